@@ -1,0 +1,1 @@
+//! Examples in the order a newcomer needs them.

@@ -1,0 +1,1 @@
+//! Robots declared with robot!, each with its source.

@@ -1,0 +1,1 @@
+//! From robot! tokens to straight-line Rust: parsing, checks, derivation, emission.

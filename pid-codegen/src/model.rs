@@ -1,0 +1,247 @@
+//! The resolved robot: what is left of a `robot!` declaration once every name, unit and value has been checked.
+//!
+//! Nothing here carries spans or tokens; [`crate::check`] makes it, [`crate::derive`] reads it. All values are in SI
+//! units (radians, metres, kilograms, seconds, amperes).
+
+/// A declared robot, ready to be derived.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Robot {
+    /// Name of the generated type (`TwoLink`).
+    pub name: String,
+    /// The user's `///` lines on the robot.
+    pub docs: Vec<String>,
+    /// Gravity in the base frame, m/s².
+    pub gravity: [Expr; 3],
+    /// All parameters in order: the `params` block first, then the `per joint` ones, parameter by parameter in joint order.
+    pub params: Vec<Param>,
+    /// All inputs, input by input in joint order.
+    pub inputs: Vec<Input>,
+    /// Links in declaration order; `base` is not among them.
+    pub links: Vec<Link>,
+    /// Joints in declaration order, fixed ones included.
+    pub joints: Vec<Joint>,
+    /// Indices into `joints` so that every joint comes after the joint that carries its parent link.
+    pub order: Vec<usize>,
+    /// Number of entries written `_`; [`Expr::Blank`] refers to them.
+    pub blanks: Vec<Blank>,
+    /// What the user asked to be emitted.
+    pub emit: Emit,
+}
+
+impl Robot {
+    /// Number of moving joints, which is the number of coordinates.
+    pub fn nq(&self) -> usize {
+        self.joints.iter().filter(|j| j.coord.is_some()).count()
+    }
+}
+
+/// A parameter: unknown of the identification, argument of every generated function.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Param {
+    /// Name as generated: `m1`, `dry_shoulder`.
+    pub name: String,
+    /// The user's `///` lines.
+    pub docs: Vec<String>,
+    /// Unit as printed, ASCII: `kg*m^2`.
+    pub unit: String,
+    /// Nominal value; the middle of the range if the user gave none.
+    pub nominal: f64,
+    /// Lower end of the range, `-inf` if none.
+    pub lower: f64,
+    /// Upper end of the range, `+inf` if none.
+    pub upper: f64,
+    /// Marked `fixed`: an argument like the others, but held at its nominal value by the identification.
+    pub fixed: bool,
+}
+
+/// An input of the drives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Input {
+    /// Name as generated: `current_shoulder`.
+    pub name: String,
+    /// The user's `///` lines.
+    pub docs: Vec<String>,
+    /// Unit as printed.
+    pub unit: String,
+    /// Coordinate index of the joint it belongs to, for inputs declared `per joint`.
+    pub coord: Option<usize>,
+}
+
+/// A rigid body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Link {
+    /// Name as declared.
+    pub name: String,
+    /// The user's `///` lines.
+    pub docs: Vec<String>,
+    /// Mass distribution.
+    pub inertial: Inertial,
+}
+
+/// Mass distribution of a link, in its own frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Inertial {
+    /// A massless link.
+    None,
+    /// Mass, centre of mass and inertia tensor.
+    Body {
+        /// Mass, kg.
+        mass: Expr,
+        /// Centre of mass, m.
+        com: [Expr; 3],
+        /// Inertia tensor, kg·m².
+        inertia: Tensor,
+        /// Point the tensor refers to.
+        about: About,
+    },
+    /// The ten standard parameters, in which the torques are linear: mass, first moment `m·c`, inertia about the link origin.
+    Linear {
+        /// Mass, kg.
+        mass: Expr,
+        /// First moment, kg·m.
+        first_moment: [Expr; 3],
+        /// Inertia tensor about the link origin, kg·m².
+        inertia: Tensor,
+    },
+}
+
+/// A symmetric 3×3 tensor in the axes of the link frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tensor {
+    /// Ixx.
+    pub xx: Expr,
+    /// Iyy.
+    pub yy: Expr,
+    /// Izz.
+    pub zz: Expr,
+    /// Ixy (the entry of the matrix: −∫xy dm).
+    pub xy: Expr,
+    /// Ixz.
+    pub xz: Expr,
+    /// Iyz.
+    pub yz: Expr,
+}
+
+/// Reference point of an inertia tensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum About {
+    /// The centre of mass.
+    Com,
+    /// The origin of the link frame.
+    Origin,
+}
+
+/// A joint between a parent link (or the base) and a child link.
+///
+/// The joint frame is placed in the parent frame by `origin` and `rpy` (R = Rz(yaw) Ry(pitch) Rx(roll), as in URDF);
+/// the child frame equals it at coordinate zero and moves about or along `axis`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// Name as declared.
+    pub name: String,
+    /// The user's `///` lines.
+    pub docs: Vec<String>,
+    /// What moves.
+    pub kind: JointKind,
+    /// Index of the coordinate of a moving joint: the moving joints in declaration order.
+    pub coord: Option<usize>,
+    /// Parent link, `None` for the base.
+    pub parent: Option<usize>,
+    /// Child link.
+    pub child: usize,
+    /// Origin of the joint frame in the parent frame, m.
+    pub origin: [Expr; 3],
+    /// Roll, pitch, yaw of the joint frame in the parent frame, rad.
+    pub rpy: [Expr; 3],
+    /// Range of the coordinate, rad or m.
+    pub limits: Option<(f64, f64)>,
+    /// Inertia (kg·m²) or mass (kg) of the drive as felt at the joint; adds to the diagonal of M only.
+    pub armature: Option<Expr>,
+    /// Generalised force on the joint (f_L of the equations), N·m or N. The laws of `per joint` and `force on` are added up.
+    pub force: Option<Expr>,
+}
+
+/// Kind of a joint. Axes are of unit length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum JointKind {
+    /// Rotation about the axis.
+    Revolute([f64; 3]),
+    /// Translation along the axis.
+    Prismatic([f64; 3]),
+    /// No motion.
+    Fixed,
+}
+
+/// An entry written `_`: the user says it does not enter the equations, [`crate::derive`] proves it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Blank {
+    /// Link the entry belongs to.
+    pub link: usize,
+    /// Which entry, as in the messages: `Ixx`, `com z`, `mass`.
+    pub entry: String,
+}
+
+/// What is generated beside the dynamics.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Emit {
+    /// Jacobian of the residual.
+    pub first_derivatives: bool,
+    /// Hessian of λᵀ·residual.
+    pub second_derivatives: bool,
+}
+
+/// An expression in parameters, inputs and coordinates. Units have been checked and angles converted.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Expr {
+    /// A number, SI.
+    Num(f64),
+    /// Parameter, index into [`Robot::params`].
+    Param(usize),
+    /// Input, index into [`Robot::inputs`].
+    Input(usize),
+    /// Coordinate q.
+    Position(usize),
+    /// Velocity v.
+    Velocity(usize),
+    /// An entry written `_`, index into [`Robot::blanks`].
+    Blank(usize),
+    /// Negation.
+    Neg(Box<Expr>),
+    /// Sum.
+    Add(Box<Expr>, Box<Expr>),
+    /// Difference.
+    Sub(Box<Expr>, Box<Expr>),
+    /// Product.
+    Mul(Box<Expr>, Box<Expr>),
+    /// Quotient.
+    Div(Box<Expr>, Box<Expr>),
+    /// Power with an integer exponent.
+    Powi(Box<Expr>, i32),
+    /// A function of one argument.
+    Call(Func, Box<Expr>),
+}
+
+/// Functions of one argument that a force law or a geometry may use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Func {
+    /// Sine.
+    Sin,
+    /// Cosine.
+    Cos,
+    /// Tangent.
+    Tan,
+    /// Hyperbolic tangent.
+    Tanh,
+    /// Arc tangent.
+    Atan,
+    /// Exponential.
+    Exp,
+    /// Natural logarithm.
+    Ln,
+    /// Square root.
+    Sqrt,
+    /// Absolute value; has no second derivative.
+    Abs,
+    /// Sign; has no second derivative.
+    Sign,
+}

@@ -1,0 +1,182 @@
+//! The slice face of a model: one object-safe trait per capability.
+//!
+//! Every model is the implicit residual
+//!
+//! ```text
+//! r(q, v, a, u, p) = M(q, p) a + b(q, v, p) − f_L(q, v, p, u)          [N·m or N, one per coordinate]
+//! ```
+//!
+//! (Euler-Lagrange with forcing; K. Schäfer et al., Section V-A). Its arguments are stacked as
+//! `z = (q, v, a, u, p)`, of length [`Dims::nz`]; patterns of derivatives refer to positions in `z`.
+//!
+//! Evaluation allocates nothing, does not panic on finite slices of the stated lengths and returns no `Result`: a value
+//! that is not finite means "cannot be evaluated here".
+
+use std::borrow::Cow;
+
+/// Sizes of a model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Dims {
+    /// Number of coordinates.
+    pub nq: usize,
+    /// Number of inputs.
+    pub nu: usize,
+    /// Number of parameters.
+    pub np: usize,
+}
+
+impl Dims {
+    /// Length of `z = (q, v, a, u, p)`.
+    pub const fn nz(&self) -> usize {
+        3 * self.nq + self.nu + self.np
+    }
+    /// Position of the first velocity in `z`.
+    pub const fn v(&self) -> usize {
+        self.nq
+    }
+    /// Position of the first acceleration in `z`.
+    pub const fn a(&self) -> usize {
+        2 * self.nq
+    }
+    /// Position of the first input in `z`.
+    pub const fn u(&self) -> usize {
+        3 * self.nq
+    }
+    /// Position of the first parameter in `z`.
+    pub const fn p(&self) -> usize {
+        3 * self.nq + self.nu
+    }
+    /// Length of a packed lower triangle of M: `nq (nq + 1) / 2`.
+    pub const fn nm(&self) -> usize {
+        self.nq * (self.nq + 1) / 2
+    }
+}
+
+/// A point at which a model is evaluated; lengths as in [`Dims`]. Functions that do not depend on a part ignore it.
+#[derive(Debug, Clone, Copy)]
+pub struct At<'a> {
+    /// Coordinates, rad or m.
+    pub q: &'a [f64],
+    /// Velocities, rad/s or m/s.
+    pub v: &'a [f64],
+    /// Accelerations, rad/s² or m/s².
+    pub a: &'a [f64],
+    /// Inputs, in the unit of [`InputInfo`].
+    pub u: &'a [f64],
+    /// Parameters, in the unit of [`ParamInfo`].
+    pub p: &'a [f64],
+}
+
+/// What is known of a parameter beside its value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ParamInfo {
+    /// Name, `dry_shoulder`.
+    pub name: Cow<'static, str>,
+    /// Unit, `kg*m^2`.
+    pub unit: Cow<'static, str>,
+    /// First line of its documentation.
+    pub doc: Cow<'static, str>,
+    /// Nominal value.
+    pub nominal: f64,
+    /// Lower bound, `-inf` if none.
+    pub lower: f64,
+    /// Upper bound, `+inf` if none.
+    pub upper: f64,
+    /// Held at its nominal value by identifications unless they say otherwise.
+    pub fixed: bool,
+}
+
+/// What is known of a coordinate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointInfo {
+    /// Name of the joint.
+    pub name: Cow<'static, str>,
+    /// Whether the coordinate is a length (`true`) or an angle.
+    pub prismatic: bool,
+    /// Range of the coordinate, rad or m.
+    pub limits: Option<(f64, f64)>,
+}
+
+impl JointInfo {
+    /// Unit of the coordinate: `m` or `rad`.
+    pub fn unit(&self) -> &'static str {
+        if self.prismatic { "m" } else { "rad" }
+    }
+    /// Unit of the velocity: `m/s` or `rad/s`.
+    pub fn velocity_unit(&self) -> &'static str {
+        if self.prismatic { "m/s" } else { "rad/s" }
+    }
+    /// Unit of the generalised force: `N` or `N*m`.
+    pub fn force_unit(&self) -> &'static str {
+        if self.prismatic { "N" } else { "N*m" }
+    }
+}
+
+/// What is known of an input.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InputInfo {
+    /// Name, `current_shoulder`.
+    pub name: Cow<'static, str>,
+    /// Unit, `A`.
+    pub unit: Cow<'static, str>,
+    /// Coordinate of the joint it belongs to, if it belongs to one.
+    pub joint: Option<usize>,
+}
+
+/// A model's values.
+pub trait Dynamics: Send + Sync {
+    /// Name of the robot.
+    fn name(&self) -> &str;
+    /// Sizes.
+    fn dims(&self) -> Dims;
+    /// Parameters, in the order of `p`.
+    fn params(&self) -> &[ParamInfo];
+    /// Coordinates, in the order of `q`.
+    fn joints(&self) -> &[JointInfo];
+    /// Inputs, in the order of `u`.
+    fn inputs(&self) -> &[InputInfo];
+    /// Lower triangle of M(q, p), row by row: `m[i (i+1)/2 + j]`, j ≤ i. Reads `q`, `p`.
+    fn mass_matrix(&self, at: &At<'_>, m: &mut [f64]);
+    /// Coriolis, centrifugal and gravity forces b(q, v, p). Reads `q`, `v`, `p`.
+    fn bias(&self, at: &At<'_>, b: &mut [f64]);
+    /// Generalised forces of drives and friction f_L(q, v, p, u). Reads `q`, `v`, `u`, `p`.
+    fn applied_force(&self, at: &At<'_>, f: &mut [f64]);
+    /// r = M a + b − f_L. Reads everything.
+    fn residual(&self, at: &At<'_>, r: &mut [f64]);
+    /// Kinetic energy, J. Reads `q`, `v`, `p`.
+    fn kinetic_energy(&self, at: &At<'_>) -> f64;
+    /// Potential energy, J. Reads `q`, `p`.
+    fn potential_energy(&self, at: &At<'_>) -> f64;
+}
+
+/// Structural non-zeros of a derivative, in the order in which values are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pattern<'a> {
+    /// Row of each entry.
+    pub rows: &'a [u32],
+    /// Column of each entry.
+    pub cols: &'a [u32],
+}
+
+impl Pattern<'_> {
+    /// Number of structural non-zeros.
+    pub fn nnz(&self) -> usize {
+        self.rows.len()
+    }
+}
+
+/// Exact first derivatives of the residual.
+pub trait Jacobian: Dynamics {
+    /// Rows: residuals; columns: positions in `z`. Sorted by row, then column.
+    fn jacobian_pattern(&self) -> Pattern<'_>;
+    /// The residual and the values of ∂r/∂z at the pattern's entries.
+    fn residual_jacobian(&self, at: &At<'_>, r: &mut [f64], values: &mut [f64]);
+}
+
+/// Exact second derivatives of λᵀ r.
+pub trait Hessian: Jacobian {
+    /// Lower triangle (row ≥ column) of ∂²(λᵀr)/∂z², positions in `z`. Sorted by row, then column.
+    fn hessian_pattern(&self) -> Pattern<'_>;
+    /// The values at the pattern's entries; `lambda` has one entry per residual.
+    fn residual_hessian(&self, at: &At<'_>, lambda: &[f64], values: &mut [f64]);
+}

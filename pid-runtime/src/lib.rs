@@ -1,0 +1,3 @@
+//! Parameter identification and sim-to-real diagnosis for mechanical systems.
+
+pub mod dynamics;

@@ -1,0 +1,1 @@
+//! Hash-consed expression graphs: exact derivatives, scheduling, evaluation.

@@ -1,0 +1,1 @@
+//! Tests across the crates: oracles, end-to-end runs, published figures.
