@@ -1,0 +1,89 @@
+//! The face of a nonlinear program.
+//!
+//! ```text
+//! minimise    f(x)
+//! subject to  c(x) = 0
+//!             lower ≤ x ≤ upper
+//! ```
+//!
+//! with `x ∈ Rⁿ`, `c: Rⁿ → Rᵐ`. Inequalities h(x) ≤ 0 enter with a slack: h(x) + s = 0, s ≥ 0. The Lagrangian is
+//! `L = σ f(x) + λᵀ c(x)`; Hessians are its lower triangle. Patterns may repeat an entry: values of equal
+//! positions are summed.
+
+mod check;
+
+pub use check::{PointCheck, check_point};
+
+/// Row and column of each structural non-zero, in the order in which values are written.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct SparsePattern {
+    /// Row of each entry.
+    pub rows: Vec<u32>,
+    /// Column of each entry.
+    pub cols: Vec<u32>,
+}
+
+impl SparsePattern {
+    /// Number of entries, repeated ones counted each time.
+    pub fn nnz(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Adds an entry.
+    pub fn push(&mut self, row: usize, col: usize) {
+        self.rows.push(row as u32);
+        self.cols.push(col as u32);
+    }
+
+    /// `y += A x` for values at this pattern.
+    pub fn multiply_add(&self, values: &[f64], x: &[f64], y: &mut [f64]) {
+        for ((&r, &c), &a) in self.rows.iter().zip(&self.cols).zip(values) {
+            y[r as usize] += a * x[c as usize];
+        }
+    }
+
+    /// `y += Aᵀ x` for values at this pattern.
+    pub fn transpose_multiply_add(&self, values: &[f64], x: &[f64], y: &mut [f64]) {
+        for ((&r, &c), &a) in self.rows.iter().zip(&self.cols).zip(values) {
+            y[c as usize] += a * x[r as usize];
+        }
+    }
+
+    /// `y += S x` where the values are the lower triangle of the symmetric S.
+    pub fn symmetric_multiply_add(&self, values: &[f64], x: &[f64], y: &mut [f64]) {
+        for ((&r, &c), &a) in self.rows.iter().zip(&self.cols).zip(values) {
+            let (r, c) = (r as usize, c as usize);
+            y[r] += a * x[c];
+            if r != c {
+                y[c] += a * x[r];
+            }
+        }
+    }
+}
+
+/// A nonlinear program with exact derivatives.
+///
+/// Evaluations write into the caller's buffers and allocate nothing; they take `&mut self` for their scratch space. A
+/// value that is not finite means that the point cannot be evaluated; the line search backs off.
+pub trait Nlp {
+    /// Number of variables.
+    fn n(&self) -> usize;
+    /// Number of equality constraints.
+    fn m(&self) -> usize;
+    /// Bounds on the variables, `±inf` where there is none; equal bounds fix a variable.
+    fn bounds(&self, lower: &mut [f64], upper: &mut [f64]);
+    /// f(x).
+    fn objective(&mut self, x: &[f64]) -> f64;
+    /// ∇f(x), length n.
+    fn gradient(&mut self, x: &[f64], gradient: &mut [f64]);
+    /// c(x), length m.
+    fn constraints(&mut self, x: &[f64], c: &mut [f64]);
+    /// Structure of ∂c/∂x.
+    fn jacobian_pattern(&self) -> &SparsePattern;
+    /// Values of ∂c/∂x.
+    fn jacobian(&mut self, x: &[f64], values: &mut [f64]);
+    /// Structure of the lower triangle of ∇²L.
+    fn hessian_pattern(&self) -> &SparsePattern;
+    /// Values of ∇²(σ f + λᵀ c).
+    fn hessian(&mut self, x: &[f64], sigma: f64, lambda: &[f64], values: &mut [f64]);
+}

@@ -1,0 +1,530 @@
+//! The KKT system of a full discretization by segmented condensing.
+//!
+//! 1. Every segment of some twenty steps is condensed onto its first state and the parameters ([`segment`]), in parallel.
+//! 2. The coarse system over the segment starts x_s and the multipliers ν_s of the links `x_{s+1} = end(x_s, p)` goes to
+//!    sparse LDLᵀ; its Schur complement S in the free parameters is dense.
+//! 3. Inertia: eliminated pairs are right by construction; the coarse part must have one negative eigenvalue a link, else
+//!    the initial states are regularised (the condensing is not repeated); S is made positive definite by reflecting its
+//!    negative eigenvalues and lifting the ones near zero.
+//!
+//! The last step replaces repeated trial factorizations by one symmetric eigenvalue problem of the size of p and moves only
+//! directions of wrong curvature (reflection: Y. Dauphin et al. 2014, "saddle-free Newton"; here on the reduced Hessian).
+
+mod segment;
+
+use super::layout::Layout;
+use super::ldl::SparseLdl;
+use super::{Kkt, KktError, KktValues, Regularisation};
+use crate::nlp::SparsePattern;
+use faer::{Mat, Side};
+use rayon::prelude::*;
+use segment::{Segment, Sizes};
+
+/// Static regularisation of the links in the coarse factorization; refinement removes its effect.
+const STATIC: f64 = 1e-9;
+/// Eigenvalues of the reduced Hessian below this share of the largest one are lifted to it.
+const FLOOR: f64 = 1e-9;
+/// Below this many steps the segments are condensed by the calling thread.
+const PARALLEL_STEPS: usize = 1500;
+
+/// Segmented condensing; see the module's documentation.
+pub struct StructuredKkt {
+    layout: Layout,
+    sizes: Sizes,
+    /// Position of each parameter among the free ones.
+    columns: Vec<Option<u32>>,
+    segments: Vec<Segment>,
+    /// Coarse position of each segment's start state (`None` if held) and of the link after it (`None` at window ends).
+    start_at: Vec<Option<usize>>,
+    link_at: Vec<Option<usize>>,
+    links: usize,
+    coarse_n: usize,
+    ldl: SparseLdl,
+    /// K_xx⁻¹ K_xp and K_xp, column-major, coarse_n × np.
+    z: Vec<f64>,
+    kxp: Vec<f64>,
+    /// Reduced Hessian as computed, then its modification, then eigenvectors and eigenvalues; np × np.
+    reduced: Mat<f64>,
+    modification: Mat<f64>,
+    vectors: Mat<f64>,
+    eigenvalues: Vec<f64>,
+    delta_x: f64,
+    last_delta: f64,
+    hessian_pattern: SparsePattern,
+    jacobian_pattern: SparsePattern,
+    hessian: Vec<f64>,
+    jacobian: Vec<f64>,
+    sigma: Vec<f64>,
+    residual_x: Vec<f64>,
+    residual_c: Vec<f64>,
+    step_x: Vec<f64>,
+    step_c: Vec<f64>,
+    coarse: Vec<f64>,
+    coarse_correction: Vec<f64>,
+}
+
+impl StructuredKkt {
+    /// Plans the condensing. `fixed_parameters` has one entry per parameter; `segment_steps` is the length aimed at (10 to 20
+    /// serves; shorter for plants that are very unstable over one segment).
+    pub fn new(layout: Layout, fixed_parameters: &[bool], segment_steps: usize) -> Self {
+        let mut columns = Vec::with_capacity(layout.np);
+        let mut np = 0u32;
+        for &fixed in fixed_parameters {
+            columns.push((!fixed).then_some(np));
+            np += u32::from(!fixed);
+        }
+        let np = np as usize;
+        let sizes =
+            Sizes { nx: layout.nx, ny: layout.ny, np, w: (layout.nx + np).next_multiple_of(4) };
+        let mut segments = Vec::new();
+        let (mut start_at, mut link_at) = (Vec::new(), Vec::new());
+        let (mut coarse_n, mut links) = (0, 0);
+        for &window in &layout.windows {
+            let count = window.steps.div_ceil(segment_steps.max(1)).max(1);
+            for s in 0..count {
+                let (from, to) = (s * window.steps / count, (s + 1) * window.steps / count);
+                segments.push(Segment::new(sizes, window, from, to - from));
+                let held = s == 0 && window.held;
+                start_at.push((!held).then_some(coarse_n));
+                coarse_n += if held { 0 } else { layout.nx };
+                let last = s + 1 == count;
+                link_at.push((!last).then_some(coarse_n));
+                coarse_n += if last { 0 } else { layout.nx };
+                links += if last { 0 } else { layout.nx };
+            }
+        }
+        let (hessian_pattern, jacobian_pattern) =
+            (layout.hessian_pattern(), layout.jacobian_pattern());
+        let (n, m) = (layout.n(), layout.m());
+        let mut kkt = Self {
+            sizes,
+            columns,
+            segments,
+            start_at,
+            link_at,
+            links,
+            coarse_n,
+            ldl: SparseLdl::new(0, &[]),
+            z: vec![0.0; coarse_n * np],
+            kxp: vec![0.0; coarse_n * np],
+            reduced: Mat::zeros(np, np),
+            modification: Mat::zeros(np, np),
+            vectors: Mat::zeros(np, np),
+            eigenvalues: vec![0.0; np],
+            delta_x: 0.0,
+            last_delta: 0.0,
+            hessian: vec![0.0; hessian_pattern.nnz()],
+            jacobian: vec![0.0; jacobian_pattern.nnz()],
+            hessian_pattern,
+            jacobian_pattern,
+            sigma: vec![0.0; n],
+            residual_x: vec![0.0; n],
+            residual_c: vec![0.0; m],
+            step_x: vec![0.0; n],
+            step_c: vec![0.0; m],
+            coarse: vec![0.0; coarse_n],
+            coarse_correction: vec![0.0; coarse_n],
+            layout,
+        };
+        let mut triplets = Vec::new();
+        kkt.coarse_entries(|row, col, _| triplets.push((row as u32, col as u32)));
+        kkt.ldl = SparseLdl::new(coarse_n, &triplets);
+        kkt
+    }
+
+    /// Visits the lower triangle of the coarse matrix without the parameters, always in the same order.
+    fn coarse_entries(&self, mut visit: impl FnMut(usize, usize, f64)) {
+        let Sizes { nx, w, .. } = self.sizes;
+        for (s, segment) in self.segments.iter().enumerate() {
+            if let Some(x) = self.start_at[s] {
+                for i in 0..nx {
+                    for j in 0..=i {
+                        visit(x + i, x + j, segment.v[i * w + j]);
+                    }
+                }
+            }
+            if let Some(link) = self.link_at[s] {
+                for i in 0..nx {
+                    if let Some(x) = self.start_at[s] {
+                        for j in 0..nx {
+                            visit(link + i, x + j, segment.c[i * w + j]);
+                        }
+                    }
+                    visit(link + nx + i, link + i, -1.0);
+                }
+            }
+        }
+    }
+
+    fn condense(&mut self) -> Result<(), KktError> {
+        let values =
+            KktValues { hessian: &self.hessian, jacobian: &self.jacobian, sigma: &self.sigma };
+        let (sizes, layout, columns) = (self.sizes, &self.layout, &self.columns);
+        if layout.steps() < PARALLEL_STEPS {
+            self.segments
+                .iter_mut()
+                .try_for_each(|s| s.condense(sizes, layout, columns, &values))
+        } else {
+            self.segments
+                .par_iter_mut()
+                .try_for_each(|s| s.condense(sizes, layout, columns, &values))
+        }
+    }
+
+    fn load_coarse(&mut self, delta_x: f64) {
+        let mut ldl = std::mem::replace(&mut self.ldl, SparseLdl::new(0, &[]));
+        ldl.clear();
+        let mut k = 0;
+        self.coarse_entries(|_, _, value| {
+            ldl.add(k, value);
+            k += 1;
+        });
+        let nx = self.sizes.nx;
+        for s in 0..self.segments.len() {
+            if let Some(x) = self.start_at[s] {
+                (x..x + nx).for_each(|i| ldl.add_diagonal(i, delta_x));
+            }
+            if let Some(link) = self.link_at[s] {
+                (link..link + nx).for_each(|i| ldl.add_diagonal(i, -STATIC));
+            }
+        }
+        self.ldl = ldl;
+    }
+
+    /// Factorises the coarse matrix, regularising the segment starts until it has one negative eigenvalue a link.
+    fn factorise_coarse(&mut self) -> Result<(f64, usize), KktError> {
+        let mut delta = 0.0;
+        let mut tried = 0;
+        loop {
+            self.load_coarse(delta);
+            tried += 1;
+            let inertia = self.ldl.factorise();
+            if inertia.negative == self.links && inertia.zero == 0 {
+                break;
+            }
+            delta = match (delta, self.last_delta) {
+                (0.0, 0.0) => 1e-6,
+                (0.0, last) => (last / 3.0).max(1e-12),
+                (delta, _) => 10.0 * delta,
+            };
+            if delta > 1e20 {
+                return Err(KktError::WrongInertia { delta });
+            }
+        }
+        if delta > 0.0 {
+            self.last_delta = delta;
+        }
+        Ok((delta, tried))
+    }
+
+    /// Solves with the coarse matrix without its static regularisation: two steps of refinement per column.
+    fn coarse_solve(ldl: &mut SparseLdl, link_rows: &[bool], rhs: &[f64], x: &mut [f64], r: &mut [f64]) {
+        let n = rhs.len();
+        x.copy_from_slice(rhs);
+        ldl.solve(x, 1);
+        for _ in 0..2 {
+            r.fill(0.0);
+            ldl.multiply_add(x, r);
+            for i in 0..n {
+                let without = if link_rows[i] { r[i] + STATIC * x[i] } else { r[i] };
+                r[i] = rhs[i] - without;
+            }
+            ldl.solve(r, 1);
+            for i in 0..n {
+                x[i] += r[i];
+            }
+        }
+    }
+
+    fn link_rows(&self) -> Vec<bool> {
+        let mut rows = vec![false; self.coarse_n];
+        for link in self.link_at.iter().flatten() {
+            rows[*link..link + self.sizes.nx].fill(true);
+        }
+        rows
+    }
+
+    /// Schur complement of the coarse matrix in the free parameters.
+    fn reduce_to_parameters(&mut self) {
+        let Sizes { nx, np, w, .. } = self.sizes;
+        let n = self.coarse_n;
+        self.reduced.fill(0.0);
+        for (s, segment) in self.segments.iter().enumerate() {
+            for i in 0..np {
+                for j in i..np {
+                    self.reduced[(j, i)] += segment.kpp[i * np + j];
+                }
+            }
+            for i in 0..nx {
+                if let Some(x) = self.start_at[s] {
+                    for j in 0..np {
+                        self.kxp[j * n + x + i] = segment.v[i * w + nx + j];
+                    }
+                }
+                if let Some(link) = self.link_at[s] {
+                    for j in 0..np {
+                        self.kxp[j * n + link + i] = segment.c[i * w + nx + j];
+                    }
+                }
+            }
+        }
+        let offset = self.layout.parameter_values();
+        for (k, &(row, col)) in self.layout.parameter_hessian.iter().enumerate() {
+            if let (Some(i), Some(j)) = (self.columns[row as usize], self.columns[col as usize]) {
+                self.reduced[(i.max(j) as usize, i.min(j) as usize)] += self.hessian[offset + k];
+            }
+        }
+        let p = self.layout.p();
+        for (j, column) in self.columns.iter().enumerate() {
+            if let Some(i) = column {
+                let i = *i as usize;
+                self.reduced[(i, i)] += self.sigma[p + j];
+            }
+        }
+        let links = self.link_rows();
+        for j in 0..np {
+            let rhs = &self.kxp[j * n..(j + 1) * n];
+            let x = &mut self.z[j * n..(j + 1) * n];
+            Self::coarse_solve(&mut self.ldl, &links, rhs, x, &mut self.coarse_correction);
+        }
+        for j in 0..np {
+            for i in j..np {
+                let (a, b) = (&self.kxp[i * n..(i + 1) * n], &self.z[j * n..(j + 1) * n]);
+                let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+                self.reduced[(i, j)] -= dot;
+            }
+        }
+        for j in 0..np {
+            for i in 0..j {
+                self.reduced[(i, j)] = self.reduced[(j, i)];
+            }
+        }
+    }
+
+    /// Makes the reduced Hessian positive definite; returns the largest shift of an eigenvalue.
+    fn convexify(&mut self) -> Result<f64, KktError> {
+        let np = self.sizes.np;
+        if np == 0 {
+            return Ok(0.0);
+        }
+        let eigen = self
+            .reduced
+            .self_adjoint_eigen(Side::Lower)
+            .map_err(|_| KktError::NotFinite)?;
+        let (u, d) = (eigen.U(), eigen.S());
+        let largest = (0..np).fold(0.0_f64, |a, i| a.max(d[i].abs()));
+        if !largest.is_finite() {
+            return Err(KktError::NotFinite);
+        }
+        let floor = (FLOOR * largest).max(f64::MIN_POSITIVE);
+        self.vectors.copy_from(u);
+        self.modification.fill(0.0);
+        let mut shift = 0.0_f64;
+        for k in 0..np {
+            let lifted = d[k].abs().max(floor);
+            let change = lifted - d[k];
+            self.eigenvalues[k] = lifted;
+            if change != 0.0 {
+                shift = shift.max(change);
+                for j in 0..np {
+                    for i in 0..np {
+                        self.modification[(i, j)] += change * u[(i, k)] * u[(j, k)];
+                    }
+                }
+            }
+        }
+        Ok(shift)
+    }
+
+    /// The reduced Hessian in the free parameters as computed at the last factorization, before it was made convex, and the
+    /// positions of the free parameters.
+    pub fn reduced_hessian(&self) -> (&Mat<f64>, Vec<usize>) {
+        let free = (0..self.columns.len()).filter(|&j| self.columns[j].is_some()).collect();
+        (&self.reduced, free)
+    }
+
+    /// One pass without refinement: `step_x`, `step_c` from `residual_x`, `residual_c` as right-hand side.
+    fn solve_once(&mut self) {
+        let Sizes { nx, ny, np, .. } = self.sizes;
+        let (sizes, layout) = (self.sizes, &self.layout);
+        let parallel = layout.steps() >= PARALLEL_STEPS;
+        let (rx, rc) = (&self.residual_x, &self.residual_c);
+        if parallel {
+            self.segments.par_iter_mut().for_each(|s| s.reduce(sizes, layout, rx, rc));
+        } else {
+            self.segments.iter_mut().for_each(|s| s.reduce(sizes, layout, rx, rc));
+        }
+        let p_at = layout.p();
+        let mut rp = vec![0.0; np];
+        for (j, column) in self.columns.iter().enumerate() {
+            if let Some(i) = column {
+                rp[*i as usize] = rx[p_at + j];
+            }
+        }
+        let mut rhs = vec![0.0; self.coarse_n];
+        for (s, segment) in self.segments.iter().enumerate() {
+            for i in 0..np {
+                rp[i] -= segment.p_lin[i];
+            }
+            for i in 0..nx {
+                if let Some(x) = self.start_at[s] {
+                    rhs[x + i] = -segment.v_lin[i];
+                }
+                if let Some(link) = self.link_at[s] {
+                    rhs[link + i] = -segment.c_lin[i];
+                }
+            }
+        }
+        let links = self.link_rows();
+        Self::coarse_solve(
+            &mut self.ldl,
+            &links,
+            &rhs,
+            &mut self.coarse,
+            &mut self.coarse_correction,
+        );
+        let n = self.coarse_n;
+        for (j, r) in rp.iter_mut().enumerate() {
+            let k = &self.kxp[j * n..(j + 1) * n];
+            *r -= k.iter().zip(&self.coarse).map(|(a, b)| a * b).sum::<f64>();
+        }
+        let mut dp = vec![0.0; np];
+        for k in 0..np {
+            let projection: f64 = (0..np).map(|i| self.vectors[(i, k)] * rp[i]).sum();
+            let coefficient = projection / self.eigenvalues[k];
+            for (i, d) in dp.iter_mut().enumerate() {
+                *d += coefficient * self.vectors[(i, k)];
+            }
+        }
+        for (j, d) in dp.iter().enumerate() {
+            for (c, z) in self.coarse.iter_mut().zip(&self.z[j * n..(j + 1) * n]) {
+                *c -= d * z;
+            }
+        }
+        self.step_x.fill(0.0);
+        for (j, column) in self.columns.iter().enumerate() {
+            if let Some(i) = column {
+                self.step_x[p_at + j] = dp[*i as usize];
+            }
+        }
+        let zero = vec![0.0; nx];
+        let mut x = vec![0.0; nx];
+        for (s, segment) in self.segments.iter().enumerate() {
+            let at = layout.state(&segment.window, segment.start);
+            x.fill(0.0);
+            if let Some(c) = self.start_at[s] {
+                x.copy_from_slice(&self.coarse[c..c + nx]);
+            }
+            self.step_x[at..at + nx].copy_from_slice(&x);
+            let nu = self.link_at[s].map_or(zero.as_slice(), |l| &self.coarse[l..l + nx]);
+            let y = layout.step(&segment.window, segment.start);
+            let row = segment.window.row + segment.start * ny;
+            segment.expand(
+                sizes,
+                &mut x,
+                &dp,
+                nu,
+                &mut self.step_x[y..y + segment.len * ny],
+                &mut self.step_c[row..row + segment.len * ny],
+            );
+        }
+    }
+}
+
+impl Kkt for StructuredKkt {
+    fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
+        if !values.hessian.iter().chain(values.jacobian).all(|v| v.is_finite()) {
+            return Err(KktError::NotFinite);
+        }
+        self.hessian.copy_from_slice(values.hessian);
+        self.jacobian.copy_from_slice(values.jacobian);
+        self.sigma.copy_from_slice(values.sigma);
+        self.condense()?;
+        let (delta_x, factorizations) = self.factorise_coarse()?;
+        self.delta_x = delta_x;
+        self.reduce_to_parameters();
+        let shift = self.convexify()?;
+        Ok(Regularisation { delta_x, shift, delta_c: 0.0, factorizations })
+    }
+
+    fn solve(&mut self, rx: &[f64], rc: &[f64], dx: &mut [f64], dlambda: &mut [f64]) -> f64 {
+        let scale = rx.iter().chain(rc).fold(0.0_f64, |a, v| a.max(v.abs()));
+        dx.fill(0.0);
+        dlambda.fill(0.0);
+        let mut relative = f64::INFINITY;
+        for pass in 0..4 {
+            self.residual_x.copy_from_slice(rx);
+            self.residual_c.copy_from_slice(rc);
+            if pass > 0 {
+                self.subtract_product(dx, dlambda);
+            }
+            self.hold();
+            let norm = self
+                .residual_x
+                .iter()
+                .chain(&self.residual_c)
+                .fold(0.0_f64, |a, v| a.max(v.abs()));
+            let next = if scale > 0.0 { norm / scale } else { 0.0 };
+            if next <= 1e-11 || pass > 1 && next > 0.5 * relative {
+                return next.min(relative);
+            }
+            relative = next;
+            self.solve_once();
+            for (d, s) in dx.iter_mut().zip(&self.step_x) {
+                *d += s;
+            }
+            for (d, s) in dlambda.iter_mut().zip(&self.step_c) {
+                *d += s;
+            }
+        }
+        relative
+    }
+}
+
+impl StructuredKkt {
+    /// `residual −= K (dx, dλ)` with the regularised matrix.
+    fn subtract_product(&mut self, dx: &[f64], dlambda: &[f64]) {
+        let (rx, rc) = (&mut self.residual_x, &mut self.residual_c);
+        // Accumulate the product with its sign reversed.
+        for (r, (s, d)) in rx.iter_mut().zip(self.sigma.iter().zip(dx)) {
+            *r = s * d - *r;
+        }
+        rc.iter_mut().for_each(|r| *r = -*r);
+        self.hessian_pattern.symmetric_multiply_add(&self.hessian, dx, rx);
+        self.jacobian_pattern.transpose_multiply_add(&self.jacobian, dlambda, rx);
+        self.jacobian_pattern.multiply_add(&self.jacobian, dx, rc);
+        let nx = self.sizes.nx;
+        for (s, segment) in self.segments.iter().enumerate() {
+            if self.start_at[s].is_some() {
+                let at = self.layout.state(&segment.window, segment.start);
+                for i in at..at + nx {
+                    rx[i] += self.delta_x * dx[i];
+                }
+            }
+        }
+        let p = self.layout.p();
+        for (a, i) in self.columns.iter().enumerate().filter_map(|(a, c)| c.map(|i| (a, i))) {
+            for (b, j) in self.columns.iter().enumerate().filter_map(|(b, c)| c.map(|j| (b, j))) {
+                rx[p + a] += self.modification[(i as usize, j as usize)] * dx[p + b];
+            }
+        }
+        rx.iter_mut().for_each(|r| *r = -*r);
+        rc.iter_mut().for_each(|r| *r = -*r);
+    }
+
+    /// Clears the rows of held variables.
+    fn hold(&mut self) {
+        let p = self.layout.p();
+        for (j, column) in self.columns.iter().enumerate() {
+            if column.is_none() {
+                self.residual_x[p + j] = 0.0;
+            }
+        }
+        for window in self.layout.windows.iter().filter(|w| w.held) {
+            self.residual_x[window.x..window.x + self.sizes.nx].fill(0.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,156 @@
+use super::*;
+use crate::solver::kkt::layout::Layout;
+use crate::solver::kkt::ldl::SparseLdl;
+
+/// Deterministic numbers in [-1, 1).
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+fn layout(nx: usize, ny: usize, np: usize, steps: &[usize], held: bool) -> Layout {
+    let width = (nx + ny + np) as u32;
+    let first_p = (nx + ny) as u32;
+    Layout {
+        nx,
+        ny,
+        np,
+        windows: Layout::windows(nx, ny, steps, held),
+        step_jacobian: (0..ny as u32).flat_map(|r| (0..width).map(move |c| (r, c))).collect(),
+        step_hessian: (0..width)
+            .flat_map(|r| (0..=r.min(first_p - 1)).map(move |c| (r, c)))
+            .collect(),
+        parameter_hessian: (0..np as u32).flat_map(|r| (0..=r).map(move |c| (r, c))).collect(),
+    }
+}
+
+/// Solves random systems of the structure and holds the solution against the matrix itself.
+fn check(nx: usize, ny: usize, np: usize, steps: &[usize], held: bool, growth: f64, tolerance: f64) {
+    let layout = layout(nx, ny, np, steps, held);
+    let mut numbers = Numbers(nx as u64 * 31 + np as u64 + steps[0] as u64);
+    let (n, m) = (layout.n(), layout.m());
+    let fixed: Vec<bool> = (0..np).map(|j| j == 1).collect();
+    let mut jacobian = Vec::new();
+    for _ in 0..layout.steps() {
+        for &(r, c) in &layout.step_jacobian {
+            let (r, c) = (r as usize, c as usize);
+            // y = growth * x + small coupling
+            let base = if c >= nx && c < nx + ny {
+                if c - nx == r { -1.0 } else { 0.02 * numbers.next() }
+            } else if c < nx {
+                if r >= ny - nx && c == r - (ny - nx) { growth } else { 0.02 * numbers.next() }
+            } else {
+                0.3 * numbers.next()
+            };
+            jacobian.push(base);
+        }
+    }
+    let mut hessian = Vec::new();
+    for _ in 0..layout.node_values() {
+        hessian.push(0.02 * numbers.next());
+    }
+    for _ in 0..layout.nodes() * nx {
+        hessian.push(1.0);
+    }
+    for &(r, c) in &layout.parameter_hessian {
+        hessian.push(if r == c { 3.0 } else { 0.1 * numbers.next() });
+    }
+    let sigma: Vec<f64> = (0..n).map(|_| 0.01 + 0.01 * numbers.next().abs()).collect();
+    let mut kkt = StructuredKkt::new(layout.clone(), &fixed, 7);
+    let info = kkt
+        .factorise(KktValues { hessian: &hessian, jacobian: &jacobian, sigma: &sigma })
+        .expect("factorises");
+    let held_var = |i: usize| {
+        (i >= layout.p() && fixed[i - layout.p()])
+            || held && layout.windows.iter().any(|w| (w.x..w.x + nx).contains(&i))
+    };
+    let truth: Vec<f64> =
+        (0..n).map(|i| if held_var(i) { 0.0 } else { numbers.next() }).collect();
+    let multipliers: Vec<f64> = (0..m).map(|_| numbers.next()).collect();
+    let (mut rx, mut rc) = (vec![0.0; n], vec![0.0; m]);
+    layout.hessian_pattern().symmetric_multiply_add(&hessian, &truth, &mut rx);
+    layout.jacobian_pattern().transpose_multiply_add(&jacobian, &multipliers, &mut rx);
+    layout.jacobian_pattern().multiply_add(&jacobian, &truth, &mut rc);
+    for i in 0..n {
+        rx[i] += sigma[i] * truth[i];
+    }
+    assert_eq!((info.delta_x, info.shift), (0.0, 0.0), "convex problem needs no regularisation");
+    let (mut dx, mut dl) = (vec![0.0; n], vec![0.0; m]);
+    let relative = kkt.solve(&rx, &rc, &mut dx, &mut dl);
+    assert!(relative < 1e-11, "residual {relative:e}");
+    for i in 0..n {
+        assert!((dx[i] - truth[i]).abs() < tolerance, "x[{i}]: {} {}", dx[i], truth[i]);
+    }
+    for i in 0..m {
+        assert!((dl[i] - multipliers[i]).abs() < tolerance, "λ[{i}]: {} {}", dl[i], multipliers[i]);
+    }
+}
+
+#[test]
+fn one_window_without_stages() {
+    check(4, 4, 5, &[50], false, 1.0, 1e-9);
+}
+
+#[test]
+fn stage_variables_and_several_windows() {
+    check(4, 6, 3, &[13, 1, 40], false, 0.98, 1e-9);
+}
+
+#[test]
+fn held_initial_states() {
+    check(2, 2, 3, &[9, 21], true, 1.0, 1e-9);
+}
+
+#[test]
+fn unstable_plant_over_a_long_horizon() {
+    // 1.1^600 = 7e24: a condensing over the whole horizon has no correct digit.
+    check(2, 2, 3, &[600], false, 1.1, 1e-6);
+}
+
+#[test]
+fn negative_curvature_in_a_parameter_is_reflected() {
+    let layout = layout(2, 2, 3, &[30], false);
+    let fixed = [false; 3];
+    let jacobian: Vec<f64> = (0..layout.steps())
+        .flat_map(|_| layout.step_jacobian.clone())
+        .map(|(r, c)| match c {
+            c if c == r => 1.0,
+            c if c == r + 2 => -1.0,
+            c if c >= 4 => 1e-3,
+            _ => 0.0,
+        })
+        .collect();
+    let mut hessian = vec![0.0; layout.node_values()];
+    hessian.extend(vec![1.0; layout.nodes() * 2]);
+    for &(r, c) in &layout.parameter_hessian {
+        hessian.push(if r == c { [5.0, -5.0, 5.0][r as usize] } else { 0.0 });
+    }
+    let sigma = vec![0.0; layout.n()];
+    let mut kkt = StructuredKkt::new(layout.clone(), &fixed, 10);
+    let info = kkt
+        .factorise(KktValues { hessian: &hessian, jacobian: &jacobian, sigma: &sigma })
+        .expect("factorises");
+    assert!(info.shift > 9.0 && info.shift < 11.0, "shift {}", info.shift);
+    let (n, m) = (layout.n(), layout.m());
+    let rx: Vec<f64> = (0..n).map(|i| (i as f64).sin()).collect();
+    let (mut dx, mut dl) = (vec![0.0; n], vec![0.0; m]);
+    kkt.solve(&rx, &vec![0.0; m], &mut dx, &mut dl);
+    let slope: f64 = dx.iter().zip(&rx).map(|(a, b)| a * b).sum();
+    assert!(slope > 0.0, "the step is not a descent direction: {slope}");
+
+    // Inertia of the whole regularised matrix, by an independent factorization.
+    let mut triplets: Vec<(u32, u32)> = Vec::new();
+    let (h, j) = (layout.hessian_pattern(), layout.jacobian_pattern());
+    triplets.extend(h.rows.iter().zip(&h.cols).map(|(&r, &c)| (r, c)));
+    triplets.extend(j.rows.iter().zip(&j.cols).map(|(&r, &c)| (n as u32 + r, c)));
+    let mut ldl = SparseLdl::new(n + m, &triplets);
+    for (k, v) in hessian.iter().chain(&jacobian).enumerate() {
+        ldl.add(k, *v);
+    }
+    (n..n + m).for_each(|i| ldl.add_diagonal(i, -1e-9));
+    assert_eq!(ldl.factorise().negative, m + 1, "the unmodified matrix has one eigenvalue too many");
+}

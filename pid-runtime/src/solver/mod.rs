@@ -1,0 +1,3 @@
+//! Solvers for nonlinear programs and their parts.
+
+pub mod kkt;
