@@ -1,0 +1,73 @@
+//! From the tree with places to the resolved robot: one stage per file.
+//!
+//! Stages run in order (names, units and values, tree, physics). A stage reports everything it finds; the first stage with
+//! an error is the last to run, since the later ones would only echo it.
+
+pub mod names;
+mod numbers;
+pub mod physics;
+mod resolve;
+pub mod tree;
+pub mod units;
+pub mod values;
+
+use proc_macro2::{Ident, Span};
+
+use crate::diag::Diagnostics;
+use crate::model::{Emit, Robot};
+use crate::syntax::Ast;
+
+/// The resolved robot with the places its parts came from, for the messages of the last stage and for emission.
+#[derive(Debug, Clone)]
+pub struct Resolved {
+    /// The robot.
+    pub robot: Robot,
+    /// Where its parts were declared.
+    pub places: Places,
+}
+
+/// Identifiers and places in the user's text, by index of the robot's lists.
+#[derive(Debug, Clone)]
+pub struct Places {
+    /// Fields of the parameter struct. The first joint of a `per joint` declaration carries the user's place, the others none.
+    pub params: Vec<Ident>,
+    /// Where each parameter was declared.
+    pub param_decls: Vec<Span>,
+    /// Fields of the input struct.
+    pub inputs: Vec<Ident>,
+    /// Where each input was declared.
+    pub input_decls: Vec<Span>,
+    /// Links.
+    pub links: Vec<Ident>,
+    /// All joints, fixed ones included.
+    pub joints: Vec<Ident>,
+    /// Entries written `_`.
+    pub blanks: Vec<Span>,
+}
+
+/// Runs all stages; `None` after an error.
+pub fn resolve(ast: &Ast, diag: &mut Diagnostics) -> Option<Resolved> {
+    let symbols = names::collect(ast, diag);
+    names::check(ast, &symbols, diag);
+    if !diag.is_ok() {
+        return None;
+    }
+    let resolved = resolve::robot(ast, &symbols, diag)?;
+    let resolved = tree::check(ast, resolved, diag)?;
+    physics::check(ast, &resolved, diag);
+    diag.is_ok().then_some(resolved)
+}
+
+/// What the user asked for; everything if nothing was said.
+fn emit(ast: &Ast) -> Emit {
+    match &ast.emit {
+        None => Emit {
+            first_derivatives: true,
+            second_derivatives: true,
+        },
+        Some(e) => Emit {
+            first_derivatives: e.first.is_some() || e.second.is_some(),
+            second_derivatives: e.second.is_some(),
+        },
+    }
+}

@@ -1,0 +1,821 @@
+//! Names: what is declared, what is generated from it, and whether everything used exists.
+
+use proc_macro2::{Ident, Span};
+
+use crate::diag::{Diagnostics, Loc, nearest, one_of};
+use crate::model::{About, Func};
+use crate::syntax::{
+    Ast, AxisKind, Entry, Expr, ExprKind, InputDecl, JointDecl, LinkDecl, Motion, Nominal,
+    ParamDecl, PerJoint, Range, Vector,
+};
+
+/// Everything declared, ranges and `per joint` blocks expanded.
+#[derive(Debug)]
+pub struct Symbols<'a> {
+    /// Parameters in the order of the generated struct.
+    pub params: Vec<ParamSymbol<'a>>,
+    /// Inputs in the order of the generated struct.
+    pub inputs: Vec<InputSymbol<'a>>,
+    /// Links.
+    pub links: Vec<LinkSymbol<'a>>,
+    /// Joints.
+    pub joints: Vec<JointSymbol<'a>>,
+    /// `per joint` blocks with the joints they cover.
+    pub blocks: Vec<(&'a PerJoint, Vec<usize>)>,
+}
+
+/// A parameter of the generated struct.
+#[derive(Debug)]
+pub struct ParamSymbol<'a> {
+    /// Its field, with the place given to it.
+    pub field: Ident,
+    /// Where it was declared.
+    pub decl: Span,
+    /// What made it.
+    pub origin: Origin<'a>,
+}
+
+/// What a parameter comes from.
+#[derive(Debug, Clone, Copy)]
+pub enum Origin<'a> {
+    /// The `params` block.
+    Declared(&'a ParamDecl),
+    /// A `per joint` block.
+    PerJoint {
+        /// The declaration.
+        decl: &'a ParamDecl,
+        /// Index of the block.
+        block: usize,
+        /// Index of the joint.
+        joint: usize,
+        /// Position of the joint in the block.
+        nth: usize,
+    },
+    /// `inertial: free` of a link.
+    Free {
+        /// Index of the link.
+        link: usize,
+        /// Which of the ten.
+        entry: usize,
+        /// The form.
+        about: About,
+    },
+}
+
+/// An input of the generated struct.
+#[derive(Debug)]
+pub struct InputSymbol<'a> {
+    /// Its field.
+    pub field: Ident,
+    /// The declaration.
+    pub decl: &'a InputDecl,
+    /// Index of the joint.
+    pub joint: usize,
+}
+
+/// A link, taken out of a range.
+#[derive(Debug)]
+pub struct LinkSymbol<'a> {
+    /// Its name.
+    pub ident: Ident,
+    /// The declaration.
+    pub decl: &'a LinkDecl,
+}
+
+/// A joint.
+#[derive(Debug)]
+pub struct JointSymbol<'a> {
+    /// The declaration.
+    pub decl: &'a JointDecl,
+    /// Its coordinate, if it moves.
+    pub coord: Option<usize>,
+}
+
+/// Where an expression stands, which decides what it may use.
+#[derive(Debug, Clone, Copy)]
+pub enum Scope {
+    /// Numbers only: ranges, nominal values, axes.
+    Constant(&'static str),
+    /// Parameters: gravity, links, origins of joints.
+    Geometry(&'static str),
+    /// Parameters, those of the joint by their bare names: armature.
+    Drive(usize),
+    /// Everything: force laws of a joint.
+    Force(usize),
+}
+
+/// What a name means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Meaning {
+    /// A parameter.
+    Param(usize),
+    /// An input.
+    Input(usize),
+    /// A coordinate.
+    Position(usize),
+    /// A velocity.
+    Velocity(usize),
+    /// π.
+    Pi,
+}
+
+/// Suffixes of the parameters of `inertial: free`.
+const LINEAR: [&str; 10] = [
+    "m", "mx", "my", "mz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz",
+];
+const AT_COM: [&str; 10] = [
+    "m", "sx", "sy", "sz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz",
+];
+
+const RESERVED: [&str; 5] = ["q", "v", "a", "t", "pi"];
+
+/// Functions of force laws.
+pub const FUNCTIONS: [(&str, Func); 10] = [
+    ("sin", Func::Sin),
+    ("cos", Func::Cos),
+    ("tan", Func::Tan),
+    ("tanh", Func::Tanh),
+    ("atan", Func::Atan),
+    ("exp", Func::Exp),
+    ("ln", Func::Ln),
+    ("sqrt", Func::Sqrt),
+    ("abs", Func::Abs),
+    ("sign", Func::Sign),
+];
+
+/// The variant of an enum made of a snake-case name: `dry_shoulder` to `DryShoulder`.
+pub fn variant_name(name: &str) -> String {
+    name.split('_')
+        .flat_map(|word| {
+            let mut chars = word.chars();
+            chars
+                .next()
+                .into_iter()
+                .flat_map(char::to_uppercase)
+                .chain(chars)
+                .collect::<Vec<_>>()
+        })
+        .collect()
+}
+
+/// Lists everything declared and reports names that are declared twice, reserved, or collide once generated.
+pub fn collect<'a>(ast: &'a Ast, diag: &mut Diagnostics) -> Symbols<'a> {
+    let links = collect_links(ast, diag);
+    let joints = collect_joints(ast, diag);
+    let blocks = ast
+        .per_joint
+        .iter()
+        .map(|b| (b, covered(b, &joints, diag)))
+        .collect();
+    let mut s = Symbols {
+        params: Vec::new(),
+        inputs: Vec::new(),
+        links,
+        joints,
+        blocks,
+    };
+    s.declare_params(ast, diag);
+    s.declare_free(diag);
+    s.declare_per_joint(diag);
+    s.refuse_shadowing(ast, diag);
+    s.refuse_equal_variants(diag);
+    s
+}
+
+fn collect_links<'a>(ast: &'a Ast, diag: &mut Diagnostics) -> Vec<LinkSymbol<'a>> {
+    let mut links: Vec<LinkSymbol<'a>> = Vec::new();
+    for decl in &ast.links {
+        for ident in &decl.names.idents {
+            if ident == "base" {
+                diag.error(
+                    ident,
+                    "`base` is the frame the robot stands on and cannot be declared as a link",
+                );
+            } else if let Some(first) = links.iter().find(|l| l.ident == *ident) {
+                twice(diag, ident, &first.ident);
+            } else if usable(ident, diag) {
+                links.push(LinkSymbol {
+                    ident: ident.clone(),
+                    decl,
+                });
+            }
+        }
+    }
+    links
+}
+
+fn collect_joints<'a>(ast: &'a Ast, diag: &mut Diagnostics) -> Vec<JointSymbol<'a>> {
+    let mut joints: Vec<JointSymbol<'a>> = Vec::new();
+    let mut coords = 0;
+    for decl in &ast.joints {
+        let name = &decl.name;
+        if let Some(first) = joints.iter().find(|j| j.decl.name == *name) {
+            twice(diag, name, &first.decl.name);
+        } else if let Some(first) = joints
+            .iter()
+            .find(|j| variant_name(&j.decl.name.to_string()) == variant_name(&name.to_string()))
+        {
+            same_variant(diag, name, &first.decl.name);
+        } else if usable(name, diag) {
+            let coord = match decl.motion {
+                Motion::Fixed => None,
+                _ => Some(coords),
+            };
+            coords += usize::from(coord.is_some());
+            joints.push(JointSymbol { decl, coord });
+        }
+    }
+    joints
+}
+
+/// The joints a `per joint` block covers.
+fn covered(block: &PerJoint, joints: &[JointSymbol<'_>], diag: &mut Diagnostics) -> Vec<usize> {
+    let Some(named) = &block.joints else {
+        return (0..joints.len())
+            .filter(|&j| joints[j].coord.is_some())
+            .collect();
+    };
+    let mut out = Vec::new();
+    for ident in named.iter().flat_map(|n| &n.idents) {
+        match joints.iter().position(|j| j.decl.name == *ident) {
+            None => unknown_joint(diag, ident, joints),
+            Some(j) if joints[j].coord.is_none() => diag.error(
+                ident,
+                format!(
+                    "joint `{ident}` is fixed: it has no drive\nhelp: leave it out of `per joint`"
+                ),
+            ),
+            Some(j) if out.contains(&j) => {
+                diag.error(ident, format!("joint `{ident}` is named twice"));
+            }
+            Some(j) => out.push(j),
+        }
+    }
+    out
+}
+
+fn unknown_joint(diag: &mut Diagnostics, ident: &Ident, joints: &[JointSymbol<'_>]) {
+    let names: Vec<String> = joints.iter().map(|j| j.decl.name.to_string()).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let help = match nearest(&ident.to_string(), names.iter().copied()) {
+        Some(n) => format!("\nhelp: a joint with a similar name exists: `{n}`"),
+        None if names.is_empty() => String::new(),
+        None => format!(
+            "\nhelp: the joints are {}",
+            one_of(&names).replace(" or ", " and ")
+        ),
+    };
+    diag.error(ident, format!("no joint named `{ident}`{help}"));
+}
+
+fn twice(diag: &mut Diagnostics, second: &Ident, first: &Ident) {
+    diag.error2(
+        second,
+        format!("the name `{second}` is declared twice"),
+        first,
+        format!("`{first}` was first declared here"),
+    );
+}
+
+fn same_variant(diag: &mut Diagnostics, second: &Ident, first: &Ident) {
+    diag.error2(
+        second,
+        format!(
+            "`{second}` and `{first}` both become the variant `{}`\nhelp: rename one of them",
+            variant_name(&second.to_string())
+        ),
+        first,
+        format!("`{first}` is declared here"),
+    );
+}
+
+/// Whether Rust lets the name be a field, and its variant a variant.
+fn usable(ident: &Ident, diag: &mut Diagnostics) -> bool {
+    let name = ident.to_string();
+    let why = if name.starts_with("r#") || syn::parse_str::<Ident>(&name).is_err() || name == "self"
+    {
+        "is a keyword of Rust"
+    } else if !name.starts_with(char::is_alphabetic) {
+        "does not start with a letter"
+    } else {
+        return true;
+    };
+    diag.error(
+        ident,
+        format!("`{name}` cannot be declared: it {why}\nhelp: choose another name"),
+    );
+    false
+}
+
+impl<'a> Symbols<'a> {
+    fn declare_params(&mut self, ast: &'a Ast, diag: &mut Diagnostics) {
+        for decl in &ast.params {
+            if let Some(first) = self.params.iter().find(|p| p.field == decl.name) {
+                twice(diag, &decl.name, &first.field);
+            } else if declarable(&decl.name, diag) {
+                self.params.push(ParamSymbol {
+                    field: decl.name.clone(),
+                    decl: decl.name.span(),
+                    origin: Origin::Declared(decl),
+                });
+            }
+        }
+    }
+
+    fn declare_free(&mut self, diag: &mut Diagnostics) {
+        for (k, link) in self.links.iter().enumerate() {
+            let Some(free) = link.decl.free else { continue };
+            let suffixes = match free.about {
+                About::Origin => LINEAR,
+                About::Com => AT_COM,
+            };
+            for (entry, suffix) in suffixes.iter().enumerate() {
+                let name = format!("{}_{suffix}", link.ident);
+                if let Some(first) = self.params.iter().find(|p| p.field == name) {
+                    diag.error2(
+                        link.ident.span(),
+                        format!(
+                            "`{name}` is generated for link `{}` (`inertial: free`) and also declared in `params`",
+                            link.ident
+                        ),
+                        first.decl,
+                        format!("`{name}` is declared here\nhelp: rename it"),
+                    );
+                    continue;
+                }
+                self.params.push(ParamSymbol {
+                    field: Ident::new(&name, Span::call_site()),
+                    decl: link.ident.span(),
+                    origin: Origin::Free {
+                        link: k,
+                        entry,
+                        about: free.about,
+                    },
+                });
+            }
+        }
+    }
+
+    fn declare_per_joint(&mut self, diag: &mut Diagnostics) {
+        for b in 0..self.blocks.len() {
+            let (block, joints) = self.blocks[b].clone();
+            let mut own: Vec<&Ident> = Vec::new();
+            let mut fresh = |name: &'a Ident, diag: &mut Diagnostics| {
+                if let Some(first) = own.iter().find(|i| **i == name) {
+                    twice(diag, name, first);
+                    return false;
+                }
+                own.push(name);
+                declarable(name, diag)
+            };
+            for decl in block
+                .inputs
+                .iter()
+                .filter(|d| fresh(&d.name, diag))
+                .collect::<Vec<_>>()
+            {
+                for (nth, &joint) in joints.iter().enumerate() {
+                    let Some(field) = self.generated(&decl.name, joint, nth, diag) else {
+                        break;
+                    };
+                    self.inputs.push(InputSymbol { field, decl, joint });
+                }
+            }
+            for decl in block
+                .params
+                .iter()
+                .filter(|d| fresh(&d.name, diag))
+                .collect::<Vec<_>>()
+            {
+                for (nth, &joint) in joints.iter().enumerate() {
+                    let Some(field) = self.generated(&decl.name, joint, nth, diag) else {
+                        break;
+                    };
+                    self.params.push(ParamSymbol {
+                        field,
+                        decl: decl.name.span(),
+                        origin: Origin::PerJoint {
+                            decl,
+                            block: b,
+                            joint,
+                            nth,
+                        },
+                    });
+                }
+            }
+        }
+    }
+
+    /// The field `dry_shoulder` of `dry`; an error if it exists already.
+    fn generated(
+        &self,
+        name: &Ident,
+        joint: usize,
+        nth: usize,
+        diag: &mut Diagnostics,
+    ) -> Option<Ident> {
+        let joint = &self.joints[joint].decl.name;
+        let field = format!("{name}_{joint}");
+        let taken = self
+            .params
+            .iter()
+            .map(|p| (&p.field, p.decl))
+            .chain(self.inputs.iter().map(|u| (&u.field, u.decl.name.span())))
+            .find(|(f, _)| **f == field);
+        if let Some((_, first)) = taken {
+            diag.error2(
+                name,
+                format!("`{field}` is generated for joint `{joint}` (`{name}` per joint) and also declared elsewhere"),
+                first,
+                format!("`{field}` comes from here\nhelp: rename one of them"),
+            );
+            return None;
+        }
+        let span = if nth == 0 {
+            name.span()
+        } else {
+            Span::call_site()
+        };
+        Some(Ident::new(&field, span))
+    }
+
+    /// A bare name must not mean a parameter of the robot and one of the joint at once.
+    fn refuse_shadowing(&self, ast: &Ast, diag: &mut Diagnostics) {
+        for block in &ast.per_joint {
+            let bare =
+                (block.params.iter().map(|p| &p.name)).chain(block.inputs.iter().map(|u| &u.name));
+            for name in bare {
+                if let Some(first) = ast.params.iter().find(|p| p.name == *name) {
+                    twice(diag, name, &first.name);
+                }
+            }
+        }
+    }
+
+    fn refuse_equal_variants(&self, diag: &mut Diagnostics) {
+        for (k, p) in self.params.iter().enumerate() {
+            let variant = variant_name(&p.field.to_string());
+            let earlier = self.params[..k]
+                .iter()
+                .find(|e| variant_name(&e.field.to_string()) == variant);
+            if let Some(first) = earlier {
+                let at = |s: &ParamSymbol<'_>| Ident::new(&s.field.to_string(), s.decl);
+                same_variant(diag, &at(p), &at(first));
+            }
+        }
+    }
+
+    /// What `name` means in `scope`.
+    pub fn lookup(&self, name: &Ident, scope: Scope) -> Option<Meaning> {
+        if name == "pi" {
+            return Some(Meaning::Pi);
+        }
+        let joint = match scope {
+            Scope::Constant(_) => return None,
+            Scope::Geometry(_) => None,
+            Scope::Drive(j) | Scope::Force(j) => Some(j),
+        };
+        if let (Scope::Force(j), Some(coord)) = (scope, joint.and_then(|j| self.joints[j].coord)) {
+            if name == "q" {
+                return Some(Meaning::Position(coord));
+            }
+            if name == "v" {
+                return Some(Meaning::Velocity(coord));
+            }
+            let found = self
+                .inputs
+                .iter()
+                .position(|u| (u.joint == j && u.decl.name == *name) || u.field == *name);
+            if let Some(k) = found {
+                return Some(Meaning::Input(k));
+            }
+        }
+        let own = joint.and_then(|j| {
+            self.params.iter().position(|p| {
+                matches!(p.origin, Origin::PerJoint { decl, joint, .. } if joint == j && decl.name == *name)
+            })
+        });
+        own.or_else(|| self.params.iter().position(|p| p.field == *name))
+            .map(Meaning::Param)
+    }
+
+    /// What `q.joint` or `v.joint` means.
+    pub fn member(&self, what: &Ident, joint: &Ident) -> Option<Meaning> {
+        let coord = self.joints.iter().find(|j| j.decl.name == *joint)?.coord?;
+        match what.to_string().as_str() {
+            "q" => Some(Meaning::Position(coord)),
+            "v" => Some(Meaning::Velocity(coord)),
+            _ => None,
+        }
+    }
+
+    /// Names that could have been meant in `scope`.
+    fn candidates(&self, scope: Scope) -> Vec<String> {
+        let mut out = Vec::new();
+        let joint = match scope {
+            Scope::Constant(_) => return out,
+            Scope::Geometry(_) => None,
+            Scope::Drive(j) | Scope::Force(j) => Some(j),
+        };
+        for p in &self.params {
+            match p.origin {
+                Origin::PerJoint { decl, joint: j, .. } if Some(j) == joint => {
+                    out.push(decl.name.to_string());
+                }
+                _ => out.push(p.field.to_string()),
+            }
+        }
+        if let Scope::Force(j) = scope {
+            let own = self.inputs.iter().filter(|u| u.joint == j);
+            out.extend(own.map(|u| u.decl.name.to_string()));
+        }
+        out
+    }
+}
+
+/// Whether a parameter or input may have this name.
+fn declarable(ident: &Ident, diag: &mut Diagnostics) -> bool {
+    let name = ident.to_string();
+    if RESERVED.contains(&name.as_str()) {
+        let what = match name.as_str() {
+            "q" => "the coordinate",
+            "v" => "the velocity",
+            "a" => "the acceleration",
+            "t" => "the time",
+            _ => "the number 3.14…",
+        };
+        diag.error(
+            ident,
+            format!("`{name}` cannot be declared: it means {what}\nhelp: choose another name"),
+        );
+        return false;
+    }
+    usable(ident, diag)
+}
+
+/// Reports every use of a name that does not exist.
+pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
+    let mut c = Uses { symbols, diag };
+    if let Some(g) = &ast.gravity {
+        c.vector(g, Scope::Geometry("gravity"));
+    } else {
+        c.diag.error(
+            &ast.name,
+            format!(
+                "robot `{}` has no gravity\nhelp: add `gravity: [0, 0, -9.81] m/s^2;`, or `[0, 0, 0] m/s^2` if it has no effect",
+                ast.name
+            ),
+        );
+    }
+    for p in ast
+        .params
+        .iter()
+        .chain(ast.per_joint.iter().flat_map(|b| &b.params))
+    {
+        match &p.nominal {
+            Some(Nominal::One(e)) => c.expr(e, Scope::Constant("a nominal value")),
+            Some(Nominal::List(all, _)) => {
+                for e in all {
+                    c.expr(e, Scope::Constant("a nominal value"));
+                }
+            }
+            None => {}
+        }
+        if let Some(r) = &p.range {
+            c.range(r);
+        }
+    }
+    for l in &ast.links {
+        c.link(l);
+    }
+    for j in &ast.joints {
+        if let Motion::Revolute(axis) | Motion::Prismatic(axis) = &j.motion
+            && let AxisKind::Given(v) = &axis.direction
+        {
+            c.vector(v, Scope::Constant("an axis"));
+        }
+        for v in j.at.iter().chain(&j.rpy) {
+            c.vector(v, Scope::Geometry("the place of a joint"));
+        }
+        if let Some(r) = &j.limits {
+            c.range(r);
+        }
+    }
+    for (block, joints) in &symbols.blocks {
+        if joints.is_empty() && block.joints.is_none() {
+            c.diag.error(
+                block.at,
+                "`per joint` covers no joint: all joints are fixed\nhelp: declare a `revolute` or `prismatic` joint",
+            );
+        }
+        // The law is the same for all joints: one report is enough.
+        for (law, scope) in [
+            (&block.armature, Scope::Drive as fn(usize) -> Scope),
+            (&block.force, Scope::Force as fn(usize) -> Scope),
+        ] {
+            let Some(e) = law else { continue };
+            for &j in joints {
+                let before = c.diag.len();
+                c.expr(e, scope(j));
+                if c.diag.len() > before {
+                    break;
+                }
+            }
+        }
+    }
+    for f in &ast.forces {
+        match symbols.joints.iter().position(|j| j.decl.name == f.joint) {
+            None => unknown_joint(c.diag, &f.joint, &symbols.joints),
+            Some(j) if symbols.joints[j].coord.is_none() => c.diag.error(
+                &f.joint,
+                format!("joint `{}` is fixed: no force can act on it", f.joint),
+            ),
+            Some(j) => c.expr(&f.force, Scope::Force(j)),
+        }
+    }
+}
+
+struct Uses<'a, 'd> {
+    symbols: &'a Symbols<'a>,
+    diag: &'d mut Diagnostics,
+}
+
+impl Uses<'_, '_> {
+    fn link(&mut self, l: &LinkDecl) {
+        let scope = match l.free {
+            Some(_) => Scope::Constant("a nominal value of `inertial: free`"),
+            None => Scope::Geometry("a link"),
+        };
+        let inertia = l
+            .inertia
+            .iter()
+            .flat_map(|i| i.diagonal.iter().chain(i.products.iter().flatten()));
+        for e in l.mass.iter().chain(inertia) {
+            self.entry(e, scope);
+        }
+        if let Some(v) = &l.com {
+            self.vector(v, scope);
+        }
+    }
+
+    fn entry(&mut self, e: &Entry, scope: Scope) {
+        if let Entry::Value(e) = e {
+            self.expr(e, scope);
+        }
+    }
+
+    fn vector(&mut self, v: &Vector, scope: Scope) {
+        for e in &v.entries {
+            self.entry(e, scope);
+        }
+    }
+
+    fn range(&mut self, r: &Range) {
+        for e in r.lo.iter().chain(&r.hi) {
+            self.expr(e, Scope::Constant("a range"));
+        }
+    }
+
+    fn expr(&mut self, e: &Expr, scope: Scope) {
+        match &e.kind {
+            ExprKind::Number(..) => {}
+            ExprKind::Name(name) => {
+                if self.symbols.lookup(name, scope).is_none() {
+                    self.unknown(name, scope);
+                }
+            }
+            ExprKind::Member(what, joint) => self.member(what, joint, scope),
+            ExprKind::Neg(x) | ExprKind::Pow(x, _) => self.expr(x, scope),
+            ExprKind::Binary(_, _, a, b) => {
+                self.expr(a, scope);
+                self.expr(b, scope);
+            }
+            ExprKind::Call(f, args) => {
+                self.call(f, args, e.loc);
+                for a in args {
+                    self.expr(a, scope);
+                }
+            }
+        }
+    }
+
+    fn call(&mut self, f: &Ident, args: &[Expr], loc: Loc) {
+        let name = f.to_string();
+        if !FUNCTIONS.iter().any(|k| k.0 == name) {
+            let names = FUNCTIONS.map(|k| k.0);
+            let help = match (name.as_str(), nearest(&name, names)) {
+                ("min" | "max" | "clamp", _) => {
+                    "it has no derivatives where it switches; use `tanh(..)` for a saturation"
+                        .to_string()
+                }
+                ("pow" | "powi", _) => "write `x^2`".to_string(),
+                ("log", _) => "write `ln(x)`".to_string(),
+                (_, Some(n)) => format!("a function with a similar name exists: `{n}`"),
+                _ => format!(
+                    "the functions are {}",
+                    one_of(&names).replace(" or ", " and ")
+                ),
+            };
+            self.diag
+                .error(f, format!("no function named `{name}`\nhelp: {help}"));
+        } else if args.len() != 1 {
+            self.diag.error(
+                loc,
+                format!("`{name}` takes one argument, found {}", args.len()),
+            );
+        }
+    }
+
+    fn member(&mut self, what: &Ident, joint: &Ident, scope: Scope) {
+        let name = what.to_string();
+        if !matches!(scope, Scope::Force(_)) {
+            return self.unknown(what, scope);
+        }
+        if name == "a" {
+            return self.acceleration(what);
+        }
+        if name != "q" && name != "v" {
+            self.diag.error(
+                what,
+                format!("`{name}.{joint}` means nothing\nhelp: write `q.{joint}` or `v.{joint}`, or a parameter of the joint as `{name}_{joint}`"),
+            );
+            return;
+        }
+        match self.symbols.joints.iter().find(|j| j.decl.name == *joint) {
+            None => unknown_joint(self.diag, joint, &self.symbols.joints),
+            Some(j) if j.coord.is_none() => self.diag.error(
+                joint,
+                format!("joint `{joint}` is fixed: it has no coordinate"),
+            ),
+            Some(_) => {}
+        }
+    }
+
+    fn acceleration(&mut self, at: &Ident) {
+        self.diag.error(
+            at,
+            "forces may use q, v, inputs and parameters, not accelerations\nhelp: for rotor inertia write `armature = …`",
+        );
+    }
+
+    fn unknown(&mut self, name: &Ident, scope: Scope) {
+        let text = name.to_string();
+        if let Scope::Constant(what) = scope {
+            self.diag.error(
+                name,
+                format!("{what} must be a number, found the name `{text}`"),
+            );
+            return;
+        }
+        let dynamic = text == "q" || text == "v" || text == "a" || text == "t";
+        if text == "a" && matches!(scope, Scope::Force(_)) {
+            return self.acceleration(name);
+        }
+        if dynamic {
+            let place = match scope {
+                Scope::Geometry(what) => what,
+                Scope::Drive(_) => "the armature",
+                _ => {
+                    self.diag.error(
+                        name,
+                        "forces may use q, v, inputs and parameters, not the time\nhelp: declare an `input` and give its values with the data",
+                    );
+                    return;
+                }
+            };
+            self.diag.error(
+                name,
+                format!("{place} may use parameters only, not `{text}`"),
+            );
+            return;
+        }
+        if let Some(u) = self.symbols.inputs.iter().find(|u| u.decl.name == *name)
+            && !matches!(scope, Scope::Force(_))
+        {
+            self.diag.error(
+                name,
+                format!("input `{}` may be used in `force` only", u.decl.name),
+            );
+            return;
+        }
+        let candidates = self.symbols.candidates(scope);
+        let near = nearest(&text, candidates.iter().map(String::as_str));
+        let per_joint = self.symbols.params.iter().find_map(|p| match p.origin {
+            Origin::PerJoint { decl, .. } if decl.name == *name => Some(p.field.to_string()),
+            _ => None,
+        });
+        let help = match (near, per_joint) {
+            (_, Some(field)) => format!(
+                "\nhelp: `{text}` is declared per joint; here it needs the joint's name: `{field}`"
+            ),
+            (Some(n), _) => format!("\nhelp: a parameter with a similar name exists: `{n}`"),
+            _ => format!("\nhelp: declare it in `params {{ {text}: unit = value in lo..=hi; }}`"),
+        };
+        let kinds = match scope {
+            Scope::Force(_) => "parameter, input or coordinate",
+            _ => "parameter",
+        };
+        self.diag
+            .error(name, format!("no {kinds} named `{text}`{help}"));
+    }
+}

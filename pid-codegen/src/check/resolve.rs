@@ -1,0 +1,614 @@
+//! Units, values and geometry: from declarations to the lists of the resolved robot. The tree of links comes after.
+
+use proc_macro2::Span;
+
+use crate::diag::Diagnostics;
+use crate::model::{
+    About, Blank, Expr, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
+};
+use crate::si::Unit;
+use crate::syntax::{
+    self, Ast, Axis, AxisKind, Entry, InputDecl, JointDecl, LinkDecl, Motion, Vector,
+};
+
+use super::names::{Origin, Scope, Symbols};
+use super::numbers::constant;
+use super::units::{self, Role, Units};
+use super::{Places, Resolved, values};
+
+/// The resolved robot but for `order` and the links of the joints. `None` after an error.
+pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) -> Option<Resolved> {
+    let units = Units::new(
+        symbols,
+        declared_units(symbols, diag),
+        input_units(symbols, diag),
+        symbols
+            .joints
+            .iter()
+            .filter(|j| j.coord.is_some())
+            .map(|j| matches!(j.decl.motion, Motion::Prismatic(_)))
+            .collect(),
+    );
+    let params = values::params(symbols, &units, diag);
+    let mut b = Builder {
+        symbols,
+        units: &units,
+        diag,
+        blanks: Vec::new(),
+        blank_places: Vec::new(),
+    };
+    let gravity = b.gravity(ast);
+    let links = b.links(params.as_deref());
+    let joints: Vec<Option<Joint>> = (0..symbols.joints.len()).map(|j| b.joint(ast, j)).collect();
+    let (blanks, blank_places) = (b.blanks, b.blank_places);
+    if !diag.is_ok() {
+        return None;
+    }
+    let (links, nominal) = links?;
+    let mut params = params?;
+    for (k, x) in nominal {
+        params[k].nominal = x;
+    }
+    let inputs = symbols.inputs.iter().zip(&units.inputs).map(|(u, unit)| {
+        Some(Input {
+            name: u.field.to_string(),
+            docs: u.decl.docs.clone(),
+            unit: unit.as_ref()?.to_string(),
+            coord: symbols.joints[u.joint].coord,
+        })
+    });
+    let robot = Robot {
+        name: ast.name.to_string(),
+        docs: ast.docs.clone(),
+        gravity: gravity?,
+        params,
+        inputs: inputs.collect::<Option<_>>()?,
+        links,
+        joints: joints.into_iter().collect::<Option<_>>()?,
+        order: Vec::new(),
+        blanks,
+        emit: super::emit(ast),
+    };
+    Some(Resolved {
+        robot,
+        places: places(symbols, blank_places),
+    })
+}
+
+fn places(symbols: &Symbols<'_>, blanks: Vec<Span>) -> Places {
+    Places {
+        params: symbols.params.iter().map(|p| p.field.clone()).collect(),
+        param_decls: symbols.params.iter().map(|p| p.decl).collect(),
+        inputs: symbols.inputs.iter().map(|u| u.field.clone()).collect(),
+        input_decls: symbols.inputs.iter().map(|u| u.decl.name.span()).collect(),
+        links: symbols.links.iter().map(|l| l.ident.clone()).collect(),
+        joints: symbols.joints.iter().map(|j| j.decl.name.clone()).collect(),
+        blanks,
+    }
+}
+
+/// Units of the parameters; an unknown one is reported once, also for `per joint` declarations.
+fn declared_units(symbols: &Symbols<'_>, diag: &mut Diagnostics) -> Vec<Option<Unit>> {
+    let mut silent = Diagnostics::new();
+    let params = symbols.params.iter().map(|p| match p.origin {
+        Origin::Declared(d) => units::unit(&d.unit, diag),
+        Origin::PerJoint { decl, nth: 0, .. } => units::unit(&decl.unit, diag),
+        Origin::PerJoint { decl, .. } => units::unit(&decl.unit, &mut silent),
+        Origin::Free { entry, about, .. } => Some(match (entry, about) {
+            (0, _) => Unit::of(&[("kg", 1)]),
+            (1..=3, About::Com) => Unit::of(&[("m", 1)]),
+            (1..=3, About::Origin) => Unit::of(&[("kg", 1), ("m", 1)]),
+            _ => Unit::of(&[("kg", 1), ("m", 2)]),
+        }),
+    });
+    params.collect()
+}
+
+fn input_units(symbols: &Symbols<'_>, diag: &mut Diagnostics) -> Vec<Option<Unit>> {
+    let mut known: Vec<(&InputDecl, Option<Unit>)> = Vec::new();
+    let mut out = Vec::new();
+    for u in &symbols.inputs {
+        let unit = match known.iter().find(|k| std::ptr::eq(k.0, u.decl)) {
+            Some(k) => k.1.clone(),
+            None => {
+                let unit = units::unit(&u.decl.unit, diag);
+                known.push((u.decl, unit.clone()));
+                unit
+            }
+        };
+        out.push(unit);
+    }
+    out
+}
+
+struct Builder<'a, 'd> {
+    symbols: &'a Symbols<'a>,
+    units: &'a Units<'a>,
+    diag: &'d mut Diagnostics,
+    blanks: Vec<Blank>,
+    blank_places: Vec<Span>,
+}
+
+/// Links, and the nominal values of their free parameters.
+type Links = (Vec<Link>, Vec<(usize, f64)>);
+
+impl Builder<'_, '_> {
+    fn gravity(&mut self, ast: &Ast) -> Option<[Expr; 3]> {
+        let role = Role {
+            what: "gravity".to_string(),
+            unit: Unit::of(&[("m", 1), ("s", -2)]),
+        };
+        self.vector(ast.gravity.as_ref()?, Scope::Geometry("gravity"), &role)
+    }
+
+    /// A vector in which `_` has no place.
+    fn vector(&mut self, v: &Vector, scope: Scope, role: &Role) -> Option<[Expr; 3]> {
+        let trailing = self.units.trailing(v.unit.as_ref(), role, self.diag)?;
+        let e = [0, 1, 2].map(|k| match units::split(&v.entries[k]) {
+            Ok(e) => self
+                .units
+                .entry(e, scope, role, trailing.as_ref(), self.diag),
+            Err(at) => {
+                self.diag.error(
+                    at,
+                    format!(
+                        "`_` cannot stand in {}: the entry is known or a parameter",
+                        role.what
+                    ),
+                );
+                None
+            }
+        });
+        all(e)
+    }
+
+    /// An entry of a link, where `_` may stand.
+    fn entry(
+        &mut self,
+        e: &Entry,
+        role: &Role,
+        trailing: Option<&Unit>,
+        blank: (usize, &str),
+    ) -> Option<Expr> {
+        match units::split(e) {
+            Ok(e) => self
+                .units
+                .entry(e, Scope::Geometry("a link"), role, trailing, self.diag),
+            Err(at) => {
+                self.blanks.push(Blank {
+                    link: blank.0,
+                    entry: blank.1.to_string(),
+                });
+                self.blank_places.push(at);
+                Some(Expr::Blank(self.blanks.len() - 1))
+            }
+        }
+    }
+
+    fn links(&mut self, params: Option<&[Param]>) -> Option<Links> {
+        let mut nominal = Vec::new();
+        let mut out = Vec::new();
+        for (k, l) in self.symbols.links.iter().enumerate() {
+            // What is wrong with a range of links is said once.
+            let first = l.decl.names.idents.first() == Some(&l.ident);
+            let before = self.diag.len();
+            let given = self.inertial(k, &l.ident.to_string(), l.decl, params);
+            while !first && self.diag.len() > before {
+                self.diag.pop();
+            }
+            let Some(given) = given else { continue };
+            let inertial = match l.decl.free {
+                None => given,
+                Some(free) => {
+                    let base = self.symbols.params.iter().position(
+                        |p| matches!(p.origin, Origin::Free { link, entry: 0, .. } if link == k),
+                    )?;
+                    if l.decl.mass.is_none() && first {
+                        self.diag.warn(
+                            free.loc.start,
+                            format!(
+                                "the parameters of link `{}` have no nominal values; `nominal()` will use 1 kg and 0.01 kg*m^2 at the origin of the link: give `mass`, `com` and `inertia` beside `inertial: free`",
+                                l.ident
+                            ),
+                        );
+                    }
+                    for (n, x) in nominal_of(&given, free.about).into_iter().enumerate() {
+                        nominal.push((base + n, x));
+                    }
+                    free_inertial(base, free.about)
+                }
+            };
+            out.push(Link {
+                name: l.ident.to_string(),
+                docs: l.decl.docs.clone(),
+                inertial,
+            });
+        }
+        (out.len() == self.symbols.links.len()).then_some((out, nominal))
+    }
+
+    fn inertial(
+        &mut self,
+        k: usize,
+        name: &str,
+        decl: &LinkDecl,
+        params: Option<&[Param]>,
+    ) -> Option<Inertial> {
+        let role = |what: &str, terms: &[(&str, i32)]| Role {
+            what: format!("{what} of link `{name}`"),
+            unit: Unit::of(terms),
+        };
+        let mass_role = role("mass", &[("kg", 1)]);
+        let com_role = role("centre of mass", &[("m", 1)]);
+        let inertia_role = role("inertia", &[("kg", 1), ("m", 2)]);
+        let zero = || Expr::Num(0.0);
+        let mass = match &decl.mass {
+            None => Some(zero()),
+            Some(e) => self.entry(e, &mass_role, None, (k, "mass")),
+        };
+        let com = match &decl.com {
+            None => Some([zero(), zero(), zero()]),
+            Some(v) => match self.units.trailing(v.unit.as_ref(), &com_role, self.diag) {
+                None => None,
+                Some(t) => {
+                    let e = [(0, "com x"), (1, "com y"), (2, "com z")]
+                        .map(|(i, n)| self.entry(&v.entries[i], &com_role, t.as_ref(), (k, n)));
+                    all(e)
+                }
+            },
+        };
+        let (inertia, about) = match &decl.inertia {
+            None => (Some(Default::default()), About::Com),
+            Some(i) => (self.tensor(k, i, &inertia_role), i.about),
+        };
+        let Some((mass, com, inertia)) = mass.zip(com).zip(inertia).map(|((m, c), i)| (m, c, i))
+        else {
+            return None;
+        };
+        if decl.mass.is_none() && decl.com.is_none() && decl.inertia.is_none() {
+            return Some(Inertial::None);
+        }
+        let inertial = Inertial::Body {
+            mass,
+            com,
+            inertia,
+            about,
+        };
+        if let (Some(at), Some(params), Inertial::Body { mass, .. }) =
+            (&decl.mass, params, &inertial)
+        {
+            values::mass(self.symbols, params, name, at, mass, self.diag);
+        }
+        if let (Some(i), Some(params)) = (&decl.inertia, params) {
+            values::inertia(params, name, i.loc, &inertial, self.diag);
+        }
+        if let (None, Some(v)) = (&decl.mass, &decl.com) {
+            self.diag.error(
+                v.loc,
+                format!(
+                    "link `{name}` has a centre of mass but no mass\nhelp: write `mass: value kg;`"
+                ),
+            );
+        }
+        Some(inertial)
+    }
+
+    fn tensor(&mut self, k: usize, i: &syntax::Inertia, role: &Role) -> Option<Tensor> {
+        let trailing = self.units.trailing(i.unit.as_ref(), role, self.diag)?;
+        let t = trailing.as_ref();
+        let [xx, yy, zz] = [(0, "Ixx"), (1, "Iyy"), (2, "Izz")]
+            .map(|(n, name)| self.entry(&i.diagonal[n], role, t, (k, name)));
+        let [xy, xz, yz] = match &i.products {
+            None => [0, 1, 2].map(|_| Some(Expr::Num(0.0))),
+            Some(p) => [(0, "Ixy"), (1, "Ixz"), (2, "Iyz")]
+                .map(|(n, name)| self.entry(&p[n], role, t, (k, name))),
+        };
+        Some(Tensor {
+            xx: xx?,
+            yy: yy?,
+            zz: zz?,
+            xy: xy?,
+            xz: xz?,
+            yz: yz?,
+        })
+    }
+
+    fn joint(&mut self, ast: &Ast, j: usize) -> Option<Joint> {
+        let s = &self.symbols.joints[j];
+        let d: &JointDecl = s.decl;
+        let length = Role {
+            what: format!("origin of joint `{}`", d.name),
+            unit: Unit::of(&[("m", 1)]),
+        };
+        let angle = Role {
+            what: format!("orientation of joint `{}`", d.name),
+            unit: Unit::of(&[("rad", 1)]),
+        };
+        let zero = || Some([0, 1, 2].map(|_| Expr::Num(0.0)));
+        let place = Scope::Geometry("the place of a joint");
+        let kind = self.motion(d);
+        let origin =
+            d.at.as_ref()
+                .map_or_else(zero, |v| self.vector(v, place, &length));
+        let rpy = d
+            .rpy
+            .as_ref()
+            .map_or_else(zero, |v| self.vector(v, place, &angle));
+        let limits = self.limits(d);
+        let armature = self.armature(j);
+        let force = self.force(ast, j);
+        Some(Joint {
+            name: d.name.to_string(),
+            docs: d.docs.clone(),
+            kind: kind?,
+            coord: s.coord,
+            parent: None,
+            child: 0,
+            origin: origin?,
+            rpy: rpy?,
+            limits: limits?,
+            armature: armature?,
+            force: force?,
+        })
+    }
+
+    fn motion(&mut self, d: &JointDecl) -> Option<JointKind> {
+        match &d.motion {
+            Motion::Fixed => Some(JointKind::Fixed),
+            Motion::Revolute(a) => self.axis(d, a).map(JointKind::Revolute),
+            Motion::Prismatic(a) => self.axis(d, a).map(JointKind::Prismatic),
+        }
+    }
+
+    fn axis(&mut self, d: &JointDecl, axis: &Axis) -> Option<[f64; 3]> {
+        let v = match &axis.direction {
+            AxisKind::Named(k) => {
+                let mut n = [0.0; 3];
+                n[*k] = 1.0;
+                return Some(n);
+            }
+            AxisKind::Given(v) => v,
+        };
+        let role = Role {
+            what: format!("axis of `{}`", d.name),
+            unit: Unit::one(),
+        };
+        if let Some(u) = &v.unit {
+            self.diag.error(
+                u.loc,
+                format!(
+                    "the axis of `{}` is a direction without unit\nhelp: remove `{u}`",
+                    d.name
+                ),
+            );
+            return None;
+        }
+        let e = self.vector(v, Scope::Constant("an axis"), &role)?;
+        let n = [constant(&e[0])?, constant(&e[1])?, constant(&e[2])?];
+        let length = n.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if !length.is_finite() || length < 1e-12 {
+            let what = match length.is_finite() {
+                true => "0",
+                false => "that is not finite",
+            };
+            self.diag.error(
+                axis.loc,
+                format!("axis of `{}` has length {what}\nhelp: write `x`, `y`, `z` or a direction such as `[0, 1, 0]`", d.name),
+            );
+            return None;
+        }
+        if (length - 1.0).abs() > 1e-6 {
+            self.diag.warn(
+                axis.loc.start,
+                format!("axis of `{}` has length {length} and is normalised", d.name),
+            );
+        }
+        Some(n.map(|x| x / length))
+    }
+
+    #[allow(
+        clippy::option_option,
+        reason = "outer: an error was reported; inner: no limits"
+    )]
+    fn limits(&mut self, d: &JointDecl) -> Option<Option<(f64, f64)>> {
+        let Some(r) = &d.limits else {
+            return Some(None);
+        };
+        let unit = match d.motion {
+            Motion::Revolute(_) => Unit::of(&[("rad", 1)]),
+            Motion::Prismatic(_) => Unit::of(&[("m", 1)]),
+            Motion::Fixed => {
+                self.diag.error(
+                    r.loc,
+                    format!("joint `{}` is fixed: it has no limits", d.name),
+                );
+                return None;
+            }
+        };
+        let role = Role {
+            what: format!("limits of joint `{}`", d.name),
+            unit,
+        };
+        let (lo, hi) = self.units.range(r, &role, None, self.diag)?;
+        if lo < hi {
+            return Some(Some((lo, hi)));
+        }
+        self.diag.error(
+            r.loc,
+            format!("limits of joint `{}` are empty: {lo} is not below {hi}\nhelp: write the lower limit first", d.name),
+        );
+        None
+    }
+
+    #[allow(
+        clippy::option_option,
+        reason = "outer: an error was reported; inner: no armature"
+    )]
+    fn armature(&mut self, j: usize) -> Option<Option<Expr>> {
+        let Some(coord) = self.symbols.joints[j].coord else {
+            return Some(None);
+        };
+        let role = Role {
+            what: format!(
+                "the armature of joint `{}`",
+                self.symbols.joints[j].decl.name
+            ),
+            unit: self.units.armature(coord),
+        };
+        let laws = self.symbols.blocks.iter().filter(|b| b.1.contains(&j));
+        let laws: Vec<_> = laws
+            .filter_map(|b| Some((b.0.armature.as_ref()?, b.1.first() == Some(&j))))
+            .collect();
+        self.sum(&laws, j, "armature", &role)
+    }
+
+    #[allow(
+        clippy::option_option,
+        reason = "outer: an error was reported; inner: no force"
+    )]
+    fn force(&mut self, ast: &Ast, j: usize) -> Option<Option<Expr>> {
+        let Some(coord) = self.symbols.joints[j].coord else {
+            return Some(None);
+        };
+        let d = self.symbols.joints[j].decl;
+        let kind = match d.motion {
+            Motion::Prismatic(_) => "prismatic",
+            _ => "revolute",
+        };
+        let role = Role {
+            what: format!("a force on {kind} joint `{}`", d.name),
+            unit: self.units.force(coord),
+        };
+        let blocks = self.symbols.blocks.iter().filter(|b| b.1.contains(&j));
+        let mut laws: Vec<_> = blocks
+            .filter_map(|b| Some((b.0.force.as_ref()?, b.1.first() == Some(&j))))
+            .collect();
+        let own = ast.forces.iter().filter(|f| f.joint == d.name);
+        laws.extend(own.map(|f| (&f.force, true)));
+        self.sum(&laws, j, "force", &role)
+    }
+
+    /// The sum of laws. What is wrong with a law for several joints is said once, unless the joints are of different kinds.
+    #[allow(
+        clippy::option_option,
+        reason = "outer: an error was reported; inner: no law"
+    )]
+    fn sum(
+        &mut self,
+        laws: &[(&syntax::Expr, bool)],
+        j: usize,
+        what: &str,
+        role: &Role,
+    ) -> Option<Option<Expr>> {
+        let mut sum: Option<Expr> = None;
+        for (law, first) in laws {
+            let before = self.diag.len();
+            let e = self.units.law(law, j, what, role, self.diag);
+            let broken = self.diag.len() > before;
+            // The first joint's report stands for the others; a joint of another kind may be the first to fail.
+            if broken && !first && before > 0 {
+                while self.diag.len() > before {
+                    self.diag.pop();
+                }
+            }
+            let e = e?;
+            sum = Some(match sum {
+                None => e,
+                Some(s) => Expr::Add(Box::new(s), Box::new(e)),
+            });
+        }
+        Some(sum)
+    }
+}
+
+impl Default for Tensor {
+    /// The tensor of a point: zero.
+    fn default() -> Self {
+        let zero = || Expr::Num(0.0);
+        Tensor {
+            xx: zero(),
+            yy: zero(),
+            zz: zero(),
+            xy: zero(),
+            xz: zero(),
+            yz: zero(),
+        }
+    }
+}
+
+fn all(e: [Option<Expr>; 3]) -> Option<[Expr; 3]> {
+    let [x, y, z] = e;
+    Some([x?, y?, z?])
+}
+
+/// The parameters from `base` on as the inertia of a link.
+fn free_inertial(base: usize, about: About) -> Inertial {
+    let p = |n: usize| Expr::Param(base + n);
+    let inertia = Tensor {
+        xx: p(4),
+        yy: p(5),
+        zz: p(6),
+        xy: p(7),
+        xz: p(8),
+        yz: p(9),
+    };
+    let middle = [p(1), p(2), p(3)];
+    match about {
+        About::Origin => Inertial::Linear {
+            mass: p(0),
+            first_moment: middle,
+            inertia,
+        },
+        About::Com => Inertial::Body {
+            mass: p(0),
+            com: middle,
+            inertia,
+            about,
+        },
+    }
+}
+
+/// The ten numbers of a constant body in the asked form.
+fn nominal_of(given: &Inertial, form: About) -> [f64; 10] {
+    let Inertial::Body {
+        mass,
+        com,
+        inertia,
+        about,
+    } = given
+    else {
+        return [1.0, 0.0, 0.0, 0.0, 0.01, 0.01, 0.01, 0.0, 0.0, 0.0];
+    };
+    let value = |e: &Expr| constant(e).unwrap_or(0.0);
+    let m = value(mass);
+    let [x, y, z] = [value(&com[0]), value(&com[1]), value(&com[2])];
+    let given = [
+        &inertia.xx,
+        &inertia.yy,
+        &inertia.zz,
+        &inertia.xy,
+        &inertia.xz,
+        &inertia.yz,
+    ]
+    .map(value);
+    // Steiner's part, about the origin minus about the centre of mass.
+    let steiner = [
+        y * y + z * z,
+        x * x + z * z,
+        x * x + y * y,
+        -x * y,
+        -x * z,
+        -y * z,
+    ];
+    let shift = match (about, form) {
+        (About::Com, About::Origin) => m,
+        (About::Origin, About::Com) => -m,
+        _ => 0.0,
+    };
+    let k = match form {
+        About::Origin => m,
+        About::Com => 1.0,
+    };
+    let i = |n: usize| given[n] + shift * steiner[n];
+    [m, k * x, k * y, k * z, i(0), i(1), i(2), i(3), i(4), i(5)]
+}

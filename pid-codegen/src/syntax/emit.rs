@@ -1,0 +1,38 @@
+//! What to generate: `emit { dynamics, first_derivatives, second_derivatives }`.
+
+use proc_macro2::{Delimiter, Ident, Span};
+
+use super::cursor::{Cursor, Parsed};
+use super::unknown_item;
+use crate::diag::Loc;
+
+/// The `emit` item.
+#[derive(Debug, Clone, Default)]
+pub struct EmitDecl {
+    /// Place of `first_derivatives`.
+    pub first: Option<Span>,
+    /// Place of `second_derivatives`.
+    pub second: Option<Span>,
+}
+
+/// `{ … }` after `emit`.
+pub(super) fn parse(c: &mut Cursor) -> Parsed<EmitDecl> {
+    const PARTS: &[&str] = &["dynamics", "first_derivatives", "second_derivatives"];
+    let group = c.group(Delimiter::Brace, "`{` after `emit`")?;
+    let mut emit = EmitDecl::default();
+    let parts: Vec<Ident> = Cursor::list(&group, |c| c.ident("what to emit"))?;
+    for part in parts {
+        match part.to_string().as_str() {
+            "dynamics" => {}
+            "first_derivatives" => emit.first = Some(part.span()),
+            "second_derivatives" => emit.second = Some(part.span()),
+            "regressor" | "base_parameters" => {
+                return Err(Loc::from(&part).error(format!(
+                    "`{part}` is not supported yet\nhelp: remove it; the Jacobian with respect to the parameters is in `first_derivatives`"
+                )));
+            }
+            _ => return Err(unknown_item(&part, PARTS)),
+        }
+    }
+    Ok(emit)
+}

@@ -1,0 +1,339 @@
+//! From tokens to a tree with places: one file per construct, no meaning.
+//!
+//! After a bad item the parser goes on behind its `;` or `}`, so one compilation reports the mistakes of all items.
+
+mod cursor;
+mod drive;
+mod emit;
+mod expr;
+mod joint;
+mod link;
+mod params;
+mod unit;
+
+use proc_macro2::{Delimiter, Ident, Span, TokenStream, TokenTree};
+use quote::quote;
+
+use crate::diag::{Diagnostics, Loc, nearest, one_of};
+use cursor::{Cursor, Parsed};
+
+pub use drive::{ForceOn, PerJoint};
+pub use emit::EmitDecl;
+pub use expr::{Entry, Expr, ExprKind, Op, Range, Vector};
+pub use joint::{Axis, AxisKind, JointDecl, Motion};
+pub use link::{Free, Inertia, LinkDecl};
+pub use params::{InputDecl, Nominal, ParamDecl};
+pub use unit::UnitExpr;
+
+/// A `robot!` declaration as written.
+#[derive(Debug, Clone)]
+pub struct Ast {
+    /// `///` lines on the robot.
+    pub docs: Vec<String>,
+    /// `#[allow(…)]` and the like on the robot, for the warnings.
+    pub attrs: Vec<TokenStream>,
+    /// Its visibility.
+    pub vis: TokenStream,
+    /// Its name.
+    pub name: Ident,
+    /// `gravity`.
+    pub gravity: Option<Vector>,
+    /// `params`, all blocks.
+    pub params: Vec<ParamDecl>,
+    /// `link`s.
+    pub links: Vec<LinkDecl>,
+    /// `joint`s.
+    pub joints: Vec<JointDecl>,
+    /// `per joint` blocks.
+    pub per_joint: Vec<PerJoint>,
+    /// `force on` laws.
+    pub forces: Vec<ForceOn>,
+    /// `emit`.
+    pub emit: Option<EmitDecl>,
+}
+
+/// A name or a range of names with a common stem, `l1..=l6`.
+#[derive(Debug, Clone)]
+pub struct Names {
+    /// The names, in order; those inside a range carry the place of its first name.
+    pub idents: Vec<Ident>,
+    /// As written.
+    pub loc: Loc,
+}
+
+const ITEMS: &[&str] = &[
+    "gravity",
+    "params",
+    "link",
+    "joint",
+    "per joint",
+    "force on",
+    "emit",
+];
+
+/// Items of later versions of the language, with what to do until then.
+const LATER: &[(&str, &str)] = &[
+    (
+        "variant",
+        "declare the reduced robot in a `robot!` of its own",
+    ),
+    (
+        "expect",
+        "remove it; identifiability is reported by the identification",
+    ),
+    (
+        "potential",
+        "write the force it causes as `force on joint = …;`",
+    ),
+    ("lagrangian", "describe the system by links and joints"),
+    ("coordinates", "describe the system by links and joints"),
+    (
+        "limit",
+        "remove it; there is no limit on the number of operations",
+    ),
+];
+
+/// Reads a declaration. `None` if not even its name could be found; items with mistakes are left out.
+pub fn parse(input: TokenStream, diag: &mut Diagnostics) -> Option<Ast> {
+    let mut c = Cursor::new(input, Span::call_site());
+    let head = match header(&mut c) {
+        Ok(head) => head,
+        Err(e) => {
+            diag.push(e);
+            return None;
+        }
+    };
+    let (mut ast, body) = head;
+    let Some(mut body) = body else {
+        diag.push(c.expected(format!("`{{` after `robot {}`", ast.name)));
+        return Some(ast);
+    };
+    if !c.is_done() {
+        diag.error(
+            c.here(),
+            "one `robot!` declares one robot\nhelp: put the next one into a `robot!` of its own",
+        );
+    }
+    let mut seen = Vec::new();
+    items(&mut body, diag, |c, docs, diag| {
+        item(c, docs, &mut ast, &mut seen, diag)
+    });
+    Some(ast)
+}
+
+fn header(c: &mut Cursor) -> Parsed<(Ast, Option<Cursor>)> {
+    let (docs, attrs) = attributes(c)?;
+    let mut vis = TokenStream::new();
+    if c.peek_word("pub") {
+        vis.extend(c.bump());
+        if c.peek_group(Delimiter::Parenthesis) {
+            vis.extend(c.bump());
+        }
+    }
+    if c.eat_word("robot").is_none() {
+        return Err(c.expected("`robot Name { … }` or `pub robot Name { … }`"));
+    }
+    let name = c.ident("the name of the robot")?;
+    let body = match c.peek_group(Delimiter::Brace) {
+        true => Some(Cursor::inside(&c.group(Delimiter::Brace, "`{`")?)),
+        false => None,
+    };
+    let ast = Ast {
+        docs,
+        attrs,
+        vis,
+        name,
+        gravity: None,
+        params: Vec::new(),
+        links: Vec::new(),
+        joints: Vec::new(),
+        per_joint: Vec::new(),
+        forces: Vec::new(),
+        emit: None,
+    };
+    Ok((ast, body))
+}
+
+fn item(
+    c: &mut Cursor,
+    docs: Vec<String>,
+    ast: &mut Ast,
+    seen: &mut Vec<(String, Span)>,
+    diag: &mut Diagnostics,
+) -> Parsed<()> {
+    let keyword = c.ident(&format!("one of {}", one_of(ITEMS)))?;
+    match keyword.to_string().as_str() {
+        "gravity" => {
+            let again = once(seen, &keyword);
+            c.punct(":", "after `gravity`")?;
+            let g = Vector::parse(c, "gravity")?;
+            c.semicolon("`gravity`")?;
+            ast.gravity.get_or_insert(g);
+            again
+        }
+        "params" => {
+            ast.params.extend(params::parse_block(c, diag)?);
+            Ok(())
+        }
+        "link" => {
+            ast.links.push(link::parse(c, docs, diag)?);
+            Ok(())
+        }
+        "joint" => {
+            ast.joints.push(joint::parse(c, docs, diag)?);
+            Ok(())
+        }
+        "per" => {
+            ast.per_joint.push(drive::parse_per_joint(c, diag)?);
+            Ok(())
+        }
+        "force" => {
+            ast.forces.push(drive::parse_force(c)?);
+            Ok(())
+        }
+        "emit" => {
+            let again = once(seen, &keyword);
+            let e = emit::parse(c)?;
+            ast.emit.get_or_insert(e);
+            again
+        }
+        word => match LATER.iter().find(|l| l.0 == word) {
+            Some((_, instead)) => Err(Loc::from(&keyword)
+                .error(format!("`{word}` is not supported yet\nhelp: {instead}"))),
+            None => Err(unknown_item(&keyword, ITEMS)),
+        },
+    }
+}
+
+/// Reads items until the end, each with its `///` lines; a bad one is reported and skipped.
+fn items(
+    c: &mut Cursor,
+    diag: &mut Diagnostics,
+    mut item: impl FnMut(&mut Cursor, Vec<String>, &mut Diagnostics) -> Parsed<()>,
+) {
+    while !c.is_done() {
+        // `{ … };` and `;;` are harmless.
+        if c.eat_punct(";").is_some() {
+            continue;
+        }
+        let started = c.position();
+        let result = attributes(c).and_then(|(docs, attrs)| {
+            if !attrs.is_empty() {
+                return Err(Loc::from(c.here()).error(
+                    "only `///` comments may stand here\nhelp: put attributes before `robot`",
+                ));
+            }
+            item(c, docs, diag)
+        });
+        if let Err(e) = result {
+            diag.push(e);
+            c.recover(started);
+        }
+    }
+}
+
+/// `///` lines and other outer attributes.
+fn attributes(c: &mut Cursor) -> Parsed<(Vec<String>, Vec<TokenStream>)> {
+    let (mut docs, mut attrs) = (Vec::new(), Vec::new());
+    while c.eat_punct("#").is_some() {
+        let group = c.group(Delimiter::Bracket, "`[` of an attribute")?;
+        let mut inner = Cursor::inside(&group);
+        if inner.eat_word("doc").is_some() && inner.eat_punct("=").is_some() {
+            if let Some(TokenTree::Literal(l)) = inner.bump()
+                && let syn::Lit::Str(text) = syn::Lit::new(l)
+            {
+                let text = text.value();
+                docs.push(
+                    text.strip_prefix(' ')
+                        .unwrap_or(&text)
+                        .trim_end()
+                        .to_string(),
+                );
+                continue;
+            }
+            return Err(inner.expected("the text of a comment"));
+        }
+        attrs.push(quote!(# #group));
+    }
+    Ok((docs, attrs))
+}
+
+/// An unknown word where one of `known` is expected.
+fn unknown_item(word: &Ident, known: &[&str]) -> syn::Error {
+    let text = word.to_string();
+    let hint = match nearest(&text, known.iter().copied()) {
+        Some(n) => format!("\nhelp: did you mean `{n}`?"),
+        None => String::new(),
+    };
+    Loc::from(word).error(format!(
+        "expected one of {}, found `{text}`{hint}",
+        one_of(known).replace(" or ", ", ")
+    ))
+}
+
+/// Refuses a second item of the same kind.
+fn once(seen: &mut Vec<(String, Span)>, keyword: &Ident) -> Parsed<()> {
+    let name = keyword.to_string();
+    if let Some((_, first)) = seen.iter().find(|s| s.0 == name) {
+        let mut e = Loc::from(keyword).error(format!("`{name}` is given twice"));
+        e.combine(Loc::from(*first).error(format!("`{name}` was first given here")));
+        return Err(e);
+    }
+    seen.push((name, keyword.span()));
+    Ok(())
+}
+
+/// Longest range of names; a longer one is a slip of the pen.
+const LONGEST_RANGE: u32 = 64;
+
+impl Names {
+    fn parse(c: &mut Cursor, what: &str) -> Parsed<Names> {
+        let start = c.here();
+        let first = c.ident(what)?;
+        if c.eat_punct("..=").is_none() {
+            return Ok(Names {
+                loc: (&first).into(),
+                idents: vec![first],
+            });
+        }
+        let last = c.ident("the last name of the range")?;
+        let loc = c.since(start);
+        let bad = |why: String| {
+            Err(loc.error(format!(
+                "{why}\nhelp: a range of names looks like `l1..=l6`"
+            )))
+        };
+        let (a, b) = (first.to_string(), last.to_string());
+        let (Some((stem, lo)), Some((stem_b, hi))) = (numbered(&a), numbered(&b)) else {
+            return bad(
+                format!("`{a}..=#{b}` needs a number at the end of both names").replace('#', ""),
+            );
+        };
+        if stem != stem_b {
+            return bad(format!("`{a}` and `{b}` have different stems"));
+        }
+        if hi < lo || hi - lo >= LONGEST_RANGE {
+            return bad(format!(
+                "the range `{a}..={b}` must go up, over at most {LONGEST_RANGE} names"
+            ));
+        }
+        let idents = (lo..=hi)
+            .map(|k| {
+                let span = if k == hi { last.span() } else { first.span() };
+                Ident::new(&format!("{stem}{k}"), span)
+            })
+            .collect();
+        Ok(Names { idents, loc })
+    }
+}
+
+/// Stem and number of `l12`.
+fn numbered(name: &str) -> Option<(&str, u32)> {
+    let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    let digits = &name[stem.len()..];
+    let canonical = digits == "0" || !digits.starts_with('0');
+    (!stem.is_empty() && canonical)
+        .then(|| digits.parse().ok())
+        .flatten()
+        .map(|n| (stem, n))
+}
