@@ -11,6 +11,51 @@
 pub mod check;
 pub mod derive;
 pub mod diag;
+pub mod emit;
 pub mod model;
 pub mod si;
 pub mod syntax;
+
+use proc_macro2::TokenStream;
+
+use check::Resolved;
+use diag::Diagnostics;
+
+/// Expands the contents of `robot! { … }`.
+///
+/// A declaration with mistakes gives `compile_error!`s at the tokens to change and the types of the robot with the names
+/// that were accepted, so that its uses do not fail as well.
+pub fn expand(input: TokenStream) -> TokenStream {
+    let mut diag = Diagnostics::new();
+    let Some(ast) = syntax::parse(input, &mut diag) else {
+        return diag.errors_to_tokens();
+    };
+    let resolved = match diag.is_ok() {
+        true => check::resolve(&ast, &mut diag),
+        false => None,
+    };
+    let Some(Resolved { robot, places }) = resolved else {
+        return emit::fallback::fallback(&ast, &diag);
+    };
+    let moving = |j: &usize| robot.joints[*j].coord.is_some();
+    let names = emit::Names {
+        vis: ast.visibility(),
+        robot: ast.name.clone(),
+        joints: (0..robot.joints.len())
+            .filter(moving)
+            .map(|j| places.joints[j].clone())
+            .collect(),
+        params: places.params,
+        inputs: places.inputs,
+    };
+    match emit::try_model(&robot, &names) {
+        Ok(mut tokens) => {
+            tokens.extend(diag.warnings_to_tokens(&ast.attrs));
+            tokens
+        }
+        Err(e) => {
+            diag.error(&ast.name, e);
+            emit::fallback::fallback(&ast, &diag)
+        }
+    }
+}

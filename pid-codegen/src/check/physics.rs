@@ -1,22 +1,86 @@
 //! Physics: what only the derived equations, or the laws as a whole, can tell.
 
+use crate::derive::{self, Facts};
 use crate::diag::{Diagnostics, Loc};
+use crate::model::{Inertial, Robot};
 use crate::syntax::{Ast, Expr, ExprKind};
 
 use super::Resolved;
 
-/// Reports functions without second derivatives where these are asked for.
+/// Reports wrong `_`, massless tips, functions without second derivatives, parameters and inputs without effect.
 pub fn check(ast: &Ast, resolved: &Resolved, diag: &mut Diagnostics) {
-    if !resolved.robot.emit.second_derivatives {
-        return;
+    let facts = derive::facts(&resolved.robot);
+    let errors = diag.len();
+    blanks(resolved, &facts, diag);
+    if diag.len() == errors {
+        // A wrong `_` counts as zero in M and would be reported twice.
+        singular_mass(resolved, &facts, diag);
     }
-    let laws = ast
-        .per_joint
+    if resolved.robot.emit.second_derivatives {
+        let laws = ast
+            .per_joint
+            .iter()
+            .flat_map(|b| b.force.iter().chain(&b.armature));
+        for e in laws.chain(ast.forces.iter().map(|f| &f.force)) {
+            refuse_kinks(e, diag);
+        }
+    }
+    without_effect(resolved, &facts, diag);
+}
+
+/// Names of the moving joints, by coordinate.
+fn coordinates(robot: &Robot) -> Vec<&str> {
+    robot
+        .joints
         .iter()
-        .flat_map(|b| b.force.iter().chain(&b.armature));
-    for e in laws.chain(ast.forces.iter().map(|f| &f.force)) {
-        refuse_kinks(e, diag);
+        .filter(|j| j.coord.is_some())
+        .map(|j| j.name.as_str())
+        .collect()
+}
+
+fn blanks(resolved: &Resolved, facts: &Facts, diag: &mut Diagnostics) {
+    let robot = &resolved.robot;
+    let names = coordinates(robot);
+    // A `_` in a range of links is one place in the text: one report, at its first link.
+    let mut reported: Vec<usize> = Vec::new();
+    for &(blank, coord) in &facts.blank_violations {
+        if reported.contains(&blank) {
+            continue;
+        }
+        reported.push(blank);
+        let b = &robot.blanks[blank];
+        diag.error(
+            resolved.places.blanks[blank],
+            format!(
+                "`_` stands for {0} of link `{1}`, but {0} enters the equation of joint `{2}`\nhelp: declare a parameter for it, or give its value",
+                b.entry, robot.links[b.link].name, names[coord]
+            ),
+        );
     }
+}
+
+fn singular_mass(resolved: &Resolved, facts: &Facts, diag: &mut Diagnostics) {
+    let Some(coord) = facts.singular_mass else {
+        return;
+    };
+    let robot = &resolved.robot;
+    let Some(j) = robot.joints.iter().position(|j| j.coord == Some(coord)) else {
+        return;
+    };
+    let joint = &robot.joints[j];
+    let link = &robot.links[joint.child];
+    let lacks = match (&link.inertial, joint.kind) {
+        (Inertial::None, _) => "has no mass and no inertia",
+        (_, crate::model::JointKind::Prismatic(_)) => "has no mass",
+        _ => "has no inertia about its axis",
+    };
+    diag.error(
+        &resolved.places.links[joint.child],
+        format!(
+            "link `{0}` moves with `{1}`, but {lacks}: the mass matrix is singular at the nominal values\nhelp: give `{0}` or a link behind it mass and inertia, or `{1}` an `armature`",
+            link.name, joint.name
+        ),
+    );
 }
 
 fn refuse_kinks(e: &Expr, diag: &mut Diagnostics) {
@@ -42,5 +106,55 @@ fn refuse_kinks(e: &Expr, diag: &mut Diagnostics) {
             refuse_kinks(b, diag);
         }
         ExprKind::Number(..) | ExprKind::Name(_) | ExprKind::Member(..) => {}
+    }
+}
+
+fn without_effect(resolved: &Resolved, facts: &Facts, diag: &mut Diagnostics) {
+    let robot = &resolved.robot;
+    for &k in &facts.unused_params {
+        let p = &robot.params[k];
+        // The parameters of a free body are its ten, used or not.
+        let free = robot
+            .links
+            .iter()
+            .any(|l| is_free(&l.inertial, k));
+        if !free {
+            diag.warn(
+                resolved.places.param_decls[k],
+                format!(
+                    "parameter `{}` does not enter the equations of motion\nhelp: remove it; where an entry of a link has no effect, write `_` in its place",
+                    p.name
+                ),
+            );
+        }
+    }
+    for &k in &facts.unused_inputs {
+        let u = &robot.inputs[k];
+        let joint = u.coord.map(|c| coordinates(robot)[c]).unwrap_or_default();
+        diag.warn(
+            resolved.places.input_decls[k],
+            format!(
+                "joint `{joint}` has the input `{}`, but no force uses it\nhelp: use it in `force = …`, or remove it",
+                u.name
+            ),
+        );
+    }
+}
+
+/// Whether parameter `k` belongs to `inertial: free`.
+fn is_free(inertial: &Inertial, k: usize) -> bool {
+    use crate::model::Expr as E;
+    let own = |e: &E| *e == E::Param(k);
+    match inertial {
+        Inertial::Linear {
+            mass,
+            first_moment,
+            inertia: i,
+        } => {
+            own(mass)
+                || first_moment.iter().any(own)
+                || [&i.xx, &i.yy, &i.zz, &i.xy, &i.xz, &i.yz].into_iter().any(own)
+        }
+        _ => false,
     }
 }

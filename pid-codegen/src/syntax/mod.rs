@@ -52,6 +52,13 @@ pub struct Ast {
     pub emit: Option<EmitDecl>,
 }
 
+impl Ast {
+    /// Its visibility; private if what stands there is none.
+    pub fn visibility(&self) -> syn::Visibility {
+        syn::parse2(self.vis.clone()).unwrap_or(syn::Visibility::Inherited)
+    }
+}
+
 /// A name or a range of names with a common stem, `l1..=l6`.
 #[derive(Debug, Clone)]
 pub struct Names {
@@ -125,9 +132,15 @@ fn header(c: &mut Cursor) -> Parsed<(Ast, Option<Cursor>)> {
     let (docs, attrs) = attributes(c)?;
     let mut vis = TokenStream::new();
     if c.peek_word("pub") {
+        let start = c.here();
         vis.extend(c.bump());
         if c.peek_group(Delimiter::Parenthesis) {
             vis.extend(c.bump());
+        }
+        if syn::parse2::<syn::Visibility>(vis.clone()).is_err() {
+            return Err(c.since(start).error(
+                "unknown visibility\nhelp: write `pub`, `pub(crate)` or nothing",
+            ));
         }
     }
     if c.eat_word("robot").is_none() {
