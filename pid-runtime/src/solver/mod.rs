@@ -1,3 +1,9 @@
 //! Solvers for nonlinear programs and their parts.
 
+pub mod ip;
 pub mod kkt;
+mod outcome;
+mod settings;
+
+pub use outcome::{Counts, Iteration, Seconds, Solution, Status};
+pub use settings::{Barrier, Settings};

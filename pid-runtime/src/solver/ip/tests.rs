@@ -1,0 +1,236 @@
+//! Known problems with published optima (W. Hock, K. Schittkowski, Test Examples for Nonlinear Programming Codes, 1981),
+//! exact derivatives by hyper-dual numbers.
+
+use super::*;
+use crate::nlp::{SparsePattern, check_point};
+use crate::solver::kkt::sparse::SparseKkt;
+use num_dual::{DualNum, HyperDual64};
+
+trait Formula {
+    const N: usize;
+    const M: usize;
+    fn bounds(j: usize) -> (f64, f64);
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D;
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(i: usize, x: &[D]) -> D;
+}
+
+struct Dense<F> {
+    jacobian: SparsePattern,
+    hessian: SparsePattern,
+    formula: std::marker::PhantomData<F>,
+}
+
+impl<F: Formula> Dense<F> {
+    fn new() -> Self {
+        let (mut jacobian, mut hessian) = (SparsePattern::default(), SparsePattern::default());
+        (0..F::M).for_each(|i| (0..F::N).for_each(|j| jacobian.push(i, j)));
+        (0..F::N).for_each(|i| (0..=i).for_each(|j| hessian.push(i, j)));
+        Self { jacobian, hessian, formula: std::marker::PhantomData }
+    }
+
+    fn seeded(x: &[f64], i: usize, j: usize) -> Vec<HyperDual64> {
+        x.iter()
+            .enumerate()
+            .map(|(k, &v)| {
+                HyperDual64::new(v, f64::from(u8::from(k == i)), f64::from(u8::from(k == j)), 0.0)
+            })
+            .collect()
+    }
+}
+
+impl<F: Formula> Nlp for Dense<F> {
+    fn n(&self) -> usize {
+        F::N
+    }
+    fn m(&self) -> usize {
+        F::M
+    }
+    fn bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
+        for j in 0..F::N {
+            (lower[j], upper[j]) = F::bounds(j);
+        }
+    }
+    fn objective(&mut self, x: &[f64]) -> f64 {
+        F::objective(x)
+    }
+    fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) {
+        for j in 0..F::N {
+            gradient[j] = F::objective(&Self::seeded(x, j, j)).eps1;
+        }
+    }
+    fn constraints(&mut self, x: &[f64], c: &mut [f64]) {
+        (0..F::M).for_each(|i| c[i] = F::constraint(i, x));
+    }
+    fn jacobian_pattern(&self) -> &SparsePattern {
+        &self.jacobian
+    }
+    fn jacobian(&mut self, x: &[f64], values: &mut [f64]) {
+        for i in 0..F::M {
+            for j in 0..F::N {
+                values[i * F::N + j] = F::constraint(i, &Self::seeded(x, j, j)).eps1;
+            }
+        }
+    }
+    fn hessian_pattern(&self) -> &SparsePattern {
+        &self.hessian
+    }
+    fn hessian(&mut self, x: &[f64], sigma: f64, lambda: &[f64], values: &mut [f64]) {
+        let mut k = 0;
+        for i in 0..F::N {
+            for j in 0..=i {
+                let z = Self::seeded(x, i, j);
+                values[k] = sigma * F::objective(&z).eps1eps2;
+                for (c, l) in lambda.iter().enumerate() {
+                    values[k] += l * F::constraint(c, &z).eps1eps2;
+                }
+                k += 1;
+            }
+        }
+    }
+}
+
+fn run<F: Formula>(x0: &[f64], settings: &Settings) -> (Solution, crate::nlp::PointCheck) {
+    let mut problem = Dense::<F>::new();
+    let mut kkt = SparseKkt::new(&problem);
+    let solution =
+        solve(&mut problem, &mut kkt, x0, settings, &mut |_, _| ControlFlow::Continue(()));
+    let check = check_point(&mut problem, &solution.x, &solution.lambda);
+    (solution, check)
+}
+
+fn solves<F: Formula>(x0: &[f64], optimum: f64) -> Solution {
+    let (solution, check) = run::<F>(x0, &Settings::default());
+    assert_eq!(solution.status, Status::Solved, "{:#?}", solution.log.last());
+    assert!(
+        (solution.objective - optimum).abs() < 1e-6 * optimum.abs().max(1.0),
+        "{} instead of {optimum}",
+        solution.objective
+    );
+    assert!(check.finite && check.primal_inf < 1e-7 && check.dual_inf < 1e-6, "{check:?}");
+    solution
+}
+
+const FREE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+
+/// HS6: a curved equality.
+struct Hs6;
+impl Formula for Hs6 {
+    const N: usize = 2;
+    const M: usize = 1;
+    fn bounds(_: usize) -> (f64, f64) {
+        FREE
+    }
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
+        (x[0] - 1.0).powi(2)
+    }
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(_: usize, x: &[D]) -> D {
+        (x[1] - x[0] * x[0]) * 10.0
+    }
+}
+
+/// HS7.
+struct Hs7;
+impl Formula for Hs7 {
+    const N: usize = 2;
+    const M: usize = 1;
+    fn bounds(_: usize) -> (f64, f64) {
+        FREE
+    }
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
+        (x[0] * x[0] + 1.0).ln() - x[1]
+    }
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(_: usize, x: &[D]) -> D {
+        (x[0] * x[0] + 1.0).powi(2) + x[1] * x[1] - 4.0
+    }
+}
+
+/// HS1: Rosenbrock's function with a bound.
+struct Hs1;
+impl Formula for Hs1 {
+    const N: usize = 2;
+    const M: usize = 0;
+    fn bounds(j: usize) -> (f64, f64) {
+        if j == 1 { (-1.5, f64::INFINITY) } else { FREE }
+    }
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
+        (x[1] - x[0] * x[0]).powi(2) * 100.0 + (-x[0] + 1.0).powi(2)
+    }
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(_: usize, x: &[D]) -> D {
+        x[0]
+    }
+}
+
+/// HS71, its inequality with a slack x[4].
+struct Hs71;
+impl Formula for Hs71 {
+    const N: usize = 5;
+    const M: usize = 2;
+    fn bounds(j: usize) -> (f64, f64) {
+        if j < 4 { (1.0, 5.0) } else { (0.0, f64::INFINITY) }
+    }
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
+        x[0] * x[3] * (x[0] + x[1] + x[2]) + x[2]
+    }
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(i: usize, x: &[D]) -> D {
+        if i == 0 {
+            x[0] * x[1] * x[2] * x[3] - 25.0 - x[4]
+        } else {
+            x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3] - 40.0
+        }
+    }
+}
+
+/// No point of the line is on the circle.
+struct Infeasible;
+impl Formula for Infeasible {
+    const N: usize = 2;
+    const M: usize = 1;
+    fn bounds(_: usize) -> (f64, f64) {
+        FREE
+    }
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
+        x[0]
+    }
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(_: usize, x: &[D]) -> D {
+        x[0] * x[0] + x[1] * x[1] + 1.0
+    }
+}
+
+#[test]
+fn published_optima() {
+    let hs6 = solves::<Hs6>(&[-1.2, 1.0], 0.0);
+    assert!((hs6.x[0] - 1.0).abs() < 1e-6 && (hs6.x[1] - 1.0).abs() < 1e-6);
+    solves::<Hs7>(&[2.0, 2.0], -(3.0_f64.sqrt()));
+    solves::<Hs1>(&[-2.0, 1.0], 0.0);
+    let hs71 = solves::<Hs71>(&[1.0, 5.0, 5.0, 1.0, 0.0], 17.014_017_289_16);
+    assert!((hs71.x[1] - 4.742_999_4).abs() < 1e-6, "{:?}", hs71.x);
+}
+
+#[test]
+fn infeasible_constraints_are_called_so() {
+    let (solution, check) = run::<Infeasible>(&[1.0, 1.0], &Settings::default());
+    assert_eq!(solution.status, Status::LocallyInfeasible);
+    assert!(check.primal_inf >= 1.0);
+}
+
+#[test]
+fn a_start_that_cannot_be_evaluated_is_called_so() {
+    let (solution, _) = run::<Hs6>(&[f64::NAN, 1.0], &Settings::default());
+    assert_eq!(solution.status, Status::CannotEvaluate);
+}
+
+#[test]
+fn limits_and_interrupts_keep_the_best_point() {
+    let settings = Settings { max_iterations: 3, ..Settings::default() };
+    let (solution, _) = run::<Hs1>(&[-2.0, 1.0], &settings);
+    assert_eq!(solution.status, Status::IterationLimit);
+    assert!(solution.objective < 909.0, "better than the start");
+
+    let mut problem = Dense::<Hs1>::new();
+    let mut kkt = SparseKkt::new(&problem);
+    let solution =
+        solve(&mut problem, &mut kkt, &[-2.0, 1.0], &Settings::default(), &mut |line, _| {
+            if line.iteration == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+    assert_eq!((solution.status, solution.log.len()), (Status::Interrupted, 6));
+}
