@@ -180,3 +180,39 @@ pub trait Hessian: Jacobian {
     /// The values at the pattern's entries; `lambda` has one entry per residual.
     fn residual_hessian(&self, at: &At<'_>, lambda: &[f64], values: &mut [f64]);
 }
+
+/// First derivatives of the inverse dynamics `tau(q, v, a, p)`, dense; as returned by the typed face of a model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InverseDynamicsDerivatives<const NQ: usize, const NP: usize> {
+    /// ∂tau/∂q; rows are equations.
+    pub dtau_dq: [[f64; NQ]; NQ],
+    /// ∂tau/∂v.
+    pub dtau_dv: [[f64; NQ]; NQ],
+    /// ∂tau/∂a, the mass matrix.
+    pub dtau_da: [[f64; NQ]; NQ],
+    /// ∂tau/∂p.
+    pub dtau_dp: [[f64; NP]; NQ],
+}
+
+impl<const NQ: usize, const NP: usize> InverseDynamicsDerivatives<NQ, NP> {
+    /// All entries zero.
+    pub const ZERO: Self = Self {
+        dtau_dq: [[0.0; NQ]; NQ],
+        dtau_dv: [[0.0; NQ]; NQ],
+        dtau_da: [[0.0; NQ]; NQ],
+        dtau_dp: [[0.0; NP]; NQ],
+    };
+}
+
+/// The mass matrix cannot be factorised: M is not positive definite.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "the mass matrix is not positive definite: pivot {pivot:e} at coordinate {index}; \
+     check that every body moved by this joint has a positive mass or inertia about its axis"
+)]
+pub struct SingularMassMatrix {
+    /// Coordinate at which the factorization stopped.
+    pub index: usize,
+    /// The pivot found there, which should be positive.
+    pub pivot: f64,
+}

@@ -2,7 +2,15 @@
 
 pub mod data;
 pub mod dynamics;
+pub mod generic;
 pub mod nlp;
 pub mod signal;
 pub mod solver;
 pub mod transcribe;
+
+#[doc(hidden)]
+#[path = "private.rs"]
+pub mod __private;
+
+pub use num_dual;
+pub use pid_macros::robot;

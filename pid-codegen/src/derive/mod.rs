@@ -1,0 +1,62 @@
+//! From the resolved robot to expressions: kinematics, equations of motion, exact derivatives, and what can be proved of them.
+//!
+//! Everything is built on one hash-consed [`Graph`](pid_symbolic::Graph). No tokens here, no text: [`crate::emit`] writes
+//! down what this module computes.
+//!
+//! - [`symbols`]: the variables `z = (q, v, a, u, p)` and the translation of [`Expr`](crate::model::Expr);
+//! - [`vector`]: 3-vectors, rotations, frames; [`inertia`]: rigid-body inertia in the linear parameters;
+//! - [`kinematics`]: the tree of moving bodies, fixed joints merged;
+//! - [`lagrangian`], [`newton_euler`]: two independent derivations of `M a + b`;
+//! - [`equations`]: their comparison, and everything that is read off the residual;
+//! - [`derivatives`]: Jacobian and Hessian with their patterns;
+//! - [`facts`]: what the checker wants proved.
+
+pub mod derivatives;
+pub mod equations;
+pub mod facts;
+pub mod inertia;
+pub mod kinematics;
+pub mod lagrangian;
+pub mod newton_euler;
+pub mod sample;
+pub mod symbols;
+pub mod vector;
+
+pub use derivatives::{Derivatives, derivatives};
+pub use equations::{Equations, equations};
+pub use facts::{Facts, facts};
+pub use symbols::{Blanks, Symbols};
+
+use thiserror::Error;
+
+/// Why no equations of motion could be derived.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The two derivations differ: a defect of this crate, never of the robot.
+    #[error(
+        "the Lagrange and Newton-Euler forms of the equations of `{robot}` differ in the equation of joint `{joint}`: \
+         {lagrange:e} and {newton_euler:e} at the same point; this is a defect of robot!, please report it with the declaration"
+    )]
+    DerivationsDisagree {
+        /// Name of the robot.
+        robot: String,
+        /// Name of the joint.
+        joint: String,
+        /// Value by Euler-Lagrange.
+        lagrange: f64,
+        /// Value by Newton-Euler.
+        newton_euler: f64,
+    },
+    /// The equations are not finite at any of the points tried.
+    #[error(
+        "the equations of `{robot}` are not finite at any of {points} random points within the parameter ranges; \
+         look for divisions by zero, or `ln` and `sqrt` of values that may be negative, in masses, geometry and force laws"
+    )]
+    NowhereFinite {
+        /// Name of the robot.
+        robot: String,
+        /// Number of points tried.
+        points: usize,
+    },
+}

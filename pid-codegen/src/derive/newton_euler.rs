@@ -1,0 +1,124 @@
+//! `M a + b` by the recursive Newton-Euler algorithm (J. Luh, M. Walker, R. Paul, 1980), symbolic.
+//!
+//! Outwards, in the axes of each body: angular velocity ω, angular acceleration α and acceleration of the origin, the base
+//! accelerating with −g. Inwards: force and moment at the origin of each body,
+//!
+//! ```text
+//! f = m a + α × h + ω × (ω × h),        n = I α + ω × I ω + h × a.
+//! ```
+//!
+//! Independent of the energies: agreement with [`lagrangian`](super::lagrangian) is a proof by evaluation of both.
+
+use pid_symbolic::{Graph, Id};
+
+use super::kinematics::{Motion, Tree};
+use super::vector::{self, Vector};
+
+/// What the recursion is run with; expressions, so that it also gives columns of M (unit accelerations) or gravity alone.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Motions {
+    /// Joint velocities.
+    pub v: Vec<Id>,
+    /// Joint accelerations.
+    pub a: Vec<Id>,
+    /// Gravity in the base frame.
+    pub gravity: Vector,
+}
+
+/// Joint forces, by coordinate.
+pub fn equations(g: &mut Graph, tree: &Tree, motions: &Motions) -> Vec<Id> {
+    struct State {
+        w: Vector,
+        dw: Vector,
+        acceleration: Vector,
+    }
+    let mut states: Vec<State> = Vec::with_capacity(tree.bodies.len());
+    let mut wrenches = Vec::with_capacity(tree.bodies.len());
+    let lifted = vector::neg(g, motions.gravity);
+    for body in &tree.bodies {
+        let (w_p, dw_p, a_p) = match body.parent {
+            Some(parent) => {
+                let state = &states[parent];
+                (state.w, state.dw, state.acceleration)
+            }
+            None => (vector::zero(g), vector::zero(g), lifted),
+        };
+        let at_origin = accelerated(g, w_p, dw_p, a_p, body.frame.origin);
+        let mut acceleration = vector::apply_transposed(g, &body.frame.rotation, at_origin);
+        let mut w = vector::apply_transposed(g, &body.frame.rotation, w_p);
+        let mut dw = vector::apply_transposed(g, &body.frame.rotation, dw_p);
+        let (rate, rate_of_rate) = (motions.v[body.coord], motions.a[body.coord]);
+        match body.motion {
+            Motion::Revolute(axis) => {
+                let own = vector::scale(g, rate, axis);
+                let turned = vector::cross(g, w, own);
+                let own_rate = vector::scale(g, rate_of_rate, axis);
+                dw = vector::add(g, dw, own_rate);
+                dw = vector::add(g, dw, turned);
+                w = vector::add(g, w, own);
+            }
+            Motion::Prismatic(axis) => {
+                let two = g.constant(2.0);
+                let twice = g.mul(two, rate);
+                let own = vector::scale(g, twice, axis);
+                let coriolis = vector::cross(g, w, own);
+                let own_rate = vector::scale(g, rate_of_rate, axis);
+                acceleration = vector::add(g, acceleration, own_rate);
+                acceleration = vector::add(g, acceleration, coriolis);
+            }
+        }
+
+        let (m, h) = (body.inertia.mass, body.inertia.moment);
+        let translation = vector::scale(g, m, acceleration);
+        let force = accelerated(g, w, dw, translation, h);
+        let angular = vector::apply(g, &body.inertia.tensor, w);
+        let gyroscopic = vector::cross(g, w, angular);
+        let mut moment = vector::apply(g, &body.inertia.tensor, dw);
+        moment = vector::add(g, moment, gyroscopic);
+        let lever = vector::cross(g, h, acceleration);
+        moment = vector::add(g, moment, lever);
+        states.push(State {
+            w,
+            dw,
+            acceleration,
+        });
+        wrenches.push((force, moment));
+    }
+
+    let zero = g.zero();
+    let mut forces = vec![zero; tree.bodies.len()];
+    for index in (0..tree.bodies.len()).rev() {
+        let body = &tree.bodies[index];
+        let (force, moment) = wrenches[index];
+        let mut felt = match body.motion {
+            Motion::Revolute(axis) => vector::dot(g, axis, moment),
+            Motion::Prismatic(axis) => vector::dot(g, axis, force),
+        };
+        if let Some(armature) = body.armature {
+            let rotor = g.mul(armature, motions.a[body.coord]);
+            felt = g.add(felt, rotor);
+        }
+        forces[body.coord] = felt;
+        if let Some(parent) = body.parent {
+            let force = vector::apply(g, &body.frame.rotation, force);
+            let moment = vector::apply(g, &body.frame.rotation, moment);
+            let lever = vector::cross(g, body.frame.origin, force);
+            let moment = vector::add(g, moment, lever);
+            let (at_parent_f, at_parent_n) = wrenches[parent];
+            wrenches[parent] = (
+                vector::add(g, at_parent_f, force),
+                vector::add(g, at_parent_n, moment),
+            );
+        }
+    }
+    forces
+}
+
+/// `a + α × d + ω × (ω × d)`.
+fn accelerated(g: &mut Graph, w: Vector, dw: Vector, a: Vector, d: Vector) -> Vector {
+    let tangential = vector::cross(g, dw, d);
+    let turning = vector::cross(g, w, d);
+    let centripetal = vector::cross(g, w, turning);
+    let sum = vector::add(g, a, tangential);
+    vector::add(g, sum, centripetal)
+}

@@ -1,0 +1,185 @@
+//! Jacobian and Hessian: their patterns, bodies and traits.
+
+use pid_symbolic::diff::Entry;
+use pid_symbolic::{Graph, Id};
+use proc_macro2::{Literal, TokenStream};
+use quote::quote;
+
+use super::Names;
+use super::functions::{Function, Layout, Part, Scalar};
+use super::impls::from_slices;
+use super::types::derived;
+use crate::derive::{Derivatives, Equations};
+
+/// A derivative's pattern and the function that writes its values.
+#[derive(Debug, Clone)]
+pub struct Body {
+    /// Non-zeros in order.
+    pub entries: Vec<Entry>,
+    /// Its function.
+    pub function: Function,
+}
+
+impl Body {
+    fn pattern(&self) -> (TokenStream, TokenStream) {
+        let list = |of: fn(&Entry) -> usize| {
+            let positions = self
+                .entries
+                .iter()
+                .map(|entry| Literal::usize_unsuffixed(of(entry)));
+            quote!([#(#positions),*])
+        };
+        (list(|entry| entry.row), list(|entry| entry.col))
+    }
+}
+
+/// The body of r and ∂r/∂z: r first, then the non-zeros.
+pub fn jacobian(
+    g: &Graph,
+    layout: &Layout,
+    equations: &Equations,
+    derivatives: &Derivatives,
+) -> Body {
+    let values = derivatives.jacobian.iter().map(|entry| entry.value);
+    let outputs: Vec<Id> = equations.residual.iter().copied().chain(values).collect();
+    let doc = "r and the non-zeros of ∂r/∂z.";
+    Body {
+        entries: derivatives.jacobian.clone(),
+        function: Function::new(g, layout, "jacobian_values", doc, &outputs, Scalar::F64),
+    }
+}
+
+/// The body of the lower triangle of ∂²(λᵀr)/∂z².
+pub fn hessian(
+    g: &Graph,
+    layout: &Layout,
+    _equations: &Equations,
+    derivatives: &Derivatives,
+) -> Body {
+    let outputs: Vec<Id> = derivatives
+        .hessian
+        .iter()
+        .map(|entry| entry.value)
+        .collect();
+    let doc = "The non-zeros of the lower triangle of ∂²(λᵀr)/∂z².";
+    Body {
+        entries: derivatives.hessian.clone(),
+        function: Function::new(g, layout, "hessian_values", doc, &outputs, Scalar::F64),
+    }
+}
+
+/// Typed functions and trait of the first derivatives.
+pub fn jacobian_impls(names: &Names, layout: &Layout, body: &Body) -> TokenStream {
+    let robot = &names.robot;
+    let params = derived(names, "Params");
+    let (nq, np, nu) = (layout.nq, layout.np, layout.nu);
+    let (count, total) = (body.entries.len(), body.function.outputs);
+    let (rows, cols) = body.pattern();
+    let definition = &body.function.definition;
+    let typed = body.function.call(typed_argument, &quote!(&mut out));
+    let (convert, slices) = from_slices(&body.function, layout, &quote!(&mut out));
+
+    // Where each entry of the blocks by q, v, a and p is found in the values; u is held at zero.
+    let mut scatter = Vec::new();
+    for (k, entry) in body.entries.iter().enumerate() {
+        let Some((block, col)) = [
+            ("dtau_dq", 0, nq),
+            ("dtau_dv", nq, nq),
+            ("dtau_da", 2 * nq, nq),
+            ("dtau_dp", 3 * nq + nu, np),
+        ]
+        .into_iter()
+        .find(|&(_, first, len)| (first..first + len).contains(&entry.col))
+        .map(|(name, first, _)| (quote::format_ident!("{name}"), entry.col - first)) else {
+            continue;
+        };
+        let [row, col, k] = [entry.row, col, nq + k].map(Literal::usize_unsuffixed);
+        scatter.push(quote!(d.#block[#row][#col] = out[#k];));
+    }
+    quote! {
+        static JACOBIAN_ROWS: [u32; #count] = #rows;
+        static JACOBIAN_COLS: [u32; #count] = #cols;
+        #definition
+
+        impl #robot {
+            /// Number of structural non-zeros of ∂r/∂z.
+            pub const JACOBIAN_NNZ: usize = #count;
+
+            /// First derivatives of the inverse dynamics `tau = r` at `u = 0`, by q, v, a and p.
+            pub fn inverse_dynamics_derivatives(
+                q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq], params: &#params,
+            ) -> ::pid_runtime::dynamics::InverseDynamicsDerivatives<#nq, #np> {
+                let (p, u) = (&params.as_array(), &[0.0_f64; #nu]);
+                let mut out = [0.0_f64; #total];
+                #typed;
+                let mut d = ::pid_runtime::dynamics::InverseDynamicsDerivatives::ZERO;
+                #(#scatter)*
+                d
+            }
+        }
+
+        #[automatically_derived]
+        impl ::pid_runtime::dynamics::Jacobian for #robot {
+            fn jacobian_pattern(&self) -> ::pid_runtime::dynamics::Pattern<'_> {
+                ::pid_runtime::dynamics::Pattern { rows: &JACOBIAN_ROWS, cols: &JACOBIAN_COLS }
+            }
+            fn residual_jacobian(&self, at: &::pid_runtime::dynamics::At<'_>, r: &mut [f64], values: &mut [f64]) {
+                #convert
+                let mut out = [0.0_f64; #total];
+                #slices;
+                let (first, rest) = out.split_at(#nq);
+                r.copy_from_slice(first);
+                values.copy_from_slice(rest);
+            }
+        }
+    }
+}
+
+/// Typed function and trait of the second derivatives.
+pub fn hessian_impls(names: &Names, layout: &Layout, body: &Body) -> TokenStream {
+    let robot = &names.robot;
+    let (params, inputs) = (derived(names, "Params"), derived(names, "Inputs"));
+    let (nq, count) = (layout.nq, body.entries.len());
+    let (rows, cols) = body.pattern();
+    let definition = &body.function.definition;
+    let typed = body.function.call(typed_argument, &quote!(&mut out));
+    let (convert, slices) = from_slices(&body.function, layout, &quote!(out));
+    quote! {
+        static HESSIAN_ROWS: [u32; #count] = #rows;
+        static HESSIAN_COLS: [u32; #count] = #cols;
+        #definition
+
+        impl #robot {
+            /// Number of structural non-zeros of the lower triangle of ∂²(λᵀr)/∂z².
+            pub const HESSIAN_NNZ: usize = #count;
+
+            /// Lower triangle of ∂²(λᵀr)/∂z², `z = (q, v, a, u, p)`; entries in the order of
+            /// [`hessian_pattern`](::pid_runtime::dynamics::Hessian::hessian_pattern).
+            pub fn lagrangian_hessian(
+                q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq], inputs: &#inputs, params: &#params, lambda: &[f64; #nq],
+            ) -> [f64; #count] {
+                let (u, p) = (&inputs.as_array(), &params.as_array());
+                let mut out = [0.0_f64; #count];
+                #typed;
+                out
+            }
+        }
+
+        #[automatically_derived]
+        impl ::pid_runtime::dynamics::Hessian for #robot {
+            fn hessian_pattern(&self) -> ::pid_runtime::dynamics::Pattern<'_> {
+                ::pid_runtime::dynamics::Pattern { rows: &HESSIAN_ROWS, cols: &HESSIAN_COLS }
+            }
+            fn residual_hessian(&self, at: &::pid_runtime::dynamics::At<'_>, lambda: &[f64], values: &mut [f64]) {
+                #convert
+                let out: &mut [f64; #count] = ::pid_runtime::__private::exact_mut(values, "values");
+                #slices;
+            }
+        }
+    }
+}
+
+fn typed_argument(part: Part) -> TokenStream {
+    let ident = part.ident();
+    quote!(#ident)
+}

@@ -1,0 +1,175 @@
+//! Documentation of the generated items: the user's words, then what the macro knows.
+
+use proc_macro2::TokenStream;
+use quote::quote;
+
+use super::derivatives::Body;
+use super::impls::Bodies;
+use crate::derive::Equations;
+use crate::model::{Input, Joint, JointKind, Param, Robot};
+
+/// `#[doc]` attributes of lines.
+pub fn attributes(lines: &[String]) -> TokenStream {
+    // As rustdoc has it from `///`: one space before the text.
+    let lines = lines.iter().map(|line| {
+        if line.is_empty() || line.starts_with(' ') {
+            line.clone()
+        } else {
+            format!(" {line}")
+        }
+    });
+    quote!(#(#[doc = #lines])*)
+}
+
+/// First line of the user's documentation, without the leading space; empty if there is none.
+pub fn first_line(docs: &[String]) -> &str {
+    docs.first().map_or("", |line| line.trim())
+}
+
+fn range(lower: f64, upper: f64) -> String {
+    match (lower.is_finite(), upper.is_finite()) {
+        (true, true) => format!("{lower} … {upper}"),
+        (true, false) => format!("≥ {lower}"),
+        (false, true) => format!("≤ {upper}"),
+        (false, false) => "unbounded".to_owned(),
+    }
+}
+
+/// Documentation of a parameter's field.
+pub fn param(param: &Param) -> Vec<String> {
+    let mut lines = param.docs.clone();
+    if !lines.is_empty() {
+        lines.push(String::new());
+    }
+    let held = if param.fixed {
+        "; held by identifications"
+    } else {
+        ""
+    };
+    lines.push(format!(
+        "Unit `{}`, nominal {}, range {}{held}.",
+        param.unit,
+        param.nominal,
+        range(param.lower, param.upper)
+    ));
+    lines
+}
+
+/// Documentation of an input's field.
+pub fn input(input: &Input) -> Vec<String> {
+    let mut lines = input.docs.clone();
+    if !lines.is_empty() {
+        lines.push(String::new());
+    }
+    lines.push(format!("Unit `{}`.", input.unit));
+    lines
+}
+
+/// Documentation of a joint's variant.
+pub fn joint(joint: &Joint) -> Vec<String> {
+    let mut lines = joint.docs.clone();
+    if !lines.is_empty() {
+        lines.push(String::new());
+    }
+    let coord = joint.coord.unwrap_or_default();
+    lines.push(format!("Coordinate {coord}: {}.", kind(joint)));
+    lines
+}
+
+fn kind(joint: &Joint) -> String {
+    let about = |axis: [f64; 3]| match axis {
+        [1.0, 0.0, 0.0] => "x".to_owned(),
+        [0.0, 1.0, 0.0] => "y".to_owned(),
+        [0.0, 0.0, 1.0] => "z".to_owned(),
+        [x, y, z] => format!("({x}, {y}, {z})"),
+    };
+    match joint.kind {
+        JointKind::Revolute(axis) => format!("revolute about {}", about(axis)),
+        JointKind::Prismatic(axis) => format!("prismatic along {}", about(axis)),
+        JointKind::Fixed => "fixed".to_owned(),
+    }
+}
+
+/// Documentation of the robot's type: the user's text, tables of joints and parameters, sizes, operation counts.
+pub fn robot(
+    robot: &Robot,
+    equations: &Equations,
+    bodies: &Bodies,
+    jacobian: Option<&Body>,
+    hessian: Option<&Body>,
+) -> Vec<String> {
+    let mut lines = robot.docs.clone();
+    if lines.is_empty() {
+        lines.push(format!("The robot `{}`.", robot.name));
+    }
+    let mut line = |text: String| lines.push(text);
+    line(String::new());
+    line("`r(q, v, a, u, p) = M(q, p) a + b(q, v, p) − f_L(q, v, p, u)`".into());
+    line(String::new());
+    line("| coordinate | joint | kind |".into());
+    line("|---|---|---|".into());
+    let mut moving: Vec<&Joint> = robot
+        .joints
+        .iter()
+        .filter(|joint| joint.coord.is_some())
+        .collect();
+    moving.sort_by_key(|joint| joint.coord);
+    for (coord, joint) in moving.into_iter().enumerate() {
+        line(format!("| {coord} | `{}` | {} |", joint.name, kind(joint)));
+    }
+    if !robot.inputs.is_empty() {
+        line(String::new());
+        line("| input | unit | meaning |".into());
+        line("|---|---|---|".into());
+        for input in &robot.inputs {
+            line(format!(
+                "| `{}` | `{}` | {} |",
+                input.name,
+                input.unit,
+                first_line(&input.docs)
+            ));
+        }
+    }
+    if !robot.params.is_empty() {
+        line(String::new());
+        line("| parameter | unit | nominal | range | meaning |".into());
+        line("|---|---|---|---|---|".into());
+        for param in &robot.params {
+            let fixed = if param.fixed { " (fixed)" } else { "" };
+            line(format!(
+                "| `{}` | `{}` | {}{fixed} | {} | {} |",
+                param.name,
+                param.unit,
+                param.nominal,
+                range(param.lower, param.upper),
+                first_line(&param.docs)
+            ));
+        }
+    }
+    line(String::new());
+    line("| function | values | operations |".into());
+    line("|---|---|---|".into());
+    for (name, function) in bodies.table() {
+        line(format!(
+            "| {name} | {} | {} |",
+            function.outputs, function.cost
+        ));
+    }
+    for (name, body) in [("r and ∂r/∂z", jacobian), ("∂²(λᵀr)/∂z²", hessian)] {
+        if let Some(body) = body {
+            line(format!(
+                "| {name} | {} non-zeros | {} |",
+                body.entries.len(),
+                body.function.cost
+            ));
+        }
+    }
+    line(String::new());
+    line(format!(
+        "Equations by {} (r: {} operations by Euler-Lagrange, {} by Newton-Euler; both agree).",
+        equations.derivation,
+        equations.lagrange.total(),
+        equations.newton_euler.total()
+    ));
+    lines
+}

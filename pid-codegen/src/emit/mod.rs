@@ -1,0 +1,86 @@
+//! From equations to Rust: the types a user sees, the bodies nobody needs to read, the traits that tie them together.
+//!
+//! - [`types`]: parameter struct and enums; [`docs`]: their documentation;
+//! - [`functions`]: straight-line bodies in blocks of bounded size, over `f64` or generic over dual numbers;
+//! - [`derivatives`]: patterns and bodies of Jacobian and Hessian;
+//! - [`impls`]: the typed face (inherent functions) and the slice face (traits of `pid-runtime`).
+//!
+//! Each declared thing keeps the user's span on one generated token; all other tokens are the macro's own. Paths are
+//! absolute: a robot may be declared where nothing of `pid-runtime` is in scope.
+
+pub mod derivatives;
+pub mod docs;
+pub mod fallback;
+pub mod functions;
+pub mod impls;
+pub mod types;
+
+use pid_symbolic::Graph;
+use proc_macro2::{Ident, TokenStream};
+use quote::{quote, quote_spanned};
+
+use crate::derive;
+use crate::model::Robot;
+use functions::Layout;
+
+/// The user's identifiers, with their spans.
+#[derive(Debug, Clone)]
+pub struct Names {
+    /// Visibility of all generated types.
+    pub vis: syn::Visibility,
+    /// Name of the robot.
+    pub robot: Ident,
+    /// Parameters as generated (`dry_shoulder`), in order.
+    pub params: Vec<Ident>,
+    /// Moving joints in the order of coordinates.
+    pub joints: Vec<Ident>,
+    /// Inputs as generated, in order.
+    pub inputs: Vec<Ident>,
+}
+
+/// Everything generated for a robot; a `compile_error!` on its name if its equations cannot be derived.
+pub fn model(robot: &Robot, names: &Names) -> TokenStream {
+    try_model(robot, names).unwrap_or_else(|error| {
+        let message = error.to_string();
+        quote_spanned!(names.robot.span()=> ::core::compile_error! { #message })
+    })
+}
+
+/// Everything generated for a robot.
+///
+/// # Errors
+/// If its equations cannot be derived; see [`derive::Error`].
+pub fn try_model(robot: &Robot, names: &Names) -> Result<TokenStream, derive::Error> {
+    let mut g = Graph::new();
+    let equations = derive::equations(&mut g, robot)?;
+    let derivatives = derive::derivatives(&mut g, &equations, robot.emit);
+    let layout = Layout::of(robot);
+
+    let bodies = impls::Bodies::new(&mut g, &layout, &equations);
+    let first = robot.emit.first_derivatives || robot.emit.second_derivatives;
+    let jacobian = first.then(|| derivatives::jacobian(&g, &layout, &equations, &derivatives));
+    let hessian = robot.emit.second_derivatives.then(|| derivatives::hessian(&g, &layout, &equations, &derivatives));
+
+    let robot_docs = docs::robot(robot, &equations, &bodies, jacobian.as_ref(), hessian.as_ref());
+    let types = types::types(robot, names, &robot_docs);
+    let values = impls::values(robot, names, &layout, &bodies);
+    let jacobian = jacobian.map(|jacobian| derivatives::jacobian_impls(names, &layout, &jacobian));
+    let hessian = hessian.map(|hessian| derivatives::hessian_impls(names, &layout, &hessian));
+    Ok(quote! {
+        #types
+        #[allow(
+            clippy::all,
+            clippy::excessive_precision,
+            clippy::too_many_arguments,
+            clippy::unreadable_literal,
+            clippy::similar_names,
+            non_upper_case_globals,
+            unused_variables
+        )]
+        const _: () = {
+            #values
+            #jacobian
+            #hessian
+        };
+    })
+}
