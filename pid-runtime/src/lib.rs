@@ -3,6 +3,8 @@
 pub mod data;
 pub mod dynamics;
 pub mod generic;
+pub mod gap;
+pub mod integrate;
 pub mod nlp;
 pub mod signal;
 pub mod solver;

@@ -1,0 +1,3 @@
+//! Where model and machine differ, and by how much.
+
+pub mod metrics;
