@@ -1,1 +1,140 @@
-//! Robots declared with robot!, each with its source.
+//! Robots declared with `robot!`, each with its source.
+//!
+//! | name | robot |
+//! |---|---|
+//! | `two_link` | [`TwoLink`]: idealised two-link arm with 19 parameters |
+//! | `emps` | [`Emps`]: electro-mechanical positioning system, one prismatic joint |
+//! | `double_pendulum` | [`DoublePendulum`]: two revolute joints in the vertical plane |
+//!
+//! [`by_name`] finds a model by such a name, [`all`] lists them.
+
+pub mod double_pendulum;
+pub mod emps;
+pub mod two_link;
+
+pub use double_pendulum::DoublePendulum;
+pub use emps::Emps;
+pub use two_link::TwoLink;
+
+use pid_runtime::dynamics::Hessian;
+use thiserror::Error;
+
+/// A model of this crate.
+#[derive(Clone, Copy)]
+#[non_exhaustive]
+pub struct Entry {
+    /// Name on the command line, `two_link`.
+    pub name: &'static str,
+    /// What it is, one line.
+    pub summary: &'static str,
+    /// Where equations and nominal values come from.
+    pub source: &'static str,
+    /// The model.
+    pub model: &'static dyn Hessian,
+}
+
+impl std::fmt::Debug for Entry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Entry")
+            .field("name", &self.name)
+            .field("summary", &self.summary)
+            .field("source", &self.source)
+            .finish_non_exhaustive()
+    }
+}
+
+/// No model of this name.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("no model named `{name}`{}; the models are {known}", nearest_hint(.nearest.as_deref()))]
+#[non_exhaustive]
+pub struct UnknownModel {
+    /// The name asked for.
+    pub name: String,
+    /// The name that was probably meant.
+    pub nearest: Option<String>,
+    /// All names, separated by commas.
+    pub known: String,
+}
+
+fn nearest_hint(nearest: Option<&str>) -> String {
+    nearest.map_or_else(String::new, |n| format!(", did you mean `{n}`?"))
+}
+
+const ENTRIES: [Entry; 3] = [
+    Entry {
+        name: "two_link",
+        summary: "idealised two-link arm, yaw and pitch, 19 parameters",
+        source: "K. Schäfer, M. Runge, K. Flaßkamp, C. Büskens, Parameter Identification for Dynamical Systems Using Optimal Control Techniques, Section V-A, Table II",
+        model: &TwoLink,
+    },
+    Entry {
+        name: "emps",
+        summary: "electro-mechanical positioning system, one prismatic joint",
+        source: "A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019",
+        model: &Emps,
+    },
+    Entry {
+        name: "double_pendulum",
+        summary: "double pendulum with drives at both joints",
+        source: "F. Wiebe et al., Open Source Dual-Purpose Acrobot and Pendubot Platform, IEEE Robotics & Automation Magazine 2024, parameters model_1.0 of design C.1",
+        model: &DoublePendulum,
+    },
+];
+
+/// All models, in the order of the table above.
+pub fn all() -> Vec<Entry> {
+    ENTRIES.to_vec()
+}
+
+/// The model with this name; `-` and `_` are the same, case does not matter.
+///
+/// # Errors
+/// [`UnknownModel`] with the nearest name.
+pub fn by_name(name: &str) -> Result<&'static dyn Hessian, UnknownModel> {
+    let key = normalised(name);
+    if let Some(e) = ENTRIES.iter().find(|e| normalised(e.name) == key) {
+        return Ok(e.model);
+    }
+    let nearest = ENTRIES
+        .iter()
+        .map(|e| (strsim::osa_distance(&key, &normalised(e.name)), e.name))
+        .filter(|(d, n)| *d <= n.len() / 2)
+        .min_by_key(|(d, _)| *d);
+    Err(UnknownModel {
+        name: name.to_string(),
+        nearest: nearest.map(|(_, n)| n.to_string()),
+        known: ENTRIES.map(|e| e.name).join(", "),
+    })
+}
+
+/// Lower case without separators.
+fn normalised(name: &str) -> String {
+    name.chars()
+        .filter(|c| !matches!(c, '_' | '-' | ' '))
+        .flat_map(char::to_lowercase)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn models_are_found_by_their_names() {
+        for e in all() {
+            assert_eq!(by_name(e.name).unwrap().name(), e.model.name());
+        }
+        assert_eq!(by_name("two-link").unwrap().name(), "TwoLink");
+        assert_eq!(by_name("TwoLink").unwrap().name(), "TwoLink");
+    }
+
+    #[test]
+    fn an_unknown_name_gets_the_nearest_one() {
+        let e = by_name("double_pendlum").err().unwrap();
+        assert_eq!(
+            e.to_string(),
+            "no model named `double_pendlum`, did you mean `double_pendulum`?; the models are two_link, emps, double_pendulum"
+        );
+        assert_eq!(by_name("panda").err().unwrap().nearest, None);
+    }
+}

@@ -126,6 +126,26 @@ impl Diagnostics {
             .collect()
     }
 
+    /// All messages with their first lines and columns, for tests: places are known where `proc_macro2` tracks them.
+    #[doc(hidden)]
+    pub fn located(&self) -> Vec<String> {
+        let show =
+            |span: Span, m: &str| format!("{}:{}: {m}", span.start().line, span.start().column + 1);
+        self.errors
+            .iter()
+            .flat_map(|e| {
+                e.clone()
+                    .into_iter()
+                    .map(|e| show(e.span(), &e.to_string()))
+            })
+            .chain(
+                self.warnings
+                    .iter()
+                    .map(|w| show(w.at, &format!("warning: {}", w.message))),
+            )
+            .collect()
+    }
+
     /// The errors as `compile_error!` items.
     pub fn errors_to_tokens(&self) -> TokenStream {
         self.errors
@@ -161,30 +181,15 @@ pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     let limit = (name.chars().count() / 3).max(1);
     candidates
         .into_iter()
-        .map(|c| (edit_distance(&name.to_lowercase(), &c.to_lowercase()), c))
+        .map(|c| {
+            (
+                strsim::osa_distance(&name.to_lowercase(), &c.to_lowercase()),
+                c,
+            )
+        })
         .filter(|(d, _)| *d <= limit)
         .min_by_key(|(d, _)| *d)
         .map(|(_, c)| c)
-}
-
-/// Number of insertions, deletions, replacements and swaps of neighbours that turn `a` into `b` (optimal string alignment).
-fn edit_distance(a: &str, b: &str) -> usize {
-    let a: Vec<char> = a.chars().collect();
-    let b: Vec<char> = b.chars().collect();
-    let mut rows = vec![(0..=b.len()).collect::<Vec<_>>()];
-    for i in 1..=a.len() {
-        let mut row = vec![i];
-        for j in 1..=b.len() {
-            let replace = rows[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
-            let mut best = replace.min(rows[i - 1][j] + 1).min(row[j - 1] + 1);
-            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                best = best.min(rows[i - 2][j - 2] + 1);
-            }
-            row.push(best);
-        }
-        rows.push(row);
-    }
-    rows[a.len()][b.len()]
 }
 
 /// `a, b or c` of the items, each in backticks.

@@ -20,6 +20,8 @@ pub struct Symbols<'a> {
     pub links: Vec<LinkSymbol<'a>>,
     /// Joints.
     pub joints: Vec<JointSymbol<'a>>,
+    /// Names whose declaration was refused: their uses are not reported again.
+    pub refused: Vec<String>,
     /// `per joint` blocks with the joints they cover.
     pub blocks: Vec<(&'a PerJoint, Vec<usize>)>,
 }
@@ -172,6 +174,7 @@ pub fn collect<'a>(ast: &'a Ast, diag: &mut Diagnostics) -> Symbols<'a> {
         inputs: Vec::new(),
         links,
         joints,
+        refused: Vec::new(),
         blocks,
     };
     s.declare_params(ast, diag);
@@ -260,6 +263,7 @@ fn unknown_joint(diag: &mut Diagnostics, ident: &Ident, joints: &[JointSymbol<'_
     let help = match nearest(&ident.to_string(), names.iter().copied()) {
         Some(n) => format!("\nhelp: a joint with a similar name exists: `{n}`"),
         None if names.is_empty() => String::new(),
+        None if names.len() == 1 => format!("\nhelp: the only joint is `{}`", names[0]),
         None => format!(
             "\nhelp: the joints are {}",
             one_of(&names).replace(" or ", " and ")
@@ -318,6 +322,8 @@ impl<'a> Symbols<'a> {
                     decl: decl.name.span(),
                     origin: Origin::Declared(decl),
                 });
+            } else {
+                self.refused.push(decl.name.to_string());
             }
         }
     }
@@ -376,6 +382,7 @@ impl<'a> Symbols<'a> {
             {
                 for (nth, &joint) in joints.iter().enumerate() {
                     let Some(field) = self.generated(&decl.name, joint, nth, diag) else {
+                        self.refused.push(decl.name.to_string());
                         break;
                     };
                     self.inputs.push(InputSymbol { field, decl, joint });
@@ -389,6 +396,7 @@ impl<'a> Symbols<'a> {
             {
                 for (nth, &joint) in joints.iter().enumerate() {
                     let Some(field) = self.generated(&decl.name, joint, nth, diag) else {
+                        self.refused.push(decl.name.to_string());
                         break;
                     };
                     self.params.push(ParamSymbol {
@@ -581,7 +589,7 @@ pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
             }
             None => {}
         }
-        if let Some(r) = &p.range {
+        for r in p.range.iter().flat_map(|r| r.iter()) {
             c.range(r);
         }
     }
@@ -760,6 +768,9 @@ impl Uses<'_, '_> {
 
     fn unknown(&mut self, name: &Ident, scope: Scope) {
         let text = name.to_string();
+        if self.symbols.refused.contains(&text) {
+            return;
+        }
         if let Scope::Constant(what) = scope {
             self.diag.error(
                 name,

@@ -114,10 +114,7 @@ fn without_effect(resolved: &Resolved, facts: &Facts, diag: &mut Diagnostics) {
     for &k in &facts.unused_params {
         let p = &robot.params[k];
         // The parameters of a free body are its ten, used or not.
-        let free = robot
-            .links
-            .iter()
-            .any(|l| is_free(&l.inertial, k));
+        let free = robot.links.iter().any(|l| is_free(&l.inertial, k));
         if !free {
             diag.warn(
                 resolved.places.param_decls[k],
@@ -153,7 +150,9 @@ fn is_free(inertial: &Inertial, k: usize) -> bool {
         } => {
             own(mass)
                 || first_moment.iter().any(own)
-                || [&i.xx, &i.yy, &i.zz, &i.xy, &i.xz, &i.yz].into_iter().any(own)
+                || [&i.xx, &i.yy, &i.zz, &i.xy, &i.xz, &i.yz]
+                    .into_iter()
+                    .any(own)
         }
         _ => false,
     }

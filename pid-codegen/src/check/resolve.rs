@@ -433,9 +433,16 @@ impl Builder<'_, '_> {
         if lo < hi {
             return Some(Some((lo, hi)));
         }
+        let end =
+            |e: &Option<syntax::Expr>| e.as_ref().map(ToString::to_string).unwrap_or_default();
         self.diag.error(
             r.loc,
-            format!("limits of joint `{}` are empty: {lo} is not below {hi}\nhelp: write the lower limit first", d.name),
+            format!(
+                "limits of joint `{}` are empty: {} is not below {}\nhelp: write the lower limit first",
+                d.name,
+                end(&r.lo),
+                end(&r.hi)
+            ),
         );
         None
     }

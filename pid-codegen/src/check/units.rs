@@ -276,8 +276,13 @@ impl<'a> Units<'a> {
                     diag.error(
                         e.loc,
                         format!(
-                            "{} must be in `{}`, but `{e}` has no unit\nhelp: write `{e} {}`",
-                            role.what, role.unit, role.unit
+                            "{} must be in `{}`, but `{e}` has no unit\nhelp: write {}",
+                            role.what,
+                            role.unit,
+                            match role.unit.is_dimensionless() {
+                                true => format!("`{e} rad` or `{e} deg`"),
+                                false => format!("`{e} {}`", role.unit),
+                            }
                         ),
                     );
                     None
@@ -317,10 +322,7 @@ impl<'a> Units<'a> {
         }
         diag.error(
             u.loc,
-            format!(
-                "{} must be in `{}`, but is given in `{u}`",
-                role.what, role.unit
-            ),
+            format!("{} must be in `{}`, found `{u}`", role.what, role.unit),
         );
         None
     }

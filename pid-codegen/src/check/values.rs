@@ -1,9 +1,9 @@
 //! Values: nominal values, ranges, list lengths, masses and inertias that a body can have.
 
-use crate::diag::Diagnostics;
-use crate::model::{About, Expr, Inertial, Param, Tensor};
+use crate::diag::{Diagnostics, Loc};
+use crate::model::{self, About, Inertial, Param, Tensor};
 use crate::si::Unit;
-use crate::syntax::{Entry, Nominal, ParamDecl};
+use crate::syntax::{Entry, Expr, Nominal, ParamDecl, Range, Ranges};
 
 use super::names::{Origin, Scope, Symbols};
 use super::numbers::{at_params, constant};
@@ -69,109 +69,140 @@ struct Value {
     upper: f64,
 }
 
+/// The joints of a `per joint` declaration, and which of them is meant.
+type Nth<'a> = Option<(usize, &'a Vec<usize>)>;
+
 fn value(
     symbols: &Symbols<'_>,
     units: &Units<'_>,
     decl: &ParamDecl,
     unit: &Unit,
-    nth: Option<(usize, &Vec<usize>)>,
+    nth: Nth<'_>,
     diag: &mut Diagnostics,
 ) -> Option<Value> {
-    let name = &decl.name;
     let role = Role {
-        what: format!("the value of `{name}`"),
+        what: format!("the value of `{}`", decl.name),
         unit: unit.clone(),
     };
-    let range = match &decl.range {
-        None => Some((f64::NEG_INFINITY, f64::INFINITY)),
-        Some(r) => units
-            .range(r, &role, Some(unit), diag)
-            .and_then(|(lo, hi)| {
-                if lo <= hi {
-                    return Some((lo, hi));
-                }
-                diag.error(
-                    r.loc,
-                    format!(
-                        "empty range {0}..={1} for `{name}`\nhelp: did you mean `{1}..={0}`?",
-                        lo / unit.scale,
-                        hi / unit.scale
-                    ),
-                );
-                None
-            }),
-    };
-    // All entries of a list are checked at the first joint; each joint takes its own.
-    let entries = match (&decl.nominal, nth) {
-        (None, _) => Vec::new(),
-        (Some(Nominal::One(e)), _) => vec![e],
-        (Some(Nominal::List(all, loc)), None) => {
-            diag.error(
-                *loc,
-                format!(
-                    "`{name}` is one parameter, but has a list of {} values\nhelp: lists belong to parameters declared `per joint`",
-                    all.len()
-                ),
-            );
-            return None;
-        }
-        (Some(Nominal::List(all, loc)), Some((_, joints))) => {
-            if all.len() != joints.len() {
-                let names: Vec<String> = joints
-                    .iter()
-                    .map(|&j| symbols.joints[j].decl.name.to_string())
-                    .collect();
-                diag.error(
-                    *loc,
-                    format!(
-                        "`{name}` has {} values for {} joints ({})\nhelp: give one value per joint, or a single value for all",
-                        all.len(),
-                        joints.len(),
-                        names.join(", ")
-                    ),
-                );
-                return None;
+    let ranges: Vec<Option<(f64, f64)>> = match &decl.range {
+        None => vec![Some((f64::NEG_INFINITY, f64::INFINITY))],
+        Some(all) => {
+            if let Ranges::List(r, loc) = all {
+                one_per_joint(symbols, decl, (r.len(), "range"), *loc, nth, diag)?;
             }
+            all.iter()
+                .map(|r| range(units, decl, unit, &role, r, diag))
+                .collect()
+        }
+    };
+    let entries: Vec<&Expr> = match &decl.nominal {
+        None => Vec::new(),
+        Some(Nominal::One(e)) => vec![e],
+        Some(Nominal::List(all, loc)) => {
+            one_per_joint(symbols, decl, (all.len(), "value"), *loc, nth, diag)?;
             all.iter().collect()
         }
     };
+    // All entries of a list are checked at the first joint; each joint takes its own.
     let mut values = Vec::new();
-    for e in entries {
-        let x = units
-            .entry(
-                e,
-                Scope::Constant("a nominal value"),
-                &role,
-                Some(unit),
-                diag,
-            )
-            .and_then(|x| finite(constant(&x)?, e, diag));
-        if let (Some(x), Some((lo, hi))) = (x, range)
-            && !(lo..=hi).contains(&x)
+    for e in &entries {
+        let scope = Scope::Constant("a nominal value");
+        let x = units.entry(e, scope, &role, Some(unit), diag);
+        values.push(x.and_then(|x| finite(constant(&x)?, e, diag)));
+    }
+    for k in 0..values.len().max(ranges.len()) {
+        let (at, of) = (
+            k.min(values.len().saturating_sub(1)),
+            k.min(ranges.len() - 1),
+        );
+        if let (Some(Some(x)), Some((lo, hi))) = (values.get(at), ranges[of])
+            && !(lo..=hi).contains(x)
         {
             diag.error(
-                e.loc,
+                entries[at].loc,
                 format!(
-                    "nominal value {} of `{name}` is outside {}",
+                    "nominal value {} of `{}` is outside {}",
                     x / unit.scale,
+                    decl.name,
                     shown(lo / unit.scale, hi / unit.scale)
                 ),
             );
+            break;
         }
-        values.push(x);
     }
-    let (lower, upper) = range?;
-    let nominal = match (values.as_slice(), nth) {
-        ([], _) => without_nominal(decl, lower, upper, diag)?,
-        ([one], _) => (*one)?,
-        (all, Some((n, _))) => all[n]?,
-        _ => return None,
+    let n = nth.map_or(0, |n| n.0);
+    let (lower, upper) = ranges[n.min(ranges.len() - 1)]?;
+    let nominal = match values.len() {
+        0 => without_nominal(decl, lower, upper, diag)?,
+        len => values[n.min(len - 1)]?,
     };
     Some(Value {
         nominal,
         lower,
         upper,
     })
+}
+
+/// Lists belong to `per joint` declarations and have an entry per joint.
+fn one_per_joint(
+    symbols: &Symbols<'_>,
+    decl: &ParamDecl,
+    (found, what): (usize, &str),
+    loc: Loc,
+    nth: Nth<'_>,
+    diag: &mut Diagnostics,
+) -> Option<()> {
+    let name = &decl.name;
+    let plural = if found == 1 { "" } else { "s" };
+    let Some((_, joints)) = nth else {
+        diag.error(
+            loc,
+            format!(
+                "`{name}` is one parameter, but has a list of {found} {what}{plural}\nhelp: lists belong to parameters declared `per joint`"
+            ),
+        );
+        return None;
+    };
+    if found == joints.len() {
+        return Some(());
+    }
+    let names: Vec<String> = joints
+        .iter()
+        .map(|&j| symbols.joints[j].decl.name.to_string())
+        .collect();
+    diag.error(
+        loc,
+        format!(
+            "`{name}` has {found} {what}{plural} for {} joints ({})\nhelp: give one {what} per joint, or a single one for all",
+            joints.len(),
+            names.join(", ")
+        ),
+    );
+    None
+}
+
+/// Ends of a range in SI.
+fn range(
+    units: &Units<'_>,
+    decl: &ParamDecl,
+    unit: &Unit,
+    role: &Role,
+    r: &Range,
+    diag: &mut Diagnostics,
+) -> Option<(f64, f64)> {
+    let (lo, hi) = units.range(r, role, Some(unit), diag)?;
+    if lo <= hi {
+        return Some((lo, hi));
+    }
+    let (lo, hi) = (lo / unit.scale, hi / unit.scale);
+    diag.error(
+        r.loc,
+        format!(
+            "empty range {lo}..={hi} for `{}`\nhelp: did you mean `{hi}..={lo}`?",
+            decl.name
+        ),
+    );
+    None
 }
 
 fn without_nominal(decl: &ParamDecl, lo: f64, hi: f64, diag: &mut Diagnostics) -> Option<f64> {
@@ -214,7 +245,7 @@ pub fn mass(
     params: &[Param],
     link: &str,
     at: &Entry,
-    mass: &Expr,
+    mass: &model::Expr,
     diag: &mut Diagnostics,
 ) {
     let nominal: Vec<f64> = params.iter().map(|p| p.nominal).collect();
@@ -231,20 +262,18 @@ pub fn mass(
         );
         return;
     }
-    if let Expr::Param(k) = mass
-        && let Origin::Declared(ParamDecl { range: Some(r), .. })
-        | Origin::PerJoint {
-            decl: ParamDecl { range: Some(r), .. },
-            ..
-        } = symbols.params[*k].origin
+    if let model::Expr::Param(k) = mass
+        && let Origin::Declared(decl) | Origin::PerJoint { decl, .. } = symbols.params[*k].origin
+        && let Some(ranges) = &decl.range
         && params[*k].lower <= 0.0
     {
         let start = match params[*k].lower.is_finite() {
             true => params[*k].lower.to_string(),
             false => "-inf".to_string(),
         };
+        let at = ranges.iter().next().map_or(at.loc(), |r| r.loc);
         diag.error(
-            r.loc,
+            at,
             format!(
                 "mass of link `{link}` may become 0 or negative: the range of `{}` starts at {start}\nhelp: start it at a small positive value",
                 params[*k].name
@@ -258,13 +287,7 @@ pub fn mass(
 /// A tensor I belongs to a distribution of positive mass exactly if ½ tr(I)·1 − I, taken about the centre of mass, is
 /// positive semidefinite (P. M. Wensing, S. Kim, J.-J. E. Slotine, 2018); for a diagonal tensor these are the triangle
 /// inequalities Ixx + Iyy ≥ Izz and their permutations.
-pub fn inertia(
-    params: &[Param],
-    link: &str,
-    at: crate::diag::Loc,
-    inertial: &Inertial,
-    diag: &mut Diagnostics,
-) {
+pub fn inertia(params: &[Param], link: &str, at: Loc, inertial: &Inertial, diag: &mut Diagnostics) {
     let Inertial::Body {
         mass,
         com,
@@ -275,7 +298,7 @@ pub fn inertia(
         return;
     };
     let nominal: Vec<f64> = params.iter().map(|p| p.nominal).collect();
-    let value = |e: &Expr| at_params(e, &nominal);
+    let value = |e: &model::Expr| at_params(e, &nominal);
     let Some(mut i) = tensor(inertia, &value) else {
         return;
     };
@@ -319,10 +342,10 @@ pub fn inertia(
     }
 }
 
-fn tensor(t: &Tensor, value: &impl Fn(&Expr) -> Option<f64>) -> Option<[[f64; 3]; 3]> {
+fn tensor(t: &Tensor, value: &impl Fn(&model::Expr) -> Option<f64>) -> Option<[[f64; 3]; 3]> {
     let (xx, yy, zz) = (value(&t.xx)?, value(&t.yy)?, value(&t.zz)?);
-    let product = |e: &Expr| match e {
-        Expr::Blank(_) => Some(0.0),
+    let product = |e: &model::Expr| match e {
+        model::Expr::Blank(_) => Some(0.0),
         e => value(e),
     };
     let (xy, xz, yz) = (product(&t.xy)?, product(&t.xz)?, product(&t.yz)?);

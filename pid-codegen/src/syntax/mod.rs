@@ -22,7 +22,7 @@ pub use emit::EmitDecl;
 pub use expr::{Entry, Expr, ExprKind, Op, Range, Vector};
 pub use joint::{Axis, AxisKind, JointDecl, Motion};
 pub use link::{Free, Inertia, LinkDecl};
-pub use params::{InputDecl, Nominal, ParamDecl};
+pub use params::{InputDecl, Nominal, ParamDecl, Ranges};
 pub use unit::UnitExpr;
 
 /// A `robot!` declaration as written.
@@ -138,9 +138,9 @@ fn header(c: &mut Cursor) -> Parsed<(Ast, Option<Cursor>)> {
             vis.extend(c.bump());
         }
         if syn::parse2::<syn::Visibility>(vis.clone()).is_err() {
-            return Err(c.since(start).error(
-                "unknown visibility\nhelp: write `pub`, `pub(crate)` or nothing",
-            ));
+            return Err(c
+                .since(start)
+                .error("unknown visibility\nhelp: write `pub`, `pub(crate)` or nothing"));
         }
     }
     if c.eat_word("robot").is_none() {

@@ -1,6 +1,6 @@
 //! Parameters and inputs: `m1: kg = 6.0 in 0.5..=30.0;`, `input current: A;`.
 
-use proc_macro2::{Delimiter, Ident, Span};
+use proc_macro2::{Delimiter, Group, Ident, Span};
 
 use super::cursor::{Cursor, Parsed};
 use super::expr::{Expr, Range};
@@ -18,8 +18,8 @@ pub struct ParamDecl {
     pub unit: UnitExpr,
     /// Its nominal value or values.
     pub nominal: Option<Nominal>,
-    /// Its range.
-    pub range: Option<Range>,
+    /// Its range or ranges.
+    pub range: Option<Ranges>,
     /// The word `fixed`.
     pub fixed: Option<Span>,
 }
@@ -31,6 +31,25 @@ pub enum Nominal {
     One(Expr),
     /// A value per joint.
     List(Vec<Expr>, Loc),
+}
+
+/// A range.
+#[derive(Debug, Clone)]
+pub enum Ranges {
+    /// One range.
+    One(Range),
+    /// A range per joint.
+    List(Vec<Range>, Loc),
+}
+
+impl Ranges {
+    /// All of them.
+    pub fn iter(&self) -> std::slice::Iter<'_, Range> {
+        match self {
+            Ranges::One(r) => std::slice::from_ref(r).iter(),
+            Ranges::List(all, _) => all.iter(),
+        }
+    }
 }
 
 /// A declared input.
@@ -63,22 +82,20 @@ impl ParamDecl {
         let unit = UnitExpr::parse(c)?;
         let nominal = match c.eat_punct("=") {
             None => None,
-            Some(start) if c.peek_group(Delimiter::Bracket) => {
+            Some(_) if c.peek_group(Delimiter::Bracket) => {
                 let group = c.group(Delimiter::Bracket, "values")?;
                 let values = Cursor::list(&group, Expr::parse)?;
-                let _ = start;
-                Some(Nominal::List(
-                    values,
-                    Loc {
-                        start: group.span_open(),
-                        end: group.span_close(),
-                    },
-                ))
+                Some(Nominal::List(values, whole(&group)))
             }
             Some(_) => Some(Nominal::One(Expr::parse(c)?)),
         };
         let range = match c.eat_word("in") {
-            Some(_) => Some(Range::parse(c)?),
+            Some(_) if c.peek_group(Delimiter::Bracket) => {
+                let group = c.group(Delimiter::Bracket, "ranges")?;
+                let ranges = Cursor::list(&group, Range::parse)?;
+                Some(Ranges::List(ranges, whole(&group)))
+            }
+            Some(_) => Some(Ranges::One(Range::parse(c)?)),
             None => None,
         };
         let fixed = c.eat_word("fixed");
@@ -100,6 +117,13 @@ impl ParamDecl {
             range,
             fixed,
         })
+    }
+}
+
+fn whole(group: &Group) -> Loc {
+    Loc {
+        start: group.span_open(),
+        end: group.span_close(),
     }
 }
 

@@ -47,8 +47,10 @@ impl UnitExpr {
 
 /// Whether a unit may start here: an identifier that is no keyword of the places where numbers stand.
 pub(super) fn starts_unit(c: &Cursor) -> bool {
+    // `name:` is the next item, behind a `;` that was forgotten.
+    let item = matches!(c.peek_second(), Some(TokenTree::Punct(p)) if p.as_char() == ':');
     c.peek_ident()
-        .is_some_and(|i| !["in", "fixed", "rpy", "at", "about"].iter().any(|k| i == k))
+        .is_some_and(|i| !item && !["in", "fixed", "rpy", "at", "about"].iter().any(|k| i == k))
 }
 
 fn parse(c: &mut Cursor, reach: Reach) -> Parsed<UnitExpr> {
