@@ -74,7 +74,9 @@ pub fn try_model(robot: &Robot, names: &Names) -> Result<TokenStream, derive::Er
             clippy::too_many_arguments,
             clippy::unreadable_literal,
             clippy::similar_names,
+            dead_code,
             non_upper_case_globals,
+            unused_parens,
             unused_variables
         )]
         const _: () = {

@@ -86,9 +86,11 @@ fn params(robot: &Robot, names: &Names) -> TokenStream {
     quote! {
         #[doc = #text]
         #[derive(::core::fmt::Debug, ::core::clone::Clone, ::core::marker::Copy, ::core::cmp::PartialEq)]
+        #[allow(dead_code)]
         #vis struct #ty {
             #( #field_docs pub #fields: f64, )*
         }
+        #[allow(dead_code)]
         impl #ty {
             /// The nominal values.
             pub const fn nominal() -> Self {
@@ -139,9 +141,11 @@ fn enumeration(
             ::core::fmt::Debug, ::core::clone::Clone, ::core::marker::Copy, ::core::cmp::PartialEq, ::core::cmp::Eq,
             ::core::hash::Hash, ::core::cmp::PartialOrd, ::core::cmp::Ord
         )]
+        #[allow(dead_code)]
         #vis enum #ty {
             #( #docs #variants, )*
         }
+        #[allow(dead_code)]
         impl #ty {
             /// All of them, in order.
             pub const ALL: [Self; #count] = [#(Self::#variants),*];
@@ -241,9 +245,11 @@ fn inputs(robot: &Robot, names: &Names) -> TokenStream {
     quote! {
         #[doc = #text]
         #[derive(::core::fmt::Debug, ::core::clone::Clone, ::core::marker::Copy, ::core::default::Default, ::core::cmp::PartialEq)]
+        #[allow(dead_code)]
         #vis struct #ty {
             #( #field_docs pub #fields: f64, )*
         }
+        #[allow(dead_code)]
         impl #ty {
             /// The values in the order of the slice face.
             pub const fn as_array(&self) -> [f64; #count] {
