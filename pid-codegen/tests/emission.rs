@@ -1,0 +1,99 @@
+//! What is written: the whole expansion of a tiny robot, and properties of large ones. That emitted code computes the right
+//! numbers is tested where it is compiled, in `pid-models` and `tests`.
+
+mod robots;
+
+use pid_codegen::emit::{self, Names};
+use pid_codegen::model::{Expr, Func, Robot};
+use proc_macro2::{Ident, Span};
+use quote::ToTokens;
+use syn::visit::Visit;
+
+fn names(robot: &Robot) -> Names {
+    let ident = |name: &str| Ident::new(name, Span::call_site());
+    let mut moving: Vec<_> = robot
+        .joints
+        .iter()
+        .filter(|joint| joint.coord.is_some())
+        .collect();
+    moving.sort_by_key(|joint| joint.coord);
+    Names {
+        vis: syn::parse_quote!(pub),
+        robot: ident(&robot.name),
+        params: robot
+            .params
+            .iter()
+            .map(|param| ident(&param.name))
+            .collect(),
+        joints: moving.iter().map(|joint| ident(&joint.name)).collect(),
+        inputs: robot
+            .inputs
+            .iter()
+            .map(|input| ident(&input.name))
+            .collect(),
+    }
+}
+
+fn expansion(robot: &Robot) -> syn::File {
+    let tokens = emit::try_model(robot, &names(robot)).expect("the robot can be derived");
+    syn::parse2(tokens).expect("the expansion is a list of items")
+}
+
+#[test]
+fn the_expansion_of_a_carriage() {
+    insta::assert_snapshot!(prettyplease::unparse(&expansion(&robots::carriage())));
+}
+
+#[test]
+fn the_same_tokens_every_time() {
+    let text = || expansion(&robots::tree()).to_token_stream().to_string();
+    assert_eq!(text(), text());
+}
+
+/// Statements of the longest function.
+#[derive(Default)]
+struct Longest {
+    statements: usize,
+    functions: usize,
+}
+
+impl<'ast> Visit<'ast> for Longest {
+    fn visit_item_fn(&mut self, item: &'ast syn::ItemFn) {
+        self.functions += 1;
+        let operations = item.block.stmts.iter().filter(|stmt| matches!(stmt, syn::Stmt::Local(local) if local.init.as_ref().is_some_and(|init| !matches!(&*init.expr, syn::Expr::Index(index) if index.expr.to_token_stream().to_string() == "w"))));
+        self.statements = self.statements.max(operations.count());
+        syn::visit::visit_item_fn(self, item);
+    }
+}
+
+#[test]
+fn functions_of_large_robots_are_split() {
+    let mut longest = Longest::default();
+    longest.visit_file(&expansion(&robots::arm(6)));
+    assert!(
+        longest.statements <= emit::functions::BLOCK,
+        "{}",
+        longest.statements
+    );
+    assert!(longest.functions > 30, "{}", longest.functions);
+}
+
+#[test]
+fn functions_and_powers_of_a_force_law() {
+    let mut robot = robots::carriage();
+    let v = || Box::new(Expr::Velocity(0));
+    let cube = Expr::Powi(v(), -5);
+    let sign = robots::call(Func::Sign, Expr::Velocity(0));
+    robot.joints[0].force = Some(robots::add(cube, sign));
+    robot.emit.second_derivatives = false;
+    let text = expansion(&robot).to_token_stream().to_string();
+    for expected in [
+        ":: pid_runtime :: __private :: sign (v [0])",
+        ":: pid_runtime :: __private :: dual_sign (v [0])",
+        "DualNum :: powi (& v [0] , - 5i32)",
+        "1.0 / ({ let s = (v [0] * v [0]) ; s * s } * v [0])",
+    ] {
+        assert!(text.contains(expected), "{expected}");
+    }
+    assert!(!text.contains("Hessian for"));
+}
