@@ -6,6 +6,7 @@ pub mod generic;
 pub mod gap;
 pub mod integrate;
 pub mod nlp;
+pub mod report;
 pub mod signal;
 pub mod solver;
 pub mod transcribe;

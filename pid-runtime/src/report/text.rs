@@ -1,0 +1,185 @@
+//! The report for a terminal.
+
+use std::fmt::Write;
+
+use super::html::{number, unit};
+use super::{Bound, Report, Verdict};
+
+/// Width of the text.
+const WIDTH: usize = 100;
+
+pub(super) fn summary(report: &Report) -> String {
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    let _ = write_summary(report, &mut out);
+    out
+}
+
+fn write_summary(r: &Report, out: &mut String) -> std::fmt::Result {
+    let samples: usize = r.data.experiments.iter().map(|e| e.samples).sum();
+    writeln!(out, "{}", r.title)?;
+    writeln!(
+        out,
+        "  model {} ({} joints, {} parameters), data {} ({} experiments, {} samples)",
+        r.model.name,
+        r.model.nq,
+        r.model.np,
+        r.data.name,
+        r.data.experiments.len(),
+        samples
+    )?;
+    let mark = match r.outcome.verdict {
+        Verdict::Good => "ok",
+        Verdict::Fair => "with reservations",
+        Verdict::Bad => "not usable",
+    };
+    writeln!(
+        out,
+        "  {}: {}; J = {}, {} iterations, {:.3} s",
+        mark,
+        r.outcome.status,
+        number(r.outcome.objective),
+        r.outcome.iterations,
+        r.outcome.seconds
+    )?;
+    for check in r.outcome.checks.iter().filter(|c| !c.passed()) {
+        writeln!(
+            out,
+            "  check violated: {} = {} (tolerance {})",
+            check.name,
+            number(check.value),
+            number(check.tolerance)
+        )?;
+    }
+
+    heading(out, "Parameters")?;
+    let width = r
+        .parameters
+        .iter()
+        .map(|p| p.name.chars().count())
+        .max()
+        .unwrap_or(4)
+        .max(4);
+    writeln!(
+        out,
+        "  {:width$}  {:>12}  {:>14}  {:>12}  {:<10} ",
+        "name", "value", "std. dev.", "reference", "unit"
+    )?;
+    for p in &r.parameters {
+        let deviation = match p.deviation {
+            Some(d) => number(d),
+            None if p.fixed => "held".into(),
+            None => "not determined".into(),
+        };
+        let bound = match p.at_bound {
+            Some(Bound::Lower) => "at lower bound",
+            Some(Bound::Upper) => "at upper bound",
+            None => "",
+        };
+        let line = format!(
+            "  {:width$}  {:>12}  {:>14}  {:>12}  {:<10} {}",
+            p.name,
+            number(p.value),
+            deviation,
+            p.reference.map(number).unwrap_or_default(),
+            unit(&p.unit),
+            bound
+        );
+        writeln!(out, "{}", line.trim_end())?;
+    }
+
+    if r.starts.len() > 1 {
+        heading(out, "Starts")?;
+        writeln!(
+            out,
+            "  {:>5}  {:>12}  {:>10}  {:>8}  status",
+            "start", "J", "iterations", "time, s"
+        )?;
+        for s in &r.starts {
+            writeln!(
+                out,
+                "  {:>5}  {:>12}  {:>10}  {:>8.3}  {}",
+                s.index,
+                s.objective.map_or_else(|| "–".into(), number),
+                s.iterations,
+                s.seconds,
+                s.status
+            )?;
+        }
+    }
+
+    if !r.free_run.is_empty() {
+        heading(
+            out,
+            "Free-run error (RMS, simulated from the recorded state with the recorded inputs)",
+        )?;
+        for s in &r.free_run {
+            let names = match s.experiments.as_slice() {
+                [one] => one.clone(),
+                several => format!("{} records", several.len()),
+            };
+            write!(
+                out,
+                "  {:<5} {:<16} {:<10}",
+                s.role.to_string(),
+                names,
+                s.horizon.to_string()
+            )?;
+            for (joint, channel) in s.joints.iter().zip(&r.data.joints) {
+                let q = joint.q.map_or_else(|| "–".into(), |e| number(e.rms));
+                write!(out, "  {} {} {}", joint.joint, q, channel.unit())?;
+            }
+            if s.diverged + s.skipped > 0 {
+                write!(out, "  ({} diverged, {} skipped)", s.diverged, s.skipped)?;
+            }
+            writeln!(out)?;
+        }
+    }
+
+    if !r.missing_force.is_empty() {
+        heading(out, "Missing generalised force")?;
+        for f in &r.missing_force {
+            let bar = "#".repeat((20.0 * f.share.clamp(0.0, 1.0)).round() as usize);
+            writeln!(
+                out,
+                "  {:<12} RMS {:>9} {:<4} {:>5.1} % of the whole force  {bar}",
+                f.joint,
+                number(f.rms),
+                unit(&f.unit),
+                100.0 * f.share
+            )?;
+        }
+    }
+
+    for (name, lines) in [("Findings", &r.findings), ("Notes", &r.notes)] {
+        if !lines.is_empty() {
+            heading(out, name)?;
+            for line in lines {
+                wrap(out, line)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn heading(out: &mut String, text: &str) -> std::fmt::Result {
+    writeln!(out, "\n{text}")
+}
+
+/// A list item broken at words.
+fn wrap(out: &mut String, text: &str) -> std::fmt::Result {
+    let mut line = String::from("  - ");
+    let mut used = 4;
+    for word in text.split_whitespace() {
+        let length = word.chars().count();
+        if used + length > WIDTH && used > 4 {
+            writeln!(out, "{}", line.trim_end())?;
+            line = "    ".into();
+            used = 4;
+        }
+        line.push_str(word);
+        line.push(' ');
+        used += length + 1;
+    }
+    writeln!(out, "{}", line.trim_end())
+}
