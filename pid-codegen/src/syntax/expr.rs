@@ -95,6 +95,15 @@ pub struct Range {
 /// Deepest nesting of an expression; deeper input is refused instead of exhausting the stack.
 const DEPTH: usize = 64;
 
+/// Most terms of a sum and factors of a product; they nest in the resolved expression.
+const LENGTH: usize = 512;
+
+fn too_long(at: Span, what: &str) -> syn::Error {
+    Loc::from(at).error(format!(
+        "{what} of more than {LENGTH} operands\nhelp: split it into several `force` laws, which are added up"
+    ))
+}
+
 impl Expr {
     /// An expression in which numbers may carry units.
     pub(super) fn parse(c: &mut Cursor) -> Parsed<Expr> {
@@ -110,7 +119,7 @@ impl Expr {
 fn sum(c: &mut Cursor, units: bool, depth: usize) -> Parsed<Expr> {
     let start = c.here();
     let mut left = product(c, units, depth)?;
-    loop {
+    for _ in 0..LENGTH {
         // `->` is never an operator of an expression.
         let op = match c.peek() {
             Some(TokenTree::Punct(p)) if p.as_char() == '+' => Op::Add,
@@ -122,6 +131,7 @@ fn sum(c: &mut Cursor, units: bool, depth: usize) -> Parsed<Expr> {
         let right = product(c, units, depth)?;
         left = binary(op, at, left, right, c.since(start));
     }
+    Err(too_long(start, "a sum"))
 }
 
 fn product(c: &mut Cursor, units: bool, depth: usize) -> Parsed<Expr> {
@@ -135,7 +145,7 @@ fn product(c: &mut Cursor, units: bool, depth: usize) -> Parsed<Expr> {
         });
     }
     let mut left = signed(c, units, depth)?;
-    loop {
+    for _ in 0..LENGTH {
         let op = match c.peek() {
             Some(TokenTree::Punct(p)) if p.as_char() == '*' => Op::Mul,
             Some(TokenTree::Punct(p)) if p.as_char() == '/' => Op::Div,
@@ -146,6 +156,7 @@ fn product(c: &mut Cursor, units: bool, depth: usize) -> Parsed<Expr> {
         let right = signed(c, units, depth)?;
         left = binary(op, at, left, right, c.since(start));
     }
+    Err(too_long(start, "a product"))
 }
 
 fn binary(op: Op, at: Span, left: Expr, right: Expr, loc: Loc) -> Expr {
