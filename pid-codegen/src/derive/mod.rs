@@ -7,9 +7,9 @@
 //! - [`vector`]: 3-vectors, rotations, frames; [`inertia`]: rigid-body inertia in the linear parameters;
 //! - [`kinematics`]: the tree of moving bodies, fixed joints merged;
 //! - [`lagrangian`], [`newton_euler`]: two independent derivations of `M a + b`;
-//! - [`equations`]: their comparison, and everything that is read off the residual;
-//! - [`derivatives`]: Jacobian and Hessian with their patterns;
-//! - [`facts`]: what the checker wants proved.
+//! - [`equations`](mod@equations): their comparison, and everything that is read off the residual;
+//! - [`derivatives`](mod@derivatives): Jacobian and Hessian with their patterns;
+//! - [`facts`](mod@facts): what the checker wants proved.
 
 pub mod derivatives;
 pub mod equations;

@@ -50,12 +50,7 @@ pub fn jacobian(
 }
 
 /// The body of the lower triangle of ∂²(λᵀr)/∂z².
-pub fn hessian(
-    g: &Graph,
-    layout: &Layout,
-    _equations: &Equations,
-    derivatives: &Derivatives,
-) -> Body {
+pub fn hessian(g: &Graph, layout: &Layout, derivatives: &Derivatives) -> Body {
     let outputs: Vec<Id> = derivatives
         .hessian
         .iter()
