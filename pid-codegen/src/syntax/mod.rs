@@ -266,9 +266,31 @@ fn attributes(c: &mut Cursor) -> Parsed<(Vec<String>, Vec<TokenStream>)> {
             }
             return Err(inner.expected("the text of a comment"));
         }
-        attrs.push(quote!(# #group));
+        let attr = quote!(# #group);
+        if !is_lint(&attr) {
+            return Err(Loc::from(group.span_open()).error(
+                "only `///` comments and lint levels such as `#[allow(deprecated)]` may stand before a robot",
+            ));
+        }
+        attrs.push(attr);
     }
     Ok((docs, attrs))
+}
+
+/// Whether an attribute sets the level of lints, which are all that a warning understands.
+fn is_lint(attr: &TokenStream) -> bool {
+    use syn::parse::Parser;
+    let parsed = syn::Attribute::parse_outer.parse2(attr.clone());
+    let Ok([one]) = parsed.as_deref() else {
+        return false;
+    };
+    let level = ["allow", "expect", "warn", "deny"]
+        .iter()
+        .any(|l| one.path().is_ident(l));
+    let lints = one.parse_args_with(
+        syn::punctuated::Punctuated::<syn::Path, syn::Token![,]>::parse_terminated,
+    );
+    level && lints.is_ok_and(|l| !l.is_empty())
 }
 
 /// An unknown word where one of `known` is expected.

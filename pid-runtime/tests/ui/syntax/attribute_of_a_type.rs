@@ -1,6 +1,7 @@
 use pid_runtime::robot;
 
 robot! {
+    #[derive(Debug)]
     pub robot Arm {
         gravity: [0, 0, -9.81] m/s^2;
 
@@ -25,9 +26,4 @@ robot! {
     }
 }
 
-fn main() {
-    let p = ArmParams::nominal();
-    let u = ArmInputs { torque_pivot: 0.0 };
-    let a = Arm::forward_dynamics(&[0.0], &[0.0], &u, &p).unwrap();
-    assert_eq!(a, [0.0]);
-}
+fn main() {}
