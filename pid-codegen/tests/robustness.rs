@@ -32,13 +32,26 @@ const ROBOT: &str = r#"
 
 /// What a slip of the pen may put in place of a token.
 const WORDS: &[&str] = &[
-    "q", "v", "a", "pi", "base", "fixed", "in", "params", "link", "joint", "per", "force", "m1", "l1",
-    "j1", "flange", "kg", "m", "rad", "deg", "tanh", "sqrt", "abs", "_", "x", "free", "about", "type",
+    "q", "v", "a", "pi", "base", "fixed", "in", "params", "link", "joint", "per", "force", "m1",
+    "l1", "j1", "flange", "kg", "m", "rad", "deg", "tanh", "sqrt", "abs", "_", "x", "free",
+    "about", "type",
 ];
 const NUMBERS: &[&str] = &[
-    "0", "1", "-1", "1e308", "1e-308", "0.5", "3m", "99999999999", "0x10", "\"text\"", "'c'",
+    "0",
+    "1",
+    "-1",
+    "1e308",
+    "1e-308",
+    "0.5",
+    "3m",
+    "99999999999",
+    "0x10",
+    "\"text\"",
+    "'c'",
 ];
-const PUNCTUATION: &[char] = &[':', ';', ',', '-', '>', '=', '.', '*', '/', '^', '+', '#', '!'];
+const PUNCTUATION: &[char] = &[
+    ':', ';', ',', '-', '>', '=', '.', '*', '/', '^', '+', '#', '!',
+];
 
 #[derive(Debug, Clone)]
 enum Change {
@@ -91,15 +104,14 @@ fn mutate(stream: TokenStream, at: &mut usize, change: &Change) -> TokenStream {
             Change::Delete => {}
             Change::Duplicate => out.extend([t.clone(), t]),
             Change::Word(k) => out.push(Ident::new(WORDS[*k], Span::call_site()).into()),
-            Change::Number(k) => out.push(
-                NUMBERS[*k]
-                    .parse::<Literal>()
-                    .expect("a literal")
-                    .into(),
-            ),
+            Change::Number(k) => {
+                out.push(NUMBERS[*k].parse::<Literal>().expect("a literal").into())
+            }
             Change::Punct(k) => out.push(Punct::new(PUNCTUATION[*k], Spacing::Joint).into()),
             Change::Empty => match t {
-                TokenTree::Group(g) => out.push(Group::new(g.delimiter(), TokenStream::new()).into()),
+                TokenTree::Group(g) => {
+                    out.push(Group::new(g.delimiter(), TokenStream::new()).into())
+                }
                 t => out.push(t),
             },
         }
