@@ -103,7 +103,7 @@ impl Diagnostics {
     }
 
     /// Number of errors so far.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.errors.len()
     }
 

@@ -9,6 +9,7 @@ pub mod physics;
 mod resolve;
 pub mod tree;
 pub mod units;
+pub mod uses;
 pub mod values;
 
 use proc_macro2::{Ident, Span};
@@ -48,14 +49,23 @@ pub struct Places {
 /// Runs all stages; `None` after an error.
 pub fn resolve(ast: &Ast, diag: &mut Diagnostics) -> Option<Resolved> {
     let symbols = names::collect(ast, diag);
-    names::check(ast, &symbols, diag);
+    uses::check(ast, &symbols, diag);
     if !diag.is_ok() {
         return None;
     }
-    let resolved = resolve::robot(ast, &symbols, diag)?;
-    let resolved = tree::check(ast, resolved, diag)?;
-    physics::check(ast, &resolved, diag);
-    diag.is_ok().then_some(resolved)
+    let resolved = resolve::robot(ast, &symbols, diag)
+        .and_then(|resolved| tree::check(ast, resolved, diag))
+        .inspect(|resolved| physics::check(ast, resolved, diag));
+    if resolved.is_none() && diag.is_ok() {
+        diag.error(
+            &ast.name,
+            format!(
+                "robot `{}` was refused without a reason; this is a defect of robot!, please report it with the declaration",
+                ast.name
+            ),
+        );
+    }
+    resolved.filter(|_| diag.is_ok())
 }
 
 /// What the user asked for; everything if nothing was said.

@@ -1,13 +1,10 @@
-//! Names: what is declared, what is generated from it, and whether everything used exists.
+//! Names: what is declared, what is generated from it, and what a name means where it is used.
 
 use proc_macro2::{Ident, Span};
 
-use crate::diag::{Diagnostics, Loc, nearest, one_of};
+use crate::diag::{Diagnostics, nearest, one_of};
 use crate::model::{About, Func};
-use crate::syntax::{
-    Ast, AxisKind, Entry, Expr, ExprKind, InputDecl, JointDecl, LinkDecl, Motion, Nominal,
-    ParamDecl, PerJoint, Range, Vector,
-};
+use crate::syntax::{Ast, InputDecl, JointDecl, LinkDecl, Motion, ParamDecl, PerJoint};
 
 /// Everything declared, ranges and `per joint` blocks expanded.
 #[derive(Debug)]
@@ -257,7 +254,7 @@ fn covered(block: &PerJoint, joints: &[JointSymbol<'_>], diag: &mut Diagnostics)
     out
 }
 
-fn unknown_joint(diag: &mut Diagnostics, ident: &Ident, joints: &[JointSymbol<'_>]) {
+pub(super) fn unknown_joint(diag: &mut Diagnostics, ident: &Ident, joints: &[JointSymbol<'_>]) {
     let names: Vec<String> = joints.iter().map(|j| j.decl.name.to_string()).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let help = match nearest(&ident.to_string(), names.iter().copied()) {
@@ -518,7 +515,7 @@ impl<'a> Symbols<'a> {
     }
 
     /// Names that could have been meant in `scope`.
-    fn candidates(&self, scope: Scope) -> Vec<String> {
+    pub(super) fn candidates(&self, scope: Scope) -> Vec<String> {
         let mut out = Vec::new();
         let joint = match scope {
             Scope::Constant(_) => return out,
@@ -559,274 +556,4 @@ fn declarable(ident: &Ident, diag: &mut Diagnostics) -> bool {
         return false;
     }
     usable(ident, diag)
-}
-
-/// Reports every use of a name that does not exist.
-pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
-    let mut c = Uses { symbols, diag };
-    if let Some(g) = &ast.gravity {
-        c.vector(g, Scope::Geometry("gravity"));
-    } else {
-        c.diag.error(
-            &ast.name,
-            format!(
-                "robot `{}` has no gravity\nhelp: add `gravity: [0, 0, -9.81] m/s^2;`, or `[0, 0, 0] m/s^2` if it has no effect",
-                ast.name
-            ),
-        );
-    }
-    for p in ast
-        .params
-        .iter()
-        .chain(ast.per_joint.iter().flat_map(|b| &b.params))
-    {
-        match &p.nominal {
-            Some(Nominal::One(e)) => c.expr(e, Scope::Constant("a nominal value")),
-            Some(Nominal::List(all, _)) => {
-                for e in all {
-                    c.expr(e, Scope::Constant("a nominal value"));
-                }
-            }
-            None => {}
-        }
-        for r in p.range.iter().flat_map(|r| r.iter()) {
-            c.range(r);
-        }
-    }
-    for l in &ast.links {
-        c.link(l);
-    }
-    for j in &ast.joints {
-        if let Motion::Revolute(axis) | Motion::Prismatic(axis) = &j.motion
-            && let AxisKind::Given(v) = &axis.direction
-        {
-            c.vector(v, Scope::Constant("an axis"));
-        }
-        for v in j.at.iter().chain(&j.rpy) {
-            c.vector(v, Scope::Geometry("the place of a joint"));
-        }
-        if let Some(r) = &j.limits {
-            c.range(r);
-        }
-    }
-    for (block, joints) in &symbols.blocks {
-        if joints.is_empty() && block.joints.is_none() {
-            c.diag.error(
-                block.at,
-                "`per joint` covers no joint: all joints are fixed\nhelp: declare a `revolute` or `prismatic` joint",
-            );
-        }
-        // The law is the same for all joints: one report is enough.
-        for (law, scope) in [
-            (&block.armature, Scope::Drive as fn(usize) -> Scope),
-            (&block.force, Scope::Force as fn(usize) -> Scope),
-        ] {
-            let Some(e) = law else { continue };
-            for &j in joints {
-                let before = c.diag.len();
-                c.expr(e, scope(j));
-                if c.diag.len() > before {
-                    break;
-                }
-            }
-        }
-    }
-    for f in &ast.forces {
-        match symbols.joints.iter().position(|j| j.decl.name == f.joint) {
-            None => unknown_joint(c.diag, &f.joint, &symbols.joints),
-            Some(j) if symbols.joints[j].coord.is_none() => c.diag.error(
-                &f.joint,
-                format!("joint `{}` is fixed: no force can act on it", f.joint),
-            ),
-            Some(j) => c.expr(&f.force, Scope::Force(j)),
-        }
-    }
-}
-
-struct Uses<'a, 'd> {
-    symbols: &'a Symbols<'a>,
-    diag: &'d mut Diagnostics,
-}
-
-impl Uses<'_, '_> {
-    fn link(&mut self, l: &LinkDecl) {
-        let scope = match l.free {
-            Some(_) => Scope::Constant("a nominal value of `inertial: free`"),
-            None => Scope::Geometry("a link"),
-        };
-        let inertia = l
-            .inertia
-            .iter()
-            .flat_map(|i| i.diagonal.iter().chain(i.products.iter().flatten()));
-        for e in l.mass.iter().chain(inertia) {
-            self.entry(e, scope);
-        }
-        if let Some(v) = &l.com {
-            self.vector(v, scope);
-        }
-    }
-
-    fn entry(&mut self, e: &Entry, scope: Scope) {
-        if let Entry::Value(e) = e {
-            self.expr(e, scope);
-        }
-    }
-
-    fn vector(&mut self, v: &Vector, scope: Scope) {
-        for e in &v.entries {
-            self.entry(e, scope);
-        }
-    }
-
-    fn range(&mut self, r: &Range) {
-        for e in r.lo.iter().chain(&r.hi) {
-            self.expr(e, Scope::Constant("a range"));
-        }
-    }
-
-    fn expr(&mut self, e: &Expr, scope: Scope) {
-        match &e.kind {
-            ExprKind::Number(..) => {}
-            ExprKind::Name(name) => {
-                if self.symbols.lookup(name, scope).is_none() {
-                    self.unknown(name, scope);
-                }
-            }
-            ExprKind::Member(what, joint) => self.member(what, joint, scope),
-            ExprKind::Neg(x) | ExprKind::Pow(x, _) => self.expr(x, scope),
-            ExprKind::Binary(_, _, a, b) => {
-                self.expr(a, scope);
-                self.expr(b, scope);
-            }
-            ExprKind::Call(f, args) => {
-                self.call(f, args, e.loc);
-                for a in args {
-                    self.expr(a, scope);
-                }
-            }
-        }
-    }
-
-    fn call(&mut self, f: &Ident, args: &[Expr], loc: Loc) {
-        let name = f.to_string();
-        if !FUNCTIONS.iter().any(|k| k.0 == name) {
-            let names = FUNCTIONS.map(|k| k.0);
-            let help = match (name.as_str(), nearest(&name, names)) {
-                ("min" | "max" | "clamp", _) => {
-                    "it has no derivatives where it switches; use `tanh(..)` for a saturation"
-                        .to_string()
-                }
-                ("pow" | "powi", _) => "write `x^2`".to_string(),
-                ("log", _) => "write `ln(x)`".to_string(),
-                (_, Some(n)) => format!("a function with a similar name exists: `{n}`"),
-                _ => format!(
-                    "the functions are {}",
-                    one_of(&names).replace(" or ", " and ")
-                ),
-            };
-            self.diag
-                .error(f, format!("no function named `{name}`\nhelp: {help}"));
-        } else if args.len() != 1 {
-            self.diag.error(
-                loc,
-                format!("`{name}` takes one argument, found {}", args.len()),
-            );
-        }
-    }
-
-    fn member(&mut self, what: &Ident, joint: &Ident, scope: Scope) {
-        let name = what.to_string();
-        if !matches!(scope, Scope::Force(_)) {
-            return self.unknown(what, scope);
-        }
-        if name == "a" {
-            return self.acceleration(what);
-        }
-        if name != "q" && name != "v" {
-            self.diag.error(
-                what,
-                format!("`{name}.{joint}` means nothing\nhelp: write `q.{joint}` or `v.{joint}`, or a parameter of the joint as `{name}_{joint}`"),
-            );
-            return;
-        }
-        match self.symbols.joints.iter().find(|j| j.decl.name == *joint) {
-            None => unknown_joint(self.diag, joint, &self.symbols.joints),
-            Some(j) if j.coord.is_none() => self.diag.error(
-                joint,
-                format!("joint `{joint}` is fixed: it has no coordinate"),
-            ),
-            Some(_) => {}
-        }
-    }
-
-    fn acceleration(&mut self, at: &Ident) {
-        self.diag.error(
-            at,
-            "forces may use q, v, inputs and parameters, not accelerations\nhelp: for rotor inertia write `armature = …`",
-        );
-    }
-
-    fn unknown(&mut self, name: &Ident, scope: Scope) {
-        let text = name.to_string();
-        if self.symbols.refused.contains(&text) {
-            return;
-        }
-        if let Scope::Constant(what) = scope {
-            self.diag.error(
-                name,
-                format!("{what} must be a number, found the name `{text}`"),
-            );
-            return;
-        }
-        let dynamic = text == "q" || text == "v" || text == "a" || text == "t";
-        if text == "a" && matches!(scope, Scope::Force(_)) {
-            return self.acceleration(name);
-        }
-        if dynamic {
-            let place = match scope {
-                Scope::Geometry(what) => what,
-                Scope::Drive(_) => "the armature",
-                _ => {
-                    self.diag.error(
-                        name,
-                        "forces may use q, v, inputs and parameters, not the time\nhelp: declare an `input` and give its values with the data",
-                    );
-                    return;
-                }
-            };
-            self.diag.error(
-                name,
-                format!("{place} may use parameters only, not `{text}`"),
-            );
-            return;
-        }
-        if let Some(u) = self.symbols.inputs.iter().find(|u| u.decl.name == *name)
-            && !matches!(scope, Scope::Force(_))
-        {
-            self.diag.error(
-                name,
-                format!("input `{}` may be used in `force` only", u.decl.name),
-            );
-            return;
-        }
-        let candidates = self.symbols.candidates(scope);
-        let near = nearest(&text, candidates.iter().map(String::as_str));
-        let per_joint = self.symbols.params.iter().find_map(|p| match p.origin {
-            Origin::PerJoint { decl, .. } if decl.name == *name => Some(p.field.to_string()),
-            _ => None,
-        });
-        let help = match (near, per_joint) {
-            (_, Some(field)) => format!(
-                "\nhelp: `{text}` is declared per joint; here it needs the joint's name: `{field}`"
-            ),
-            (Some(n), _) => format!("\nhelp: a parameter with a similar name exists: `{n}`"),
-            _ => format!("\nhelp: declare it in `params {{ {text}: unit = value in lo..=hi; }}`"),
-        };
-        let kinds = match scope {
-            Scope::Force(_) => "parameter, input or coordinate",
-            _ => "parameter",
-        };
-        self.diag
-            .error(name, format!("no {kinds} named `{text}`{help}"));
-    }
 }

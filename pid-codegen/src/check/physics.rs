@@ -10,9 +10,9 @@ use super::Resolved;
 /// Reports wrong `_`, massless tips, functions without second derivatives, parameters and inputs without effect.
 pub fn check(ast: &Ast, resolved: &Resolved, diag: &mut Diagnostics) {
     let facts = derive::facts(&resolved.robot);
-    let errors = diag.len();
+    let errors = diag.count();
     blanks(resolved, &facts, diag);
-    if diag.len() == errors {
+    if diag.count() == errors {
         // A wrong `_` counts as zero in M and would be reported twice.
         singular_mass(resolved, &facts, diag);
     }

@@ -191,9 +191,9 @@ impl Builder<'_, '_> {
         for (k, l) in self.symbols.links.iter().enumerate() {
             // What is wrong with a range of links is said once.
             let first = l.decl.names.idents.first() == Some(&l.ident);
-            let before = self.diag.len();
+            let before = self.diag.count();
             let given = self.inertial(k, &l.ident.to_string(), l.decl, params);
-            while !first && self.diag.len() > before {
+            while !first && self.diag.count() > before {
                 self.diag.pop();
             }
             let Some(given) = given else { continue };
@@ -261,10 +261,7 @@ impl Builder<'_, '_> {
             None => (Some(Default::default()), About::Com),
             Some(i) => (self.tensor(k, i, &inertia_role), i.about),
         };
-        let Some((mass, com, inertia)) = mass.zip(com).zip(inertia).map(|((m, c), i)| (m, c, i))
-        else {
-            return None;
-        };
+        let (mass, com, inertia) = (mass?, com?, inertia?);
         if decl.mass.is_none() && decl.com.is_none() && decl.inertia.is_none() {
             return Some(Inertial::None);
         }
@@ -509,12 +506,12 @@ impl Builder<'_, '_> {
     ) -> Option<Option<Expr>> {
         let mut sum: Option<Expr> = None;
         for (law, first) in laws {
-            let before = self.diag.len();
+            let before = self.diag.count();
             let e = self.units.law(law, j, what, role, self.diag);
-            let broken = self.diag.len() > before;
+            let broken = self.diag.count() > before;
             // The first joint's report stands for the others; a joint of another kind may be the first to fail.
             if broken && !first && before > 0 {
-                while self.diag.len() > before {
+                while self.diag.count() > before {
                     self.diag.pop();
                 }
             }

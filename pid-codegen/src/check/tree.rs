@@ -11,7 +11,7 @@ pub fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -> Optio
     let names: Vec<String> = robot.links.iter().map(|l| l.name.clone()).collect();
     let find = |name: &proc_macro2::Ident| names.iter().position(|l| name == l);
     let decls: Vec<&JointDecl> = ast.joints.iter().collect();
-    let before = diag.len();
+    let before = diag.count();
 
     // Joints by the link they carry; `None` in `parents` is the base.
     let mut carrier: Vec<Option<usize>> = vec![None; names.len()];
@@ -58,7 +58,7 @@ pub fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -> Optio
             }
         }
     }
-    if diag.len() > before {
+    if diag.count() > before {
         return None;
     }
     find_loops(&resolved, &carrier, &decls, diag);
@@ -83,7 +83,7 @@ pub fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -> Optio
             ),
         );
     }
-    if diag.len() > before {
+    if diag.count() > before {
         return None;
     }
     while robot.order.len() < robot.joints.len() {

@@ -73,7 +73,7 @@ pub(super) fn parse(
     let mut edge = None;
     let mut limits = None;
     let mut seen = Vec::new();
-    let before = diag.len();
+    let before = diag.count();
     super::items(&mut Cursor::inside(&group), diag, |c, _, _| {
         let first = c.ident("`parent -> child` or `limits: …`")?;
         if first == "limits" && c.peek_punct(":") {
@@ -120,7 +120,7 @@ pub(super) fn parse(
         let e = Loc::from(&name).error(format!(
             "joint `{name}` connects no links\nhelp: write `parent -> child;` in its braces"
         ));
-        return Err(if diag.len() > before {
+        return Err(if diag.count() > before {
             diag.pop().unwrap_or(e)
         } else {
             e
