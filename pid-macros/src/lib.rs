@@ -103,7 +103,8 @@ use proc_macro::TokenStream;
 /// ## `per joint { … }`, `per joint j1..=j3, j5 { … }`
 /// Declarations and laws for every moving joint, or for the named ones:
 /// - `input name: unit;`
-/// - `name: unit = nominal in lo..=hi;` a parameter of each joint; `[a, b, …]` gives nominal values joint by joint;
+/// - `name: unit = nominal in lo..=hi;` a parameter of each joint; `= [a, b, …]` gives values and
+///   `in [lo..=hi, …]` ranges joint by joint;
 /// - `armature = expr;` inertia of the rotor as felt at the joint (kg·m², or kg): adds to the diagonal of M only;
 /// - `force = expr;` generalised force on the joint (N·m, or N).
 ///
