@@ -10,7 +10,7 @@
 
 use crate::data::{Dataset, Experiment, InputHold};
 use crate::dynamics::{At, Jacobian};
-use crate::signal::{SignalError, low_pass_channels, noise_level, state_from_data};
+use crate::signal::{SignalError, low_pass_channels, noise_level_without_jumps, state_from_data};
 
 /// Missing force of one experiment; N × nq, row by row.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,11 +32,13 @@ pub struct MissingForceEstimate {
 /// Computes w on one experiment. `cutoff` (Hz) as in [`state_from_data`].
 ///
 /// An input that is held from sample to sample acts between them: at a sample it counts with the mean of the values before and
-/// after. Samples whose input is missing give NaN.
+/// after. Within three periods of the cut-off of either end of the record (but never more than a tenth of it) the filter lacks
+/// neighbours: w, its band and the total are NaN there. Missing inputs are bridged by straight lines.
 ///
-/// The band takes white noise of the levels found by [`noise_level`] on the recorded channels through the filter's gain
+/// The band takes white noise of the levels found by [`noise_level_without_jumps`] on the recorded channels through the filter's gain
 /// |H(f)|² and the differentiation to variances of q, v, a and u, and from there through the exact ∂r/∂(q, v, a, u) to w; the
-/// four are taken as uncorrelated, and motion that is not smooth over five samples counts as noise.
+/// four are taken as uncorrelated, and motion that is not smooth over five samples counts as noise. Inputs that are held
+/// from sample to sample are commands: their jumps are meant, and they are taken as free of noise.
 ///
 /// # Errors
 /// As [`state_from_data`].
@@ -56,7 +58,7 @@ pub fn missing_force(
             error,
         }
     })?;
-    let variances = Variances::of(experiment, state.cutoff);
+    let variances = Variances::of(experiment, dataset.input_hold, state.cutoff);
 
     let pattern = model.jacobian_pattern();
     let mut values = vec![0.0; pattern.nnz()];
@@ -80,8 +82,8 @@ pub fn missing_force(
         };
         model.residual_jacobian(&at, &mut out.w[row.clone()], &mut values);
         model.applied_force(&at, &mut f);
-        for j in 0..nq {
-            out.total[i * nq + j] = f[j] + out.w[i * nq + j];
+        for (k, f) in row.clone().zip(&f) {
+            out.total[k] = f + out.w[k];
         }
         let band = &mut out.band[row];
         for ((r, c), d) in pattern.rows.iter().zip(pattern.cols).zip(&values) {
@@ -95,10 +97,15 @@ pub fn missing_force(
             *b = 2.0 * b.sqrt();
         }
     }
+    let edge = ((3.0 / (state.cutoff * experiment.sample_time())).ceil() as usize).min(n / 10);
+    for x in [&mut out.w, &mut out.band, &mut out.total] {
+        x[..edge * nq].fill(f64::NAN);
+        x[(n - edge) * nq..].fill(f64::NAN);
+    }
     Ok(out)
 }
 
-/// Inputs as they act around each sample; missing ones are bridged only within the filter and marked again after it.
+/// Inputs as they act around each sample.
 fn acting_inputs(experiment: &Experiment, hold: InputHold) -> Vec<f64> {
     let (n, nq) = (experiment.len(), experiment.nq);
     let mut u = experiment.u.clone();
@@ -119,7 +126,7 @@ fn acting_inputs(experiment: &Experiment, hold: InputHold) -> Vec<f64> {
 struct Variances([Vec<f64>; 4]);
 
 impl Variances {
-    fn of(experiment: &Experiment, cutoff: f64) -> Self {
+    fn of(experiment: &Experiment, hold: InputHold, cutoff: f64) -> Self {
         let nq = experiment.nq;
         let rate = 1.0 / experiment.sample_time();
         let level = |x: &[f64], j: usize| {
@@ -130,7 +137,7 @@ impl Variances {
                 .copied()
                 .filter(|x| x.is_finite())
                 .collect();
-            let sigma = noise_level(&known);
+            let sigma = noise_level_without_jumps(&known);
             if sigma.is_finite() {
                 Some(sigma * sigma)
             } else {
@@ -138,22 +145,21 @@ impl Variances {
             }
         };
         let gains: [f64; 3] = std::array::from_fn(|k| gain(k as i32, cutoff, rate));
-        let mut out = [vec![0.0; nq], vec![0.0; nq], vec![0.0; nq], vec![0.0; nq]];
+        let mut out: [Vec<f64>; 4] = std::array::from_fn(|_| Vec::with_capacity(nq));
         for j in 0..nq {
             let q = level(&experiment.q, j).unwrap_or(0.0);
-            let u = level(&experiment.u, j).unwrap_or(0.0);
-            out[0][j] = q * gains[0];
-            match experiment.v.as_ref().and_then(|v| level(v, j)) {
-                Some(v) => {
-                    out[1][j] = v * gains[0];
-                    out[2][j] = v * gains[1];
-                }
-                None => {
-                    out[1][j] = q * gains[1];
-                    out[2][j] = q * gains[2];
-                }
+            let u = match hold {
+                InputHold::Linear => level(&experiment.u, j).unwrap_or(0.0),
+                InputHold::ZeroOrder => 0.0,
+            };
+            let (velocity, acceleration) = match experiment.v.as_ref().and_then(|v| level(v, j)) {
+                Some(v) => (v * gains[0], v * gains[1]),
+                None => (q * gains[1], q * gains[2]),
+            };
+            let variances = [q * gains[0], velocity, acceleration, u * gains[0]];
+            for (channel, variance) in out.iter_mut().zip(variances) {
+                channel.push(variance);
             }
-            out[3][j] = u * gains[0];
         }
         Variances(out)
     }

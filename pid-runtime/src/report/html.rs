@@ -51,8 +51,17 @@ pub(super) fn page(report: &Report) -> String {
     .into_string()
 }
 
-/// Six significant digits at most, without trailing zeros.
+/// Five significant digits, without trailing zeros.
 pub(super) fn number(v: f64) -> String {
+    digits(v, 5)
+}
+
+/// Three significant digits, for errors and shares.
+pub(super) fn short(v: f64) -> String {
+    digits(v, 3)
+}
+
+fn digits(v: f64, significant: i32) -> String {
     if v == 0.0 {
         return "0".into();
     }
@@ -61,15 +70,15 @@ pub(super) fn number(v: f64) -> String {
     }
     let magnitude = v.abs().log10().floor();
     let text = if (-4.0..6.0).contains(&magnitude) {
-        let digits = (4.0 - magnitude).clamp(0.0, 9.0) as usize;
-        let text = format!("{v:.digits$}");
+        let decimals = (significant - 1 - magnitude as i32).clamp(0, 9) as usize;
+        let text = format!("{v:.decimals$}");
         if text.contains('.') {
             text.trim_end_matches('0').trim_end_matches('.').to_owned()
         } else {
             text
         }
     } else {
-        format!("{v:.3e}")
+        format!("{v:.*e}", (significant - 1).min(3) as usize)
     };
     text.replace('-', "\u{2212}")
 }
@@ -103,7 +112,7 @@ fn tiles(report: &Report) -> Markup {
             }
             div.tile {
                 div.name { "Objective" }
-                div.value { (number(report.outcome.objective)) }
+                div.value { (report.outcome.objective.map_or_else(|| "–".into(), number)) }
                 div.more { (report.outcome.iterations) " iterations, " (number(round3(report.outcome.seconds))) " s" }
             }
             div.tile {
@@ -271,11 +280,10 @@ fn free_run(report: &Report) -> Markup {
 fn score(report: &Report, s: &FreeRunScore) -> Markup {
     let names = match s.experiments.as_slice() {
         [one] => one.clone(),
-        several => format!("all {} of role {}", several.len(), s.role),
+        several => format!("{} records", several.len()),
     };
-    let lost = s.diverged + s.skipped;
     let cell = |e: Option<ChannelError>, f: fn(&ChannelError) -> f64| {
-        e.map_or_else(|| "–".to_owned(), |e| number(f(&e)))
+        e.map_or_else(|| "–".to_owned(), |e| short(f(&e)))
     };
     html! {
         @for (k, joint) in s.joints.iter().enumerate() {
@@ -299,7 +307,6 @@ fn score(report: &Report, s: &FreeRunScore) -> Markup {
                         (s.windows)
                         @if s.diverged > 0 { " " span.badge.bad { (s.diverged) " diverged" } }
                         @if s.skipped > 0 { " " span.badge.fair { (s.skipped) " skipped" } }
-                        @if lost == 0 { "" }
                     }
                     td.num rowspan=(s.joints.len()) { (s.objective.map_or_else(|| "–".into(), number)) }
                 }
@@ -322,11 +329,11 @@ fn missing_force(report: &Report) -> Markup {
                     thead { tr { th { "Joint" } th.num { "RMS of w" } th.num { "RMS of the whole force" } th { "Unit" } th { "Share" } th.num { "RMS that noise explains" } } }
                     tbody { @for f in &report.missing_force { tr {
                         td.name { (f.joint) }
-                        td.num { (number(f.rms)) }
-                        td.num { (number(f.total_rms)) }
+                        td.num { (short(f.rms)) }
+                        td.num { (short(f.total_rms)) }
                         td.unit { (unit(&f.unit)) }
                         td { span.bar { b style=(format!("width:{:.1}%", 100.0 * f.share.clamp(0.0, 1.0))) {} } " " (percent(f.share)) }
-                        td.num { (f.band_rms.map_or_else(|| "–".into(), |b| number(0.5 * b))) }
+                        td.num { (f.band_rms.map_or_else(|| "–".into(), |b| short(0.5 * b))) }
                     } } }
                 } }
                 @for f in &report.missing_force { (force(f)) }

@@ -172,8 +172,8 @@ pub struct OutcomeSection {
     pub status: String,
     /// Iterations of the best start.
     pub iterations: usize,
-    /// Its objective.
-    pub objective: f64,
+    /// Its objective; `None` if nothing was minimised.
+    pub objective: Option<f64>,
     /// Time of the whole identification, s.
     pub seconds: f64,
     /// Re-computed from the problem itself, not from the solver's claims.

@@ -89,15 +89,16 @@ pub(super) fn force_over_time(axes: &Axes<'_>, w: &Trace, band: Option<&Trace>) 
     let mut x = Range::default();
     let mut y = Range::default();
     x.cover(w.x.iter().copied());
-    y.cover(w.y.iter().flatten().copied());
+    y.cover_most(w.y.iter().flatten().copied());
     y.cover([0.0]);
     draw(axes, x.span(0.0), y.span(0.06), &|chart| {
         if let Some(band) = band {
+            let top = chart.y_range().end.min(-chart.y_range().start);
             let upper: Vec<(f64, f64)> = band
                 .x
                 .iter()
                 .zip(&band.y)
-                .filter_map(|(x, b)| b.map(|b| (*x, b)))
+                .filter_map(|(x, b)| b.map(|b| (*x, b.min(top))))
                 .collect();
             let mut outline = upper.clone();
             outline.extend(upper.iter().rev().map(|(x, b)| (*x, -b)));
@@ -120,14 +121,15 @@ pub(super) fn scatter(
 ) -> String {
     let mut x = Range::default();
     let mut y = Range::default();
-    x.cover(samples.iter().map(|s| s[axis]));
-    y.cover(samples.iter().map(|s| s[2]));
+    x.cover_most(samples.iter().map(|s| s[axis]));
+    y.cover_most(samples.iter().map(|s| s[2]));
     y.cover([0.0]);
-    draw(axes, x.span(0.03), y.span(0.06), &|chart| {
+    let (x, y) = (x.span(0.03), y.span(0.06));
+    draw(axes, x.clone(), y.clone(), &|chart| {
         for (ink, forward) in [(FORWARD, true), (BACKWARD, false)] {
             let dots = samples
                 .iter()
-                .filter(|s| (s[1] > 0.0) == forward)
+                .filter(|s| (s[1] > 0.0) == forward && x.contains(&s[axis]) && y.contains(&s[2]))
                 .map(|s| Circle::new((s[axis], s[2]), S * 3 / 2, ink.stand_in.mix(0.3).filled()));
             chart.draw_series(dots).map_err(drop)?;
         }
@@ -137,7 +139,8 @@ pub(super) fn scatter(
         ] {
             let own: Vec<&ForceBin> = bins.iter().filter(|b| b.direction == direction).collect();
             for b in &own {
-                let bar = [(b.at, b.mean - b.spread), (b.at, b.mean + b.spread)];
+                let inside = |w: f64| (b.at, w.clamp(y.start, y.end));
+                let bar = [inside(b.mean - b.spread), inside(b.mean + b.spread)];
                 chart
                     .draw_series(LineSeries::new(bar, ink.stand_in.stroke_width(width(1.2))))
                     .map_err(drop)?;
@@ -213,7 +216,7 @@ fn frame(
         .margin_right(14 * S)
         .margin_left(2 * S)
         .margin_bottom(2 * S)
-        .x_label_area_size(36 * S)
+        .x_label_area_size(32 * S)
         .y_label_area_size(60 * S)
         .build_cartesian_2d(x, y.clone())
         .map_err(drop)?;
@@ -318,6 +321,19 @@ impl Range {
             self.low = self.low.min(v);
             self.high = self.high.max(v);
         }
+    }
+
+    /// All but the outermost half percent on either side, with half as much room again: single spikes must not flatten the rest.
+    fn cover_most(&mut self, values: impl IntoIterator<Item = f64>) {
+        let mut sorted: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
+        sorted.sort_by(f64::total_cmp);
+        let (Some(&least), Some(&most)) = (sorted.first(), sorted.last()) else {
+            return;
+        };
+        let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share).round() as usize];
+        let (low, high) = (at(0.005), at(0.995));
+        let room = 0.5 * (high - low);
+        self.cover([least.max(low - room), most.min(high + room)]);
     }
 
     /// Limited to another range, widened by a share of it.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::html::{number, unit};
+use super::html::{number, short, unit};
 use super::{Bound, Report, Verdict};
 
 /// Width of the text.
@@ -20,12 +20,12 @@ fn write_summary(r: &Report, out: &mut String) -> std::fmt::Result {
     writeln!(out, "{}", r.title)?;
     writeln!(
         out,
-        "  model {} ({} joints, {} parameters), data {} ({} experiments, {} samples)",
+        "  model {} ({}, {} parameters), data {} ({}, {} samples)",
         r.model.name,
-        r.model.nq,
+        count(r.model.nq, "joint"),
         r.model.np,
         r.data.name,
-        r.data.experiments.len(),
+        count(r.data.experiments.len(), "experiment"),
         samples
     )?;
     let mark = match r.outcome.verdict {
@@ -35,11 +35,14 @@ fn write_summary(r: &Report, out: &mut String) -> std::fmt::Result {
     };
     writeln!(
         out,
-        "  {}: {}; J = {}, {} iterations, {:.3} s",
+        "  {}: {}{}, {:.3} s",
         mark,
         r.outcome.status,
-        number(r.outcome.objective),
-        r.outcome.iterations,
+        r.outcome.objective.map_or_else(String::new, |j| format!(
+            "; J = {}, {} iterations",
+            number(j),
+            r.outcome.iterations
+        )),
         r.outcome.seconds
     )?;
     for check in r.outcome.checks.iter().filter(|c| !c.passed()) {
@@ -126,7 +129,7 @@ fn write_summary(r: &Report, out: &mut String) -> std::fmt::Result {
                 s.horizon.to_string()
             )?;
             for (joint, channel) in s.joints.iter().zip(&r.data.joints) {
-                let q = joint.q.map_or_else(|| "–".into(), |e| number(e.rms));
+                let q = joint.q.map_or_else(|| "–".into(), |e| short(e.rms));
                 write!(out, "  {} {} {}", joint.joint, q, channel.unit())?;
             }
             if s.diverged + s.skipped > 0 {
@@ -144,7 +147,7 @@ fn write_summary(r: &Report, out: &mut String) -> std::fmt::Result {
                 out,
                 "  {:<12} RMS {:>9} {:<4} {:>5.1} % of the whole force  {bar}",
                 f.joint,
-                number(f.rms),
+                short(f.rms),
                 unit(&f.unit),
                 100.0 * f.share
             )?;
@@ -160,6 +163,10 @@ fn write_summary(r: &Report, out: &mut String) -> std::fmt::Result {
         }
     }
     Ok(())
+}
+
+fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 fn heading(out: &mut String, text: &str) -> std::fmt::Result {
@@ -182,4 +189,21 @@ fn wrap(out: &mut String, text: &str) -> std::fmt::Result {
         used += length + 1;
     }
     writeln!(out, "{}", line.trim_end())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_findings_are_broken_at_words() {
+        let mut out = String::new();
+        wrap(&mut out, &"friction depends on direction ".repeat(9)).unwrap();
+        let lines: Vec<&str> = out.lines().collect();
+        assert_eq!(lines.len(), 3);
+        assert!(lines[0].starts_with("  - friction") && lines[1].starts_with("    "));
+        assert!(lines.iter().all(|l| l.chars().count() <= WIDTH));
+        let words: Vec<&str> = out.split_whitespace().skip(1).collect();
+        assert_eq!(words.len(), 36, "no word is lost");
+    }
 }

@@ -11,7 +11,7 @@ mod state;
 
 pub use butterworth::{Biquad, Butterworth, FilterError};
 pub use derivative::central_differences;
-pub use noise::{choose_cutoff, noise_level};
+pub use noise::{choose_cutoff, noise_level, noise_level_without_jumps};
 pub use resample::{Interpolation, decimate, fill_missing, resample, uniform_times};
 pub use state::{SignalError, StateEstimate, low_pass_channels, state_from_data};
 

@@ -9,18 +9,34 @@ use super::Butterworth;
 /// ```
 ///
 /// Motion that is smooth over five samples drops out; motion that is not is taken for noise, so the figure is an upper
-/// bound for slowly sampled records. Coloured noise and quantisation at rest are underestimated. NaN with fewer than
-/// five samples.
+/// bound for slowly sampled records. Coloured noise is underestimated. NaN with fewer than five samples.
 pub fn noise_level(x: &[f64]) -> f64 {
-    if x.len() < 5 {
-        return f64::NAN;
-    }
-    let n = x.len() - 4;
-    let sum: f64 = x
-        .windows(5)
+    (mean(&fourth_differences(x)) / 70.0).sqrt()
+}
+
+/// As [`noise_level`], but single jumps (an input that switches, a stop) do not count: the largest tenth of the squared
+/// differences is left out, and the rest divided by 0.623, the share of the variance that normal noise keeps then.
+/// Where all but a tenth of the differences vanish, as in a quantised channel at rest, all count.
+pub fn noise_level_without_jumps(x: &[f64]) -> f64 {
+    let mut differences = fourth_differences(x);
+    let all = mean(&differences);
+    let kept = (9 * differences.len()).div_ceil(10);
+    differences.sort_by(f64::total_cmp);
+    let most = mean(&differences[..kept]);
+    let variance = if most > 1e-6 * all { most / 0.623 } else { all };
+    (variance / 70.0).sqrt()
+}
+
+/// (Δ⁴ x_i)².
+fn fourth_differences(x: &[f64]) -> Vec<f64> {
+    x.windows(5)
         .map(|w| (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).powi(2))
-        .sum();
-    (sum / (70.0 * n as f64)).sqrt()
+        .collect()
+}
+
+/// NaN of nothing.
+fn mean(x: &[f64]) -> f64 {
+    x.iter().sum::<f64>() / x.len() as f64
 }
 
 /// Lowest share of the sampling rate that is tried as a cut-off.
@@ -93,6 +109,21 @@ mod tests {
             assert!((found / sigma - 1.0).abs() < 0.05, "{found} for {sigma}");
         }
         assert!(noise_level(&[1.0, 2.0]).is_nan());
+    }
+
+    #[test]
+    fn jumps_are_not_noise_and_quantisation_is_not_silence() {
+        let n = 2000;
+        let x: Vec<f64> = noise(n)
+            .iter()
+            .enumerate()
+            .map(|(i, e)| 1e-3 * e + if (i / 100) % 2 == 0 { 1.0 } else { 0.0 })
+            .collect();
+        let found = noise_level_without_jumps(&x);
+        assert!((found / 1e-3 - 1.0).abs() < 0.1, "{found}");
+        // One step of 0.1 every 50 samples: most differences vanish.
+        let x: Vec<f64> = (0..n).map(|i| 0.125 * (i / 50) as f64).collect();
+        assert!(noise_level_without_jumps(&x) > 1e-3);
     }
 
     #[test]

@@ -84,7 +84,7 @@ pub fn low_pass_channels(
 /// 1. Missing samples are filled by straight lines (and counted).
 /// 2. All channels pass the same zero-phase low-pass of order 4, so that nothing is shifted against anything else.
 ///    `cutoff` is in Hz; `None` takes the highest of the cut-offs that [`choose_cutoff`] finds for the position
-///    channels, so that no joint's motion is cut.
+///    and velocity channels, so that no joint's motion is cut.
 /// 3. v is the filtered velocity channel where there is one, otherwise the central difference of the filtered q.
 /// 4. a is the central difference of v.
 ///
@@ -121,8 +121,14 @@ pub fn state_from_data(
     let grid = Grid::new(t);
     let rate = 1.0 / grid.step;
     let cutoff = cutoff.unwrap_or_else(|| {
-        q.iter()
-            .map(|c| choose_cutoff(&grid.to_uniform(t, c), rate))
+        // Velocities hold the faster part of the motion.
+        let velocities = (0..nq).filter_map(|j| {
+            let mut c = column(experiment.v.as_ref()?, nq, j);
+            (fill_missing(t, &mut c) < n).then_some(c)
+        });
+        let channels = q.iter().cloned().chain(velocities);
+        channels
+            .map(|c| choose_cutoff(&grid.to_uniform(t, &c), rate))
             .fold(0.0, f64::max)
     });
     let filter =

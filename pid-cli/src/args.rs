@@ -1,0 +1,186 @@
+//! What can be asked on the command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use pid_runtime::data::Horizon;
+
+/// Identify the parameters of a robot from its records, and see where model and robot differ.
+///
+/// Without arguments, the two-link robot is identified from embedded records of a robot that has one effect more than its
+/// model, and the report is written to `pid-report`.
+#[derive(Debug, Parser)]
+#[command(name = "pid", version, args_conflicts_with_subcommands = true)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Option<Command>,
+    #[command(flatten)]
+    pub(crate) identify: IdentifyArgs,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Identify a model on a data folder and write fit.json and report.html.
+    Identify(IdentifyArgs),
+    /// Compare a model with given parameters with a data folder; nothing is identified.
+    Simulate(SimulateArgs),
+    /// List the models.
+    Models,
+    /// Make the embedded demonstration data anew.
+    DemoData(DemoArgs),
+}
+
+/// Model, data and place of the results.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct Source {
+    /// Model, as `pid models` lists them.
+    #[arg(requires = "folder")]
+    pub(crate) model: Option<String>,
+    /// Folder with dataset.toml and CSV files (docs/data-format.md).
+    pub(crate) folder: Option<PathBuf>,
+    /// Folder for the results; made if needed.
+    #[arg(long, short, value_name = "FOLDER", default_value = "pid-report")]
+    pub(crate) out: PathBuf,
+}
+
+/// Arguments of `pid identify`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct IdentifyArgs {
+    #[command(flatten)]
+    pub(crate) source: Source,
+    /// How the parameters are estimated.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) method: MethodArg,
+    /// One-step scheme of the discretization.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) scheme: SchemeArg,
+    /// Second derivatives of the Lagrangian.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) hessian: HessianArg,
+    /// How far a simulation runs before it is restarted: `record`, a time (`1s`) or a number of samples.
+    #[arg(long, default_value = "record", value_name = "HORIZON")]
+    pub(crate) horizon: Horizon,
+    /// Number of starts; the first is the given or nominal one, the others are drawn around it.
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) starts: u32,
+    /// Seed of the drawn starts.
+    #[arg(long, default_value_t = 0, value_name = "S")]
+    pub(crate) seed: u64,
+    /// Most iterations per start.
+    #[arg(long, default_value_t = 500, value_name = "N")]
+    pub(crate) max_iter: usize,
+    /// Tolerance of the first-order conditions.
+    #[arg(long, default_value_t = 1e-8, value_name = "TOL", value_parser = positive)]
+    pub(crate) tol: f64,
+    /// Parameters to start from: a fit.json, or a TOML file of lines `name = value`.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) start: Option<PathBuf>,
+    /// Print the iterations.
+    #[arg(long, short)]
+    pub(crate) verbose: bool,
+}
+
+/// Arguments of `pid simulate`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct SimulateArgs {
+    #[command(flatten)]
+    pub(crate) source: Source,
+    /// Parameters: a fit.json, or a TOML file of lines `name = value`; nominal ones if absent.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) parameters: Option<PathBuf>,
+}
+
+/// Arguments of `pid demo-data`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct DemoArgs {
+    /// Folder for the data; made if needed.
+    #[arg(long, short, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
+}
+
+/// How the parameters are estimated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum MethodArg {
+    /// States and parameters together, the equations of motion as constraints.
+    #[default]
+    FullDiscretization,
+    /// Least squares on the equations of motion with states estimated from the data.
+    EquationError,
+}
+
+/// One-step scheme.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum SchemeArg {
+    /// Explicit Euler: first order, the scheme of the source.
+    Euler,
+    /// Trapezoidal rule: second order.
+    #[default]
+    Trapezoidal,
+    /// Implicit midpoint rule: second order.
+    Midpoint,
+}
+
+/// Second derivatives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum HessianArg {
+    /// Exact.
+    #[default]
+    Exact,
+    /// Without the second derivatives of the equations of motion.
+    GaussNewton,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
+        _ => Err(format!("`{text}` is not a number above zero, such as 1e-8")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_definition_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn no_arguments_mean_identification_of_the_embedded_data() {
+        let cli = Cli::try_parse_from(["pid"]).unwrap();
+        assert!(cli.command.is_none());
+        assert!(cli.identify.source.model.is_none() && cli.identify.source.folder.is_none());
+        assert_eq!(cli.identify.horizon, Horizon::Record);
+    }
+
+    #[test]
+    fn options_are_read_and_refused() {
+        let read = |a: &str| Cli::try_parse_from(a.split(' '));
+        let cli = read("pid identify emps data --method equation-error --scheme euler --hessian gauss-newton --horizon 1s --starts 20 --tol 1e-6").unwrap();
+        let Some(Command::Identify(a)) = cli.command else {
+            panic!("{cli:?}")
+        };
+        assert_eq!(
+            (a.method, a.scheme),
+            (MethodArg::EquationError, SchemeArg::Euler)
+        );
+        assert_eq!(
+            (a.hessian, a.horizon),
+            (HessianArg::GaussNewton, Horizon::Seconds(1.0))
+        );
+        assert_eq!((a.starts, a.tol), (20, 1e-6));
+        for bad in [
+            "identify emps",
+            "identify emps d --horizon soon",
+            "--starts 0",
+            "--tol -1",
+            "identify emps d --scheme rk4",
+        ] {
+            assert!(read(&format!("pid {bad}")).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! From identified (or given) parameters to the report: free runs, missing forces, tables, words.
+
+use pid_models::Entry;
+use pid_runtime::data::{Dataset, Horizon, Role};
+use pid_runtime::gap::force::missing_force;
+use pid_runtime::gap::metrics::{FreeRunSettings, free_run, free_run_table};
+use pid_runtime::report::{
+    Bound, CheckRow, DataSection, ForceRecord, ModelSection, OutcomeSection, ParameterRow, Report,
+    SCHEMA_VERSION, Setting, StartRow, TraceBudget, Verdict, missing_force as condense, motion,
+};
+use pid_runtime::solver::Iteration;
+
+use crate::error::CliError;
+use crate::findings::findings;
+use crate::progress::Progress;
+
+/// Parameters and how they were come by.
+pub(crate) struct Fit {
+    /// Headline of the report.
+    pub(crate) title: String,
+    /// Where the parameters started.
+    pub(crate) start: Vec<f64>,
+    /// Their values.
+    pub(crate) values: Vec<f64>,
+    /// Standard deviations; `None` for parameters that are not determined one by one.
+    pub(crate) deviations: Vec<Option<f64>>,
+    /// Bounds of the identification, `-inf` and `inf` for none.
+    pub(crate) lower: Vec<f64>,
+    /// See `lower`.
+    pub(crate) upper: Vec<f64>,
+    /// Parameters that were held.
+    pub(crate) fixed: Vec<bool>,
+    /// Whether the result can be used.
+    pub(crate) verdict: Verdict,
+    /// The status in words.
+    pub(crate) status: String,
+    /// Objective, if something was minimised.
+    pub(crate) objective: Option<f64>,
+    /// Time, s.
+    pub(crate) seconds: f64,
+    /// Independent check of the point.
+    pub(crate) checks: Vec<CheckRow>,
+    /// Log of the best start.
+    pub(crate) log: Vec<Iteration>,
+    /// All starts.
+    pub(crate) starts: Vec<StartRow>,
+    /// Settings as name and value.
+    pub(crate) settings: Vec<Setting>,
+    /// Remarks.
+    pub(crate) notes: Vec<String>,
+}
+
+/// Horizons at which free runs are judged: short, one second, the whole record.
+const HORIZONS: [Horizon; 3] = [
+    Horizon::Seconds(0.1),
+    Horizon::Seconds(1.0),
+    Horizon::Record,
+];
+/// Horizon of the motion that is drawn.
+const DRAWN: Horizon = Horizon::Seconds(1.0);
+
+/// Judges the parameters on all records and puts everything into a report.
+pub(crate) fn assemble(
+    entry: &Entry,
+    dataset: &Dataset,
+    fit: Fit,
+    progress: &Progress,
+) -> Result<Report, CliError> {
+    let model = entry.model;
+    let p = &fit.values;
+    let mut scores = Vec::new();
+    for horizon in HORIZONS {
+        progress.step(format!("free run, horizon {horizon}"));
+        let table = free_run_table(model, p, dataset, &FreeRunSettings::new(horizon))?;
+        scores.extend(table.roles);
+    }
+
+    let nq = dataset.nq();
+    let budget = TraceBudget::shared_by(dataset.experiments.len() * nq * 5);
+    let mut motions = Vec::new();
+    let mut forces = Vec::new();
+    let mut notes = fit.notes;
+    // Unseen motions first: they are what a model is for.
+    let mut order: Vec<usize> = (0..dataset.experiments.len()).collect();
+    order.sort_by_key(|i| dataset.experiments[*i].role != Role::Test);
+    for experiment in order.iter().map(|i| &dataset.experiments[*i]) {
+        progress.step(format!("motion and missing force of {}", experiment.name));
+        let run = free_run(model, p, dataset, experiment, &FreeRunSettings::new(DRAWN))?;
+        if let Some((window, error)) = run.diverged.first() {
+            notes.push(format!(
+                "{}: {} of its windows could not be simulated to their end; the first one, from {:.3} s: {error}",
+                experiment.name,
+                run.diverged.len(),
+                experiment.t[window.start]
+            ));
+        }
+        let how = format!("restarted every {DRAWN}");
+        motions.push(motion(dataset, experiment, &run, &how, budget));
+        forces.push((
+            experiment,
+            missing_force(model, p, dataset, experiment, None)?,
+        ));
+    }
+    let records: Vec<ForceRecord<'_>> = forces
+        .iter()
+        .map(|(e, f)| ForceRecord {
+            experiment: &e.name,
+            role: e.role,
+            t: &e.t,
+            q: &f.q,
+            v: &f.v,
+            w: &f.w,
+            band: Some(&f.band),
+            total: &f.total,
+        })
+        .collect();
+    let missing = condense(dataset, &records, budget);
+    notes.push(format!(
+        "The missing force is read off the records: states filtered without phase shift at {}, w = M a + b − f_L. Its band is two standard deviations of what noise of the measured channels puts into it.",
+        forces
+            .iter()
+            .map(|(e, f)| format!("{:.1} Hz ({})", f.cutoff, e.name))
+            .collect::<Vec<_>>()
+            .join(", ")
+    ));
+
+    let parameters: Vec<ParameterRow> = model
+        .params()
+        .iter()
+        .enumerate()
+        .map(|(i, info)| {
+            let (value, lower, upper) = (fit.values[i], fit.lower[i], fit.upper[i]);
+            let room = 1e-6
+                * if (upper - lower).is_finite() {
+                    upper - lower
+                } else {
+                    value.abs()
+                };
+            let at_bound = if fit.fixed[i] {
+                None
+            } else if value - lower <= room {
+                Some(Bound::Lower)
+            } else if upper - value <= room {
+                Some(Bound::Upper)
+            } else {
+                None
+            };
+            ParameterRow {
+                name: info.name.to_string(),
+                unit: info.unit.to_string(),
+                doc: info.doc.to_string(),
+                start: fit.start[i],
+                value,
+                deviation: fit.deviations[i].filter(|d| d.is_finite()),
+                lower: lower.is_finite().then_some(lower),
+                upper: upper.is_finite().then_some(upper),
+                at_bound,
+                fixed: fit.fixed[i],
+                reference: Some(info.nominal),
+            }
+        })
+        .collect();
+
+    let dims = model.dims();
+    Ok(Report {
+        schema_version: SCHEMA_VERSION,
+        program: format!("pid {}", env!("CARGO_PKG_VERSION")),
+        title: fit.title,
+        model: ModelSection {
+            name: entry.name.to_owned(),
+            source: format!("{}: {}. {}.", entry.name, entry.summary, entry.source),
+            nq: dims.nq,
+            nu: dims.nu,
+            np: dims.np,
+        },
+        data: DataSection::of(dataset),
+        settings: fit.settings,
+        outcome: OutcomeSection {
+            verdict: fit.verdict,
+            status: fit.status,
+            iterations: fit.log.last().map_or(0, |i| i.iteration),
+            objective: fit.objective,
+            seconds: fit.seconds,
+            checks: fit.checks,
+        },
+        iterations: fit.log,
+        findings: findings(&missing, &scores, &parameters),
+        parameters,
+        starts: fit.starts,
+        motions,
+        free_run: scores,
+        missing_force: missing,
+        notes,
+    })
+}

@@ -1,0 +1,55 @@
+//! What ends a command early.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use pid_models::UnknownModel;
+use pid_runtime::data::DataError;
+use pid_runtime::gap::metrics::FreeRunError;
+use pid_runtime::integrate::SimulateError;
+use pid_runtime::report::ReportError;
+use pid_runtime::signal::SignalError;
+
+use crate::parameters::ParameterFileError;
+
+/// An error of the command line.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub(crate) enum CliError {
+    #[error(transparent)]
+    Model(#[from] UnknownModel),
+    #[error(transparent)]
+    Data(#[from] DataError),
+    #[error(transparent)]
+    Parameters(#[from] ParameterFileError),
+    #[error(transparent)]
+    FreeRun(#[from] FreeRunError),
+    #[error(transparent)]
+    Signal(#[from] SignalError),
+    #[error(transparent)]
+    Simulate(#[from] SimulateError),
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    #[error(
+        "identification is not part of this build yet\n  help: `pid simulate` compares given parameters with records"
+    )]
+    NoIdentification,
+    #[error("{}: cannot be written: {error}\n  help: choose another folder with --out", path.display())]
+    Write { path: PathBuf, error: io::Error },
+}
+
+/// Writes a file and names it in the error.
+pub(crate) fn write(path: &Path, text: &str) -> Result<(), CliError> {
+    std::fs::write(path, text).map_err(|error| CliError::Write {
+        path: path.to_owned(),
+        error,
+    })
+}
+
+/// Makes a folder and names it in the error.
+pub(crate) fn make_folder(path: &Path) -> Result<(), CliError> {
+    std::fs::create_dir_all(path).map_err(|error| CliError::Write {
+        path: path.to_owned(),
+        error,
+    })
+}
