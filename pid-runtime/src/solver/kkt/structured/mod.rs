@@ -22,8 +22,11 @@ use segment::{Segment, Sizes};
 
 /// Static regularisation of the links in the coarse factorization; refinement removes its effect.
 const STATIC: f64 = 1e-9;
-/// Eigenvalues of the reduced Hessian below this share of the largest one are lifted to it.
-const FLOOR: f64 = 1e-9;
+/// Eigenvalues of the reduced Hessian below this share of the largest one are rounding errors and are lifted to it. Active
+/// bounds make the largest one as large as 1e8, so that a share of 1e-9 would already slow down the identifiable directions.
+const FLOOR: f64 = 1e-14;
+/// The smallest eigenvalue that is kept, in the scaled problem.
+const SMALLEST: f64 = 1e-5;
 /// Below this many steps the segments are condensed by the calling thread.
 const PARALLEL_STEPS: usize = 1500;
 
@@ -316,7 +319,7 @@ impl StructuredKkt {
         if !largest.is_finite() {
             return Err(KktError::NotFinite);
         }
-        let floor = (FLOOR * largest).max(f64::MIN_POSITIVE);
+        let floor = (FLOOR * largest).max(SMALLEST);
         self.vectors.copy_from(u);
         self.modification.fill(0.0);
         let mut shift = 0.0_f64;

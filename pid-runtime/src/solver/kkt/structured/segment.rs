@@ -108,6 +108,8 @@ fn lu_solve_rows(lu: &[f64], n: usize, pivots: &[u8], r: &mut [f64], w: usize) {
             let (a, b) = r.split_at_mut(p * w);
             a[k * w..(k + 1) * w].swap_with_slice(&mut b[..w]);
         }
+    }
+    for k in 0..n {
         for i in k + 1..n {
             let l = lu[i * n + k];
             if l != 0.0 {
@@ -143,6 +145,8 @@ fn lu_solve_transpose(lu: &[f64], n: usize, pivots: &[u8], r: &mut [f64]) {
         for i in k + 1..n {
             r[k] -= lu[i * n + k] * r[i];
         }
+    }
+    for k in (0..n).rev() {
         let p = pivots[k] as usize;
         if p != k {
             r.swap(k, p);
