@@ -5,6 +5,7 @@ pub mod dynamics;
 pub mod generic;
 pub mod gap;
 pub mod integrate;
+pub mod ident;
 pub mod nlp;
 pub mod report;
 pub mod signal;

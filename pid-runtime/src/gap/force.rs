@@ -106,7 +106,7 @@ pub fn missing_force(
 }
 
 /// Inputs as they act around each sample.
-fn acting_inputs(experiment: &Experiment, hold: InputHold) -> Vec<f64> {
+pub(crate) fn acting_inputs(experiment: &Experiment, hold: InputHold) -> Vec<f64> {
     let (n, nq) = (experiment.len(), experiment.nq);
     let mut u = experiment.u.clone();
     for j in 0..nq {

@@ -264,6 +264,30 @@ impl<'m> FullDiscretization<'m> {
         self.nodes.iter().flat_map(|&at| &x[at..at + self.layout.nx]).copied().collect()
     }
 
+    /// Weighted residuals `√w (x − x^d)` sample by sample, and the number of channels; NaN where nothing was measured and in
+    /// a row between two windows.
+    pub fn residuals(&self, x: &[f64]) -> (Vec<f64>, usize) {
+        let nx = self.layout.nx;
+        let mut out = Vec::with_capacity(self.measured.len() + nx * self.layout.windows.len());
+        for window in &self.layout.windows {
+            for k in window.first_node..=window.first_node + window.steps {
+                for i in 0..nx {
+                    let (e, at) = (k * nx + i, self.nodes[k] + i);
+                    let w = self.weights[e];
+                    let residual = w.sqrt() * (x[at] - self.measured[e]);
+                    out.push(if w > 0.0 { residual } else { f64::NAN });
+                }
+            }
+            out.extend(std::iter::repeat_n(f64::NAN, nx));
+        }
+        (out, nx)
+    }
+
+    /// Number of unknown entries of initial states.
+    pub fn free_initial_states(&self) -> usize {
+        self.layout.windows.iter().filter(|w| !w.held).count() * self.layout.nx
+    }
+
     /// Changes the second derivatives that are given to the solver.
     pub fn set_curvature(&mut self, curvature: Curvature) {
         self.setup.curvature = curvature;

@@ -1,0 +1,437 @@
+//! Equation error: least squares on the residual with states estimated from the records.
+//!
+//! ```text
+//! minimise  1/N Σ_k Σ_j ω_j r_j(q̂_k, v̂_k, â_k, û_k, p)²      p in its bounds
+//! ```
+//!
+//! States and inputs pass the same zero-phase filter and are decimated (M. Gautier, IEEE ICRA 1997; the IDIM-LS procedure).
+//! The weights ω are one over the variance of each joint's residual, settled in two passes (weighted least squares).
+
+use super::uncertainty::{self, Spread};
+use super::{Callback, ForceError, IdentError, Identification, Progress, Run, Settings};
+use crate::data::{Dataset, Experiment, Role};
+use crate::dynamics::{At, Hessian};
+use crate::gap::force::acting_inputs;
+use crate::nlp::{Nlp, SparsePattern, check_point};
+use crate::signal::{low_pass_channels, state_from_data};
+use crate::solver::ip;
+use crate::solver::kkt::sparse::SparseKkt;
+use faer::Mat;
+use std::time::Instant;
+
+/// Passes of the weighted least squares.
+const PASSES: usize = 3;
+
+/// Filtered and decimated samples of all experiments of a role.
+struct Samples {
+    q: Vec<f64>,
+    v: Vec<f64>,
+    a: Vec<f64>,
+    u: Vec<f64>,
+    count: usize,
+    cutoffs: Vec<String>,
+}
+
+impl Samples {
+    fn of(dataset: &Dataset, role: Role, settings: &Settings) -> Result<Self, IdentError> {
+        let mut all = Self {
+            q: Vec::new(),
+            v: Vec::new(),
+            a: Vec::new(),
+            u: Vec::new(),
+            count: 0,
+            cutoffs: Vec::new(),
+        };
+        for experiment in dataset.with_role(role) {
+            all.add(dataset, experiment, settings)?;
+        }
+        Ok(all)
+    }
+
+    fn add(
+        &mut self,
+        dataset: &Dataset,
+        experiment: &Experiment,
+        settings: &Settings,
+    ) -> Result<(), IdentError> {
+        let (n, nq) = (experiment.len(), experiment.nq);
+        let state = state_from_data(experiment, settings.cutoff)?;
+        let acting = acting_inputs(experiment, dataset.input_hold);
+        let u = low_pass_channels(&experiment.t, &acting, nq, state.cutoff).map_err(|error| {
+            IdentError::Filter { experiment: experiment.name.clone(), error }
+        })?;
+        let step = experiment.sample_time();
+        let factor = settings
+            .decimate
+            .unwrap_or_else(|| (1.0 / (4.0 * state.cutoff * step)).floor() as usize)
+            .max(1);
+        // The filter lacks neighbours near the ends of the record.
+        let edge = ((3.0 / (state.cutoff * step)).ceil() as usize).min(n / 10);
+        for k in (edge..n - edge).step_by(factor) {
+            let row = k * nq..(k + 1) * nq;
+            self.q.extend_from_slice(&state.q[row.clone()]);
+            self.v.extend_from_slice(&state.v[row.clone()]);
+            self.a.extend_from_slice(&state.a[row.clone()]);
+            self.u.extend_from_slice(&u[row]);
+            self.count += 1;
+        }
+        self.cutoffs.push(format!(
+            "{}: zero-phase filter at {:.1} Hz, every {} sample kept",
+            experiment.name,
+            state.cutoff,
+            ordinal(factor)
+        ));
+        Ok(())
+    }
+
+    fn at<'a>(&'a self, k: usize, nq: usize, p: &'a [f64]) -> At<'a> {
+        let row = k * nq..(k + 1) * nq;
+        At {
+            q: &self.q[row.clone()],
+            v: &self.v[row.clone()],
+            a: &self.a[row.clone()],
+            u: &self.u[row],
+            p,
+        }
+    }
+
+    /// Residuals, sample by sample.
+    fn residuals(&self, model: &dyn Hessian, p: &[f64]) -> Vec<f64> {
+        let nq = model.dims().nq;
+        let mut out = vec![0.0; self.count * nq];
+        for (k, r) in out.chunks_exact_mut(nq).enumerate() {
+            model.residual(&self.at(k, nq, p), r);
+        }
+        out
+    }
+
+    /// Residual and drive force of each joint.
+    fn force_errors(&self, model: &dyn Hessian, p: &[f64], role: Role) -> Vec<ForceError> {
+        let nq = model.dims().nq;
+        let r = self.residuals(model, p);
+        let idle = vec![0.0; nq];
+        let (mut driven, mut passive) = (vec![0.0; nq], vec![0.0; nq]);
+        let mut square = vec![0.0; nq];
+        for k in 0..self.count {
+            let at = self.at(k, nq, p);
+            model.applied_force(&at, &mut driven);
+            model.applied_force(&At { u: &idle, ..at }, &mut passive);
+            for j in 0..nq {
+                square[j] += (driven[j] - passive[j]).powi(2);
+            }
+        }
+        let n = self.count.max(1) as f64;
+        (0..nq)
+            .map(|j| {
+                let rms = r.iter().skip(j).step_by(nq).map(|r| r * r).sum::<f64>();
+                let (rms, drive) = ((rms / n).sqrt(), (square[j] / n).sqrt());
+                ForceError {
+                    joint: model.joints()[j].name.to_string(),
+                    role,
+                    rms,
+                    relative: (drive > 0.0).then(|| rms / drive),
+                }
+            })
+            .collect()
+    }
+}
+
+fn ordinal(n: usize) -> String {
+    match (n % 10, n % 100) {
+        (1, 1) if n == 1 => "single".to_owned(),
+        (1, h) if h != 11 => format!("{n}st"),
+        (2, h) if h != 12 => format!("{n}nd"),
+        (3, h) if h != 13 => format!("{n}rd"),
+        _ => format!("{n}th"),
+    }
+}
+
+/// The dense program.
+struct Fit<'a> {
+    model: &'a dyn Hessian,
+    samples: &'a Samples,
+    weights: Vec<f64>,
+    lower: &'a [f64],
+    upper: &'a [f64],
+    scale: &'a [f64],
+    p: Vec<f64>,
+    r: Vec<f64>,
+    jacobian: Vec<f64>,
+    hessian: Vec<f64>,
+    lambda: Vec<f64>,
+    dense: Vec<f64>,
+    empty: SparsePattern,
+    pattern: SparsePattern,
+}
+
+impl<'a> Fit<'a> {
+    fn new(
+        model: &'a dyn Hessian,
+        samples: &'a Samples,
+        lower: &'a [f64],
+        upper: &'a [f64],
+        scale: &'a [f64],
+    ) -> Self {
+        let dims = model.dims();
+        let mut pattern = SparsePattern::default();
+        (0..dims.np).for_each(|i| (0..=i).for_each(|j| pattern.push(i, j)));
+        Self {
+            weights: vec![1.0; dims.nq],
+            p: vec![0.0; dims.np],
+            r: vec![0.0; dims.nq],
+            jacobian: vec![0.0; model.jacobian_pattern().nnz()],
+            hessian: vec![0.0; model.hessian_pattern().nnz()],
+            lambda: vec![0.0; dims.nq],
+            dense: vec![0.0; dims.nq * dims.np],
+            empty: SparsePattern::default(),
+            model,
+            samples,
+            lower,
+            upper,
+            scale,
+            pattern,
+        }
+    }
+
+    fn load(&mut self, x: &[f64]) {
+        for ((p, x), s) in self.p.iter_mut().zip(x).zip(self.scale) {
+            *p = x * s;
+        }
+    }
+
+    fn norm(&self) -> f64 {
+        1.0 / self.samples.count.max(1) as f64
+    }
+
+    /// Residual and ∂r/∂x of a sample, the latter dense.
+    fn linearise(&mut self, k: usize) {
+        let dims = self.model.dims();
+        let at = self.samples.at(k, dims.nq, &self.p);
+        self.model.residual_jacobian(&at, &mut self.r, &mut self.jacobian);
+        self.dense.fill(0.0);
+        let pattern = self.model.jacobian_pattern();
+        for ((&row, &col), value) in pattern.rows.iter().zip(pattern.cols).zip(&self.jacobian) {
+            if let Some(j) = (col as usize).checked_sub(dims.p()) {
+                self.dense[row as usize * dims.np + j] = value * self.scale[j];
+            }
+        }
+    }
+}
+
+impl Nlp for Fit<'_> {
+    fn n(&self) -> usize {
+        self.model.dims().np
+    }
+    fn m(&self) -> usize {
+        0
+    }
+    fn bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
+        for j in 0..self.n() {
+            lower[j] = self.lower[j] / self.scale[j];
+            upper[j] = self.upper[j] / self.scale[j];
+        }
+    }
+    fn objective(&mut self, x: &[f64]) -> f64 {
+        self.load(x);
+        let nq = self.r.len();
+        let mut sum = 0.0;
+        for k in 0..self.samples.count {
+            self.model.residual(&self.samples.at(k, nq, &self.p), &mut self.r);
+            sum += self.r.iter().zip(&self.weights).map(|(r, w)| w * r * r).sum::<f64>();
+        }
+        sum * self.norm()
+    }
+    fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) {
+        self.load(x);
+        gradient.fill(0.0);
+        let np = self.p.len();
+        for k in 0..self.samples.count {
+            self.linearise(k);
+            for (j, r) in self.r.iter().enumerate() {
+                let factor = 2.0 * self.norm() * self.weights[j] * r;
+                for (g, d) in gradient.iter_mut().zip(&self.dense[j * np..(j + 1) * np]) {
+                    *g += factor * d;
+                }
+            }
+        }
+    }
+    fn constraints(&mut self, _: &[f64], _: &mut [f64]) {}
+    fn jacobian_pattern(&self) -> &SparsePattern {
+        &self.empty
+    }
+    fn jacobian(&mut self, _: &[f64], _: &mut [f64]) {}
+    fn hessian_pattern(&self) -> &SparsePattern {
+        &self.pattern
+    }
+    fn hessian(&mut self, x: &[f64], sigma: f64, _: &[f64], values: &mut [f64]) {
+        self.load(x);
+        values.fill(0.0);
+        let dims = self.model.dims();
+        let np = dims.np;
+        let slot = |i: usize, j: usize| i.max(j) * (i.max(j) + 1) / 2 + i.min(j);
+        for k in 0..self.samples.count {
+            self.linearise(k);
+            for j in 0..dims.nq {
+                let factor = 2.0 * sigma * self.norm() * self.weights[j];
+                self.lambda[j] = factor * self.r[j];
+                let row = &self.dense[j * np..(j + 1) * np];
+                for i in 0..np {
+                    if row[i] != 0.0 {
+                        for (v, d) in values[slot(i, 0)..=slot(i, i)].iter_mut().zip(row) {
+                            *v += factor * row[i] * d;
+                        }
+                    }
+                }
+            }
+            let at = self.samples.at(k, dims.nq, &self.p);
+            self.model.residual_hessian(&at, &self.lambda, &mut self.hessian);
+            let pattern = self.model.hessian_pattern();
+            for ((&row, &col), value) in pattern.rows.iter().zip(pattern.cols).zip(&self.hessian) {
+                let places =
+                    ((row as usize).checked_sub(dims.p()), (col as usize).checked_sub(dims.p()));
+                if let (Some(i), Some(j)) = places {
+                    values[slot(i, j)] += value * self.scale[i] * self.scale[j];
+                }
+            }
+        }
+    }
+}
+
+/// Identifies by equation error.
+pub(super) fn identify(
+    model: &dyn Hessian,
+    dataset: &Dataset,
+    settings: &Settings,
+    start: &[f64],
+    callback: &mut Callback<'_>,
+) -> Result<Identification, IdentError> {
+    let (lower, upper, fixed) = super::bounds(model, start);
+    let scale = super::scales(model);
+    let samples = Samples::of(dataset, Role::Train, settings)?;
+    let mut fit = Fit::new(model, &samples, &lower, &upper, &scale);
+    let mut kkt = SparseKkt::new(&fit);
+    let all = super::starts(start, &lower, &upper, settings.starts, settings.seed);
+    let count = all.len();
+    let mut runs: Vec<Run> = Vec::new();
+    let mut weights_of_best = fit.weights.clone();
+    let mut notes = samples.cutoffs.clone();
+    for (index, p0) in all.into_iter().enumerate() {
+        let started = Instant::now();
+        fit.weights = relative_weights(&samples, model, &p0);
+        let mut x: Vec<f64> = p0.iter().zip(&scale).map(|(p, s)| p / s).collect();
+        let (mut iterations, mut stopped) = (0, false);
+        let mut last = None;
+        for _ in 0..PASSES {
+            let mut news = |line: &_, _: &[f64]| {
+                let phase = "least squares on the residual";
+                let flow =
+                    callback(&Progress { start: index, starts: count, phase, iteration: line });
+                stopped |= flow.is_break();
+                flow
+            };
+            let solution = ip::solve(&mut fit, &mut kkt, &x, &settings.solver, &mut news);
+            iterations += solution.log.len().saturating_sub(1);
+            x.copy_from_slice(&solution.x);
+            let p: Vec<f64> = x.iter().zip(&scale).map(|(x, s)| x * s).collect();
+            let used = fit.weights.clone();
+            let check = check_point(&mut fit, &x, &[]);
+            let single = model.dims().nq == 1;
+            fit.weights = relative_weights(&samples, model, &p);
+            last = Some((solution, check, p, used));
+            if single || stopped {
+                break;
+            }
+        }
+        let Some((solution, check, parameters, used)) = last else { continue };
+        runs.push(Run {
+            index,
+            start: p0,
+            parameters,
+            objective: solution.objective,
+            status: solution.status,
+            iterations,
+            seconds: started.elapsed().as_secs_f64(),
+            check,
+            log: solution.log,
+        });
+        if super::best_of(&runs) == index {
+            weights_of_best = used;
+        }
+        if stopped {
+            notes.push(format!("interrupted after start {} of {count}", index + 1));
+            break;
+        }
+    }
+    let best = super::best_of(&runs);
+    fit.weights = weights_of_best;
+    let spread = runs.get(best).map_or_else(
+        || Spread::none(scale.len()),
+        |run| deviations(&mut fit, run, &fixed),
+    );
+    let mut force_error = Vec::new();
+    if let Some(run) = runs.get(best) {
+        force_error.extend(samples.force_errors(model, &run.parameters, Role::Train));
+        if dataset.with_role(Role::Test).next().is_some() {
+            let test = Samples::of(dataset, Role::Test, settings)?;
+            force_error.extend(test.force_errors(model, &run.parameters, Role::Test));
+        }
+    }
+    Ok(Identification {
+        runs,
+        best,
+        deviations: spread.deviations,
+        undetermined: spread.undetermined,
+        correlation_factor: spread.correlation_factor,
+        fixed,
+        lower,
+        upper,
+        size: (scale.len(), 0),
+        windows: (dataset.with_role(Role::Train).count(), samples.count),
+        force_error,
+        notes,
+    })
+}
+
+/// One over the variance of each joint's residual.
+fn relative_weights(samples: &Samples, model: &dyn Hessian, p: &[f64]) -> Vec<f64> {
+    let nq = model.dims().nq;
+    let r = samples.residuals(model, p);
+    (0..nq)
+        .map(|j| {
+            let square: f64 = r.iter().skip(j).step_by(nq).map(|r| r * r).sum();
+            let variance = square / samples.count.max(1) as f64;
+            if variance > 0.0 && variance.is_finite() { 1.0 / variance } else { 1.0 }
+        })
+        .collect()
+}
+
+fn deviations(fit: &mut Fit<'_>, run: &Run, fixed: &[bool]) -> Spread {
+    let np = run.parameters.len();
+    let free: Vec<usize> = (0..np)
+        .filter(|&j| {
+            !fixed[j] && !uncertainty::at_bound(run.parameters[j], fit.lower[j], fit.upper[j])
+        })
+        .collect();
+    let x: Vec<f64> = run.parameters.iter().zip(fit.scale).map(|(p, s)| p / s).collect();
+    let mut values = vec![0.0; fit.pattern.nnz()];
+    fit.hessian(&x, 1.0, &[], &mut values);
+    let slot = |i: usize, j: usize| i.max(j) * (i.max(j) + 1) / 2 + i.min(j);
+    let hessian = Mat::from_fn(free.len(), free.len(), |i, j| values[slot(free[i], free[j])]);
+    let nq = fit.weights.len();
+    let mut residuals = fit.samples.residuals(fit.model, &run.parameters);
+    let norm = fit.norm();
+    for (k, r) in residuals.iter_mut().enumerate() {
+        *r *= (fit.weights[k % nq] * norm).sqrt();
+    }
+    uncertainty::from_hessian(
+        &hessian,
+        &free,
+        fit.scale,
+        fit.lower,
+        fit.upper,
+        &residuals,
+        nq,
+        free.len(),
+        run.objective,
+    )
+}

@@ -1,0 +1,72 @@
+//! What makes an identification impossible.
+
+use crate::data::DataError;
+use crate::signal::{FilterError, SignalError};
+
+/// An identification that cannot start.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum IdentError {
+    /// The data do not fit the model.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// States cannot be estimated from a record.
+    #[error(transparent)]
+    Signal(#[from] SignalError),
+    /// A filter cannot be designed.
+    #[error("the inputs of experiment `{experiment}` cannot be filtered: {error}")]
+    Filter {
+        /// The experiment.
+        experiment: String,
+        /// Why.
+        error: FilterError,
+    },
+    /// Nothing to fit on.
+    #[error("data set `{dataset}` has no experiment with role \"train\"\n  help: set `role = \"train\"` in dataset.toml for at least one experiment")]
+    NoTraining {
+        /// The data set.
+        dataset: String,
+    },
+    /// Too few parameters, or too many.
+    #[error("the start has {found} values, the model has {expected} parameters")]
+    StartLength {
+        /// Parameters of the model.
+        expected: usize,
+        /// Values given.
+        found: usize,
+    },
+    /// A start that its own bounds exclude.
+    #[error("start of `{parameter}` = {value} lies outside of its bounds {lower} … {upper} {unit}\n  help: choose a value within them, or widen the range in the model")]
+    StartOutsideBounds {
+        /// The parameter.
+        parameter: String,
+        /// Its start.
+        value: f64,
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+        /// Unit.
+        unit: String,
+    },
+    /// No inverse of M.
+    #[error("the mass matrix is singular at the start: experiment `{experiment}`, t = {time} s, joint `{joint}` (pivot {pivot:.1e})\n  help: give the links that this joint moves a mass or an inertia above zero, or declare an armature")]
+    SingularMassMatrix {
+        /// The experiment.
+        experiment: String,
+        /// Time of the sample, s.
+        time: f64,
+        /// Joint whose pivot vanishes.
+        joint: String,
+        /// The pivot.
+        pivot: f64,
+    },
+    /// Windows without an input.
+    #[error("experiment `{experiment}` has an empty cell in an input column (row {row}); a simulation cannot go over it\n  help: fill the input, or split the record there")]
+    MissingInput {
+        /// The experiment.
+        experiment: String,
+        /// Data row, from 1.
+        row: usize,
+    },
+}

@@ -1,0 +1,328 @@
+//! Full discretization over the training windows, from every start.
+
+use super::uncertainty::{self, Spread};
+use super::{
+    Callback, IdentError, Identification, InitialState, Progress, Run, Settings, Weighting,
+};
+use crate::data::{Dataset, Experiment, InputHold, Role, windows};
+use crate::dynamics::{At, Hessian};
+use crate::nlp::{Nlp, check_point};
+use crate::signal::{state_from_data, StateEstimate};
+use crate::solver::kkt::Kkt;
+use crate::solver::kkt::sparse::SparseKkt;
+use crate::solver::kkt::structured::StructuredKkt;
+use crate::solver::{ip, Solution};
+use crate::transcribe::{ExplicitForm, FullDiscretization, ResidualFit, Scheme, Setup, Track};
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// Steps per segment of the condensing.
+const SEGMENT: usize = 10;
+
+/// Identifies by full discretization.
+pub(super) fn identify(
+    model: &dyn Hessian,
+    dataset: &Dataset,
+    settings: &Settings,
+    start: &[f64],
+    callback: &mut Callback<'_>,
+) -> Result<Identification, IdentError> {
+    let (lower, upper, fixed) = super::bounds(model, start);
+    let mut tracks = Vec::new();
+    let mut notes = Vec::new();
+    let mut inertia = MeanInertia::new(model, start);
+    for experiment in dataset.with_role(Role::Train) {
+        let state = state_from_data(experiment, settings.cutoff)?;
+        inertia.add(experiment, &state)?;
+        if experiment.v.is_none() {
+            notes.push(format!(
+                "{}: velocities derived from positions, zero-phase filter at {:.1} Hz; they start the windows and are not fitted",
+                experiment.name, state.cutoff
+            ));
+        }
+        for range in windows(experiment, settings.horizon) {
+            tracks.push(track(experiment, &state, range)?);
+        }
+    }
+    let explicit = ExplicitForm::new(model);
+    let solved_form = settings.scheme == Scheme::ExplicitEuler;
+    let form: &dyn Hessian = if solved_form { &explicit } else { model };
+    let setup = Setup {
+        scheme: settings.scheme,
+        curvature: settings.curvature,
+        weights: weights(&tracks, model.dims().nq, settings.weighting),
+        scale: super::scales(model),
+        inertia: if solved_form { vec![1.0; model.dims().nq] } else { inertia.mean() },
+        hold_initial: settings.initial_state == InitialState::Measured,
+        linear_inputs: dataset.input_hold == InputHold::Linear,
+        lower: lower.clone(),
+        upper: upper.clone(),
+    };
+    let mut problem = FullDiscretization::new(form, &tracks, setup);
+    let samples = problem.layout().nodes();
+    let all = super::starts(start, &lower, &upper, settings.starts, settings.seed);
+    let count = all.len();
+    let mut runs: Vec<Run> = Vec::new();
+    let mut best: Option<Solution> = None;
+    for (index, p0) in all.into_iter().enumerate() {
+        let mut stopped = false;
+        let mut report = |phase, iteration: &_| {
+            let news = Progress { start: index, starts: count, phase, iteration };
+            let flow = callback(&news);
+            stopped |= flow.is_break();
+            flow
+        };
+        let (run, solution) = solve(&mut problem, settings, index, p0, &mut report);
+        runs.push(run);
+        if super::best_of(&runs) == index {
+            best = Some(solution);
+        }
+        if stopped {
+            notes.push(format!("interrupted after start {} of {count}", index + 1));
+            break;
+        }
+    }
+    let spread = match &best {
+        Some(solution) => deviations(&mut problem, solution, &fixed),
+        None => Spread::none(model.dims().np),
+    };
+    Ok(Identification {
+        best: super::best_of(&runs),
+        runs,
+        deviations: spread.deviations,
+        undetermined: spread.undetermined,
+        correlation_factor: spread.correlation_factor,
+        fixed,
+        lower,
+        upper,
+        size: (problem.n(), problem.m()),
+        windows: (tracks.len(), samples),
+        force_error: Vec::new(),
+        notes,
+    })
+}
+
+fn system(problem: &FullDiscretization<'_>) -> Box<dyn Kkt> {
+    let fixed = problem.fixed_parameters();
+    if problem.layout().steps() == 0 {
+        Box::new(SparseKkt::new(problem))
+    } else {
+        Box::new(StructuredKkt::new(problem.layout().clone(), &fixed, SEGMENT))
+    }
+}
+
+fn solve(
+    problem: &mut FullDiscretization<'_>,
+    settings: &Settings,
+    index: usize,
+    start: Vec<f64>,
+    report: &mut dyn FnMut(&'static str, &crate::solver::Iteration) -> ControlFlow<()>,
+) -> (Run, Solution) {
+    let started = Instant::now();
+    let mut x0 = problem.starting_point(&start);
+    let mut iterations = 0;
+    if settings.prepare {
+        let first = problem.layout().p();
+        let options = crate::solver::Settings {
+            tol: 1e-6,
+            max_iterations: 100,
+            ..settings.solver.clone()
+        };
+        let mut fit = ResidualFit::new(problem, &x0);
+        let mut kkt = SparseKkt::new(&fit);
+        let mut news = |line: &_, _: &[f64]| report("fitting the residual", line);
+        let prepared = ip::solve(&mut fit, &mut kkt, &x0[first..], &options, &mut news);
+        iterations += prepared.log.len().saturating_sub(1);
+        if prepared.objective.is_finite() {
+            x0[first..].copy_from_slice(&prepared.x);
+        }
+    }
+    let options = crate::solver::Settings {
+        objective_scale: settings.solver.objective_scale * problem.layout().nodes() as f64,
+        ..settings.solver.clone()
+    };
+    let mut kkt = system(problem);
+    let mut news = |line: &_, _: &[f64]| report("solving", line);
+    let solution = ip::solve(problem, kkt.as_mut(), &x0, &options, &mut news);
+    let check = check_point(problem, &solution.x, &solution.lambda);
+    iterations += solution.log.len().saturating_sub(1);
+    let run = Run {
+        index,
+        start,
+        parameters: problem.parameters(&solution.x),
+        objective: solution.objective,
+        status: solution.status,
+        iterations,
+        seconds: started.elapsed().as_secs_f64(),
+        check,
+        log: solution.log.clone(),
+    };
+    (run, solution)
+}
+
+/// Standard deviations from the reduced Hessian at the solution.
+fn deviations(
+    problem: &mut FullDiscretization<'_>,
+    solution: &Solution,
+    fixed: &[bool],
+) -> Spread {
+    let np = problem.layout().np;
+    if !solution.objective.is_finite() {
+        return Spread::none(np);
+    }
+    let parameters = problem.parameters(&solution.x);
+    let setup = problem.setup().clone();
+    let held: Vec<bool> = (0..np)
+        .map(|j| fixed[j] || uncertainty::at_bound(parameters[j], setup.lower[j], setup.upper[j]))
+        .collect();
+    let mut kkt = StructuredKkt::new(problem.layout().clone(), &held, SEGMENT);
+    let mut jacobian = vec![0.0; problem.jacobian_pattern().nnz()];
+    let mut hessian = vec![0.0; problem.hessian_pattern().nnz()];
+    problem.jacobian(&solution.x, &mut jacobian);
+    problem.hessian(&solution.x, 1.0, &solution.lambda, &mut hessian);
+    let sigma = vec![0.0; problem.n()];
+    let values =
+        crate::solver::kkt::KktValues { hessian: &hessian, jacobian: &jacobian, sigma: &sigma };
+    if kkt.factorise(values).is_err() {
+        return Spread::none(np);
+    }
+    let (reduced, free) = kkt.reduced_hessian();
+    let (residuals, channels) = problem.residuals(&solution.x);
+    let unknowns = free.len() + problem.free_initial_states();
+    uncertainty::from_hessian(
+        reduced,
+        &free,
+        &setup.scale,
+        &setup.lower,
+        &setup.upper,
+        &residuals,
+        channels,
+        unknowns,
+        solution.objective,
+    )
+}
+
+/// A window as the discretization wants it.
+fn track(
+    experiment: &Experiment,
+    state: &StateEstimate,
+    range: std::ops::Range<usize>,
+) -> Result<Track, IdentError> {
+    let nq = experiment.nq;
+    let mut track =
+        Track { t: experiment.t[range.clone()].to_vec(), measured: vec![], guess: vec![], u: vec![] };
+    for k in range {
+        let row = k * nq..(k + 1) * nq;
+        let q = &experiment.q[row.clone()];
+        let v = experiment.v.as_ref().map(|v| &v[row.clone()]);
+        track.measured.extend_from_slice(q);
+        let known = |j: usize| v.map_or(f64::NAN, |v| v[j]);
+        track.measured.extend((0..nq).map(known));
+        let or = |value: f64, other: f64| if value.is_nan() { other } else { value };
+        track.guess.extend((0..nq).map(|j| or(q[j], state.q[row.start + j])));
+        track.guess.extend((0..nq).map(|j| or(known(j), state.v[row.start + j])));
+        let u = &experiment.u[row];
+        if u.iter().any(|u| u.is_nan()) {
+            return Err(IdentError::MissingInput {
+                experiment: experiment.name.clone(),
+                row: k + 1,
+            });
+        }
+        track.u.extend_from_slice(u);
+    }
+    Ok(track)
+}
+
+/// Channel weights over all windows.
+fn weights(tracks: &[Track], nq: usize, weighting: Weighting) -> Vec<f64> {
+    let nx = 2 * nq;
+    (0..nx)
+        .map(|c| match weighting {
+            Weighting::Unit => 1.0,
+            Weighting::Position => f64::from(u8::from(c < nq)),
+            Weighting::Spread => {
+                let values = || {
+                    tracks
+                        .iter()
+                        .flat_map(|t| t.measured.iter().skip(c).step_by(nx))
+                        .filter(|x| !x.is_nan())
+                };
+                let n = values().count().max(1) as f64;
+                let mean = values().sum::<f64>() / n;
+                let variance = values().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n;
+                if variance > 0.0 { 1.0 / variance } else { 1.0 }
+            }
+        })
+        .collect()
+}
+
+/// Mean diagonal of M over the training samples; refuses a singular M.
+struct MeanInertia<'a> {
+    model: &'a dyn Hessian,
+    p: &'a [f64],
+    sum: Vec<f64>,
+    count: f64,
+}
+
+impl<'a> MeanInertia<'a> {
+    fn new(model: &'a dyn Hessian, p: &'a [f64]) -> Self {
+        Self { model, p, sum: vec![0.0; model.dims().nq], count: 0.0 }
+    }
+
+    fn add(&mut self, experiment: &Experiment, state: &StateEstimate) -> Result<(), IdentError> {
+        let dims = self.model.dims();
+        let mut m = vec![0.0; dims.nm()];
+        // A hundred samples a record tell the size of M and meet a structural singularity.
+        let stride = experiment.len().div_ceil(100).max(1);
+        for k in (0..experiment.len()).step_by(stride) {
+            let row = k * dims.nq..(k + 1) * dims.nq;
+            let at = At {
+                q: &state.q[row.clone()],
+                v: &state.v[row.clone()],
+                a: &state.a[row.clone()],
+                u: &experiment.u[row],
+                p: self.p,
+            };
+            self.model.mass_matrix(&at, &mut m);
+            for j in 0..dims.nq {
+                self.sum[j] += m[j * (j + 1) / 2 + j];
+            }
+            self.count += 1.0;
+            if let Some((joint, pivot)) = singular(&mut m, dims.nq) {
+                return Err(IdentError::SingularMassMatrix {
+                    experiment: experiment.name.clone(),
+                    time: experiment.t[k],
+                    joint: self.model.joints()[joint].name.to_string(),
+                    pivot,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn mean(&self) -> Vec<f64> {
+        self.sum.iter().map(|s| s / self.count.max(1.0)).collect()
+    }
+}
+
+/// The joint whose Cholesky pivot of M is not clearly positive; M is overwritten.
+fn singular(m: &mut [f64], n: usize) -> Option<(usize, f64)> {
+    for i in 0..n {
+        let diagonal = m[i * (i + 1) / 2 + i];
+        for j in 0..=i {
+            let mut sum = m[i * (i + 1) / 2 + j];
+            for k in 0..j {
+                sum -= m[i * (i + 1) / 2 + k] * m[j * (j + 1) / 2 + k];
+            }
+            if i == j {
+                if !(sum > 1e-12 * diagonal.abs()) {
+                    return Some((i, sum));
+                }
+                m[i * (i + 1) / 2 + i] = sum.sqrt();
+            } else {
+                m[i * (i + 1) / 2 + j] = sum / m[j * (j + 1) / 2 + j];
+            }
+        }
+    }
+    None
+}

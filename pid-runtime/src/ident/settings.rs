@@ -1,0 +1,87 @@
+//! What can be chosen in an identification.
+
+use crate::data::Horizon;
+use crate::solver;
+use crate::transcribe::{Curvature, Scheme};
+use serde::{Deserialize, Serialize};
+
+/// The estimator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Method {
+    /// States and parameters together, the scheme's steps as constraints.
+    FullDiscretization,
+    /// Least squares on the residual with states estimated from the records.
+    EquationError,
+}
+
+/// Initial state of each window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum InitialState {
+    /// An unknown of the fit.
+    Free,
+    /// Held at what the record says (measured, or estimated where there is no velocity).
+    Measured,
+}
+
+/// Weights of the channels in the objective `J = 1/N Σ w_c (x_c − x_c^d)²`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Weighting {
+    /// 1 for every measured channel: the paper's objective, in mixed units.
+    Unit,
+    /// One over the variance of the channel over all training windows: every channel counts by the share of its own motion.
+    Spread,
+    /// 1 for positions, 0 for velocities.
+    Position,
+}
+
+/// Settings of an identification.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// The estimator.
+    pub method: Method,
+    /// One-step scheme of the full discretization.
+    pub scheme: Scheme,
+    /// Second derivatives for the solver.
+    pub curvature: Curvature,
+    /// Length of the restart windows.
+    pub horizon: Horizon,
+    /// Initial states of the windows.
+    pub initial_state: InitialState,
+    /// Weights of the channels.
+    pub weighting: Weighting,
+    /// Number of starts; the first is the given one.
+    pub starts: usize,
+    /// Seed of the drawn starts.
+    pub seed: u64,
+    /// Whether the parameters are first fitted with the states held at the data, which forgets a bad start.
+    pub prepare: bool,
+    /// Cut-off of the zero-phase filter behind derived velocities and the equation error, Hz; `None` for the data's own.
+    pub cutoff: Option<f64>,
+    /// The equation error keeps every n-th sample; `None` for four samples per period of the cut-off.
+    pub decimate: Option<usize>,
+    /// The solver.
+    pub solver: solver::Settings,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            method: Method::FullDiscretization,
+            scheme: Scheme::ImplicitMidpoint,
+            curvature: Curvature::Exact,
+            horizon: Horizon::Record,
+            initial_state: InitialState::Free,
+            weighting: Weighting::Spread,
+            starts: 1,
+            seed: 0,
+            prepare: true,
+            cutoff: None,
+            decimate: None,
+            solver: solver::Settings { mu_start: 1e-2, ..solver::Settings::default() },
+        }
+    }
+}

@@ -1,0 +1,269 @@
+//! A model with its accelerations solved for: `r̃ = a − a*(q, v, u, p)`, where `a*` solves the residual.
+//!
+//! The same motions satisfy both forms, but not the same Newton steps lead there: for stiff explicit steps the solved form
+//! finds better optima (see ARCHITECTURE.md). Derivatives follow from those of the residual by the implicit function
+//! rule with one factorization of M, never from a symbolic inverse:
+//!
+//! ```text
+//! ∂a*/∂y       = −M⁻¹ r_y                                                    y = (q, v, u, p)
+//! ∇²(λᵀ a*)    = −(H_yy + H_ya a_y + a_yᵀ H_ay),   H = ∇²(νᵀ r) at a = a*,  ν = M⁻¹ λ      (r_aa = 0)
+//! ```
+
+use crate::dynamics::{
+    At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
+};
+use std::cell::RefCell;
+
+/// The explicit form of a model, itself a model whose mass matrix is the identity.
+pub struct ExplicitForm<'m> {
+    model: &'m dyn Hessian,
+    /// Columns of z, accelerations excepted, that a* depends on.
+    active: Vec<usize>,
+    /// Position of each column of z in `active`.
+    place: Vec<Option<usize>>,
+    jacobian_rows: Vec<u32>,
+    jacobian_cols: Vec<u32>,
+    hessian_rows: Vec<u32>,
+    hessian_cols: Vec<u32>,
+}
+
+/// Scratch space of one thread, kept from call to call.
+#[derive(Default)]
+struct Scratch {
+    mass: Vec<f64>,
+    acceleration: Vec<f64>,
+    residual: Vec<f64>,
+    values: Vec<f64>,
+    hessian: Vec<f64>,
+    nu: Vec<f64>,
+    /// ∂a*/∂y, nq × active.
+    slope: Vec<f64>,
+    /// H_ay, nq × active.
+    mixed: Vec<f64>,
+    dense: Vec<f64>,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
+}
+
+fn resize(v: &mut Vec<f64>, n: usize) {
+    v.clear();
+    v.resize(n, 0.0);
+}
+
+/// Cholesky of a packed lower triangle in place; NaN on the diagonal if it is not positive definite.
+fn cholesky(m: &mut [f64], n: usize) {
+    for i in 0..n {
+        for j in 0..=i {
+            let mut sum = m[i * (i + 1) / 2 + j];
+            for k in 0..j {
+                sum -= m[i * (i + 1) / 2 + k] * m[j * (j + 1) / 2 + k];
+            }
+            m[i * (i + 1) / 2 + j] =
+                if i == j { sum.sqrt() } else { sum / m[j * (j + 1) / 2 + j] };
+        }
+    }
+}
+
+/// Solves with the factor in place; `b` has `n` entries at the given stride.
+fn cholesky_solve(m: &[f64], n: usize, b: &mut [f64], stride: usize) {
+    for i in 0..n {
+        for k in 0..i {
+            b[i * stride] -= m[i * (i + 1) / 2 + k] * b[k * stride];
+        }
+        b[i * stride] /= m[i * (i + 1) / 2 + i];
+    }
+    for i in (0..n).rev() {
+        for k in i + 1..n {
+            b[i * stride] -= m[k * (k + 1) / 2 + i] * b[k * stride];
+        }
+        b[i * stride] /= m[i * (i + 1) / 2 + i];
+    }
+}
+
+impl<'m> ExplicitForm<'m> {
+    /// Wraps a model.
+    pub fn new(model: &'m dyn Hessian) -> Self {
+        let dims = model.dims();
+        let acceleration = |z: usize| (dims.a()..dims.u()).contains(&z);
+        let mut place = vec![None; dims.nz()];
+        for &z in model.jacobian_pattern().cols {
+            if !acceleration(z as usize) {
+                place[z as usize] = Some(0);
+            }
+        }
+        let active: Vec<usize> = (0..dims.nz()).filter(|&z| place[z].is_some()).collect();
+        for (k, &z) in active.iter().enumerate() {
+            place[z] = Some(k);
+        }
+        let (mut jacobian_rows, mut jacobian_cols) = (Vec::new(), Vec::new());
+        for row in 0..dims.nq {
+            let mut columns = active.clone();
+            columns.push(dims.a() + row);
+            columns.sort_unstable();
+            for z in columns {
+                jacobian_rows.push(row as u32);
+                jacobian_cols.push(z as u32);
+            }
+        }
+        let (mut hessian_rows, mut hessian_cols) = (Vec::new(), Vec::new());
+        for (i, &row) in active.iter().enumerate() {
+            for &col in &active[..=i] {
+                hessian_rows.push(row as u32);
+                hessian_cols.push(col as u32);
+            }
+        }
+        Self { model, active, place, jacobian_rows, jacobian_cols, hessian_rows, hessian_cols }
+    }
+
+    /// Factor of M and a* into the scratch.
+    fn solve(&self, at: &At<'_>, s: &mut Scratch) {
+        let dims = self.model.dims();
+        resize(&mut s.mass, dims.nm());
+        resize(&mut s.acceleration, dims.nq);
+        resize(&mut s.residual, dims.nq);
+        self.model.mass_matrix(at, &mut s.mass);
+        cholesky(&mut s.mass, dims.nq);
+        self.model.residual(&At { a: &s.acceleration, ..*at }, &mut s.residual);
+        for (a, r) in s.acceleration.iter_mut().zip(&s.residual) {
+            *a = -r;
+        }
+        cholesky_solve(&s.mass, dims.nq, &mut s.acceleration, 1);
+    }
+
+    /// ∂a*/∂y into the scratch, after [`Self::solve`].
+    fn slope(&self, at: &At<'_>, s: &mut Scratch) {
+        let (nq, width) = (self.model.dims().nq, self.active.len());
+        let pattern = self.model.jacobian_pattern();
+        resize(&mut s.values, pattern.nnz());
+        resize(&mut s.slope, nq * width);
+        let point = At { a: &s.acceleration, ..*at };
+        self.model.residual_jacobian(&point, &mut s.residual, &mut s.values);
+        for ((&row, &col), value) in pattern.rows.iter().zip(pattern.cols).zip(&s.values) {
+            if let Some(at) = self.place[col as usize] {
+                s.slope[row as usize * width + at] = -value;
+            }
+        }
+        for k in 0..width {
+            cholesky_solve(&s.mass, nq, &mut s.slope[k..], width);
+        }
+    }
+}
+
+impl Dynamics for ExplicitForm<'_> {
+    fn name(&self) -> &str {
+        self.model.name()
+    }
+    fn dims(&self) -> Dims {
+        self.model.dims()
+    }
+    fn params(&self) -> &[ParamInfo] {
+        self.model.params()
+    }
+    fn joints(&self) -> &[JointInfo] {
+        self.model.joints()
+    }
+    fn inputs(&self) -> &[InputInfo] {
+        self.model.inputs()
+    }
+    fn mass_matrix(&self, _: &At<'_>, m: &mut [f64]) {
+        m.fill(0.0);
+        for i in 0..self.model.dims().nq {
+            m[i * (i + 1) / 2 + i] = 1.0;
+        }
+    }
+    fn bias(&self, _: &At<'_>, b: &mut [f64]) {
+        b.fill(0.0);
+    }
+    /// a*, the accelerations of the model.
+    fn applied_force(&self, at: &At<'_>, f: &mut [f64]) {
+        SCRATCH.with_borrow_mut(|s| {
+            self.solve(at, s);
+            f.copy_from_slice(&s.acceleration);
+        });
+    }
+    fn residual(&self, at: &At<'_>, r: &mut [f64]) {
+        self.applied_force(at, r);
+        for (r, a) in r.iter_mut().zip(at.a) {
+            *r = a - *r;
+        }
+    }
+    fn kinetic_energy(&self, at: &At<'_>) -> f64 {
+        self.model.kinetic_energy(at)
+    }
+    fn potential_energy(&self, at: &At<'_>) -> f64 {
+        self.model.potential_energy(at)
+    }
+}
+
+impl Jacobian for ExplicitForm<'_> {
+    fn jacobian_pattern(&self) -> Pattern<'_> {
+        Pattern { rows: &self.jacobian_rows, cols: &self.jacobian_cols }
+    }
+    fn residual_jacobian(&self, at: &At<'_>, r: &mut [f64], values: &mut [f64]) {
+        SCRATCH.with_borrow_mut(|s| {
+            self.solve(at, s);
+            self.slope(at, s);
+            let width = self.active.len();
+            for (k, value) in values.iter_mut().enumerate() {
+                let row = self.jacobian_rows[k] as usize;
+                *value = match self.place[self.jacobian_cols[k] as usize] {
+                    Some(col) => -s.slope[row * width + col],
+                    None => 1.0,
+                };
+            }
+            for (r, (a, solved)) in r.iter_mut().zip(at.a.iter().zip(&s.acceleration)) {
+                *r = a - solved;
+            }
+        });
+    }
+}
+
+impl Hessian for ExplicitForm<'_> {
+    fn hessian_pattern(&self) -> Pattern<'_> {
+        Pattern { rows: &self.hessian_rows, cols: &self.hessian_cols }
+    }
+    fn residual_hessian(&self, at: &At<'_>, lambda: &[f64], values: &mut [f64]) {
+        SCRATCH.with_borrow_mut(|s| {
+            self.solve(at, s);
+            self.slope(at, s);
+            let dims = self.model.dims();
+            let (nq, width) = (dims.nq, self.active.len());
+            resize(&mut s.nu, nq);
+            s.nu.copy_from_slice(lambda);
+            cholesky_solve(&s.mass, nq, &mut s.nu, 1);
+            let pattern = self.model.hessian_pattern();
+            resize(&mut s.hessian, pattern.nnz());
+            resize(&mut s.mixed, nq * width);
+            resize(&mut s.dense, width * width);
+            let point = At { a: &s.acceleration, ..*at };
+            self.model.residual_hessian(&point, &s.nu, &mut s.hessian);
+            for ((&row, &col), &value) in pattern.rows.iter().zip(pattern.cols).zip(&s.hessian) {
+                let (row, col) = (row as usize, col as usize);
+                match (self.place[row], self.place[col]) {
+                    (Some(i), Some(j)) => s.dense[i.max(j) * width + i.min(j)] += value,
+                    (Some(i), None) => s.mixed[(col - dims.a()) * width + i] += value,
+                    (None, Some(j)) => s.mixed[(row - dims.a()) * width + j] += value,
+                    (None, None) => {}
+                }
+            }
+            for b in 0..nq {
+                let slope = &s.slope[b * width..(b + 1) * width];
+                let mixed = &s.mixed[b * width..(b + 1) * width];
+                for i in 0..width {
+                    let (m, d) = (mixed[i], slope[i]);
+                    let row = &mut s.dense[i * width..i * width + i + 1];
+                    for ((out, slope), mixed) in row.iter_mut().zip(slope).zip(mixed) {
+                        *out += m * slope + d * mixed;
+                    }
+                }
+            }
+            let mut k = 0;
+            for i in 0..width {
+                values[k..=k + i].copy_from_slice(&s.dense[i * width..=i * width + i]);
+                k += i + 1;
+            }
+        });
+    }
+}
