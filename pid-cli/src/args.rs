@@ -58,12 +58,28 @@ pub(crate) struct IdentifyArgs {
     /// Second derivatives of the Lagrangian.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) hessian: HessianArg,
-    /// How far a simulation runs before it is restarted: `record`, a time (`1s`) or a number of samples.
-    #[arg(long, default_value = "record", value_name = "HORIZON")]
-    pub(crate) horizon: Horizon,
+    /// How far a simulation runs before it is restarted: `record`, a time (`1s`) or a number of samples. Without it: the
+    /// whole record, or `1s` where a record is longer than 10 s.
+    #[arg(long, value_name = "HORIZON")]
+    pub(crate) horizon: Option<Horizon>,
+    /// Initial state of each window.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) initial: InitialArg,
+    /// Weights of the channels in the objective.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) weights: WeightsArg,
+    /// Start the solver from the given parameters as they are, without fitting the residual first.
+    #[arg(long)]
+    pub(crate) no_prepare: bool,
+    /// Cut-off of the zero-phase filter behind derived velocities and the equation error, Hz; found from the data if absent.
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    pub(crate) cutoff: Option<f64>,
+    /// The equation error keeps every n-th sample.
+    #[arg(long, value_name = "N", value_parser = at_least_one)]
+    pub(crate) decimate: Option<usize>,
     /// Number of starts; the first is the given or nominal one, the others are drawn around it.
-    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) starts: u32,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) starts: Option<u32>,
     /// Seed of the drawn starts.
     #[arg(long, default_value_t = 0, value_name = "S")]
     pub(crate) seed: u64,
@@ -115,9 +131,9 @@ pub(crate) enum SchemeArg {
     /// Explicit Euler: first order, the scheme of the source.
     Euler,
     /// Trapezoidal rule: second order.
-    #[default]
     Trapezoidal,
     /// Implicit midpoint rule: second order.
+    #[default]
     Midpoint,
 }
 
@@ -129,6 +145,35 @@ pub(crate) enum HessianArg {
     Exact,
     /// Without the second derivatives of the equations of motion.
     GaussNewton,
+}
+
+/// Initial state of each window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum InitialArg {
+    /// An unknown of the fit.
+    #[default]
+    Free,
+    /// Held at the record.
+    Measured,
+}
+
+/// Weights of the channels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum WeightsArg {
+    /// 1 for every measured channel, in mixed units.
+    Unit,
+    /// One over the variance of each channel.
+    #[default]
+    Spread,
+    /// Positions only.
+    Position,
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    match text.parse::<usize>() {
+        Ok(n) if n > 0 => Ok(n),
+        _ => Err(format!("`{text}` is not a whole number above zero")),
+    }
 }
 
 fn positive(text: &str) -> Result<f64, String> {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use pid_models::UnknownModel;
 use pid_runtime::data::DataError;
 use pid_runtime::gap::metrics::FreeRunError;
+use pid_runtime::ident::IdentError;
 use pid_runtime::integrate::SimulateError;
 use pid_runtime::report::ReportError;
 use pid_runtime::signal::SignalError;
@@ -30,10 +31,8 @@ pub(crate) enum CliError {
     Simulate(#[from] SimulateError),
     #[error(transparent)]
     Report(#[from] ReportError),
-    #[error(
-        "identification is not part of this build yet\n  help: `pid simulate` compares given parameters with records"
-    )]
-    NoIdentification,
+    #[error(transparent)]
+    Identification(#[from] IdentError),
     #[error("{}: cannot be written: {error}\n  help: choose another folder with --out", path.display())]
     Write { path: PathBuf, error: io::Error },
 }

@@ -8,6 +8,7 @@ mod assemble;
 mod demo;
 mod error;
 mod findings;
+mod identify;
 mod output;
 mod parameters;
 mod progress;
@@ -24,8 +25,8 @@ use error::CliError;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let outcome = match cli.command {
-        None => Err(CliError::NoIdentification),
-        Some(Command::Identify(_)) => Err(CliError::NoIdentification),
+        None => identify::run(&cli.identify),
+        Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),
         Some(Command::Models) => {
             models();

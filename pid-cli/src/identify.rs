@@ -1,0 +1,292 @@
+//! `pid identify`: parameters from records, and the report on them.
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use pid_runtime::data::{Dataset, Horizon, Role};
+use pid_runtime::ident::{
+    self, ForceError, Identification, InitialState, Method, Run, Settings, Weighting,
+};
+use pid_runtime::report::{CheckRow, Setting, StartRow, Verdict};
+use pid_runtime::solver::{self, Iteration, Status};
+use pid_runtime::transcribe::{Curvature, Scheme};
+
+use crate::args::{HessianArg, IdentifyArgs, InitialArg, MethodArg, SchemeArg, WeightsArg};
+use crate::assemble::{Fit, assemble};
+use crate::error::CliError;
+use crate::progress::{Interrupt, Progress};
+use crate::{output, parameters, source};
+
+/// Largest constraint violation and stationarity that the independent check lets pass.
+const FEASIBLE: f64 = 1e-6;
+const STATIONARY: f64 = 1e-4;
+
+/// Runs the command; the exit code.
+pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
+    let interrupt = Interrupt::listen();
+    let progress = Progress::start("reading the data");
+    let (entry, dataset) = source::load(&args.source)?;
+    let model = entry.model;
+    let start = match &args.start {
+        Some(file) => Some(parameters::read(file, model.params())?),
+        None => None,
+    };
+    let settings = settings(args, &dataset);
+    let started = Instant::now();
+    if args.verbose {
+        output::message(Iteration::HEADING);
+    }
+    let identification = ident::identify(
+        model,
+        &dataset,
+        &settings,
+        start.as_deref(),
+        &mut |news: &ident::Progress<'_>| {
+            let i = news.iteration;
+            progress.step(format!(
+                "{} (start {} of {}): iteration {}, J = {:.6e}, violation {:.1e}",
+                news.phase,
+                news.start + 1,
+                news.starts,
+                i.iteration,
+                i.objective,
+                i.primal_inf
+            ));
+            if args.verbose {
+                progress.line(&i.line());
+            }
+            if interrupt.requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        },
+    )?;
+    let seconds = started.elapsed().as_secs_f64();
+    let best = identification.best();
+    let verdict = verdict(best);
+    let mut report = assemble(
+        &entry,
+        &dataset,
+        Fit {
+            title: format!("{} identified on {}", entry.name, dataset.name),
+            start: best.start.clone(),
+            values: best.parameters.clone(),
+            deviations: identification.deviations.clone(),
+            lower: identification.lower.clone(),
+            upper: identification.upper.clone(),
+            fixed: identification.fixed.clone(),
+            verdict,
+            status: best.status.reason().to_owned(),
+            objective: best.objective.is_finite().then_some(best.objective),
+            seconds,
+            checks: checks(best),
+            log: best.log.clone(),
+            starts: identification.runs.iter().map(start_row).collect(),
+            settings: in_words(&settings, &identification),
+            notes: notes(&identification),
+        },
+        &progress,
+    )?;
+    let extra = force_findings(&identification.force_error);
+    report.findings.extend(extra);
+    if settings.method == Method::FullDiscretization
+        && let Some(sentence) = hidden_error(&settings, best, &report)
+    {
+        report.findings.insert(0, sentence);
+    }
+    drop(progress);
+    source::deliver(&report, &args.source.out)?;
+    Ok(match (verdict, best.status) {
+        (_, Status::Interrupted) => 130,
+        (Verdict::Bad, _) => 3,
+        _ => 0,
+    })
+}
+
+fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
+    let embedded = args.source.folder.is_none();
+    let method = match args.method {
+        MethodArg::FullDiscretization => Method::FullDiscretization,
+        MethodArg::EquationError => Method::EquationError,
+    };
+    let horizon = args.horizon.unwrap_or_else(|| default_horizon(dataset));
+    Settings {
+        method,
+        scheme: match args.scheme {
+            SchemeArg::Euler => Scheme::ExplicitEuler,
+            SchemeArg::Trapezoidal => Scheme::Trapezoidal,
+            SchemeArg::Midpoint => Scheme::ImplicitMidpoint,
+        },
+        curvature: match args.hessian {
+            HessianArg::Exact => Curvature::Exact,
+            HessianArg::GaussNewton => Curvature::GaussNewton,
+        },
+        horizon: if method == Method::EquationError { Horizon::Samples(1) } else { horizon },
+        initial_state: match args.initial {
+            InitialArg::Free => InitialState::Free,
+            InitialArg::Measured => InitialState::Measured,
+        },
+        weighting: match args.weights {
+            WeightsArg::Unit => Weighting::Unit,
+            WeightsArg::Spread => Weighting::Spread,
+            WeightsArg::Position => Weighting::Position,
+        },
+        starts: if embedded && args.starts.is_none() { 3 } else { args.starts.unwrap_or(1) as usize },
+        seed: args.seed,
+        prepare: !args.no_prepare,
+        cutoff: args.cutoff,
+        decimate: args.decimate,
+        solver: solver::Settings {
+            max_iterations: args.max_iter,
+            tol: args.tol,
+            ..Settings::default().solver
+        },
+    }
+}
+
+/// Whole records of noise-free or short simulated data, one second where friction and drift make long runs a lottery.
+fn default_horizon(dataset: &Dataset) -> Horizon {
+    let longest = dataset.experiments.iter().map(|e| e.duration()).fold(0.0, f64::max);
+    if longest > 10.0 { Horizon::Seconds(1.0) } else { Horizon::Record }
+}
+
+fn verdict(run: &Run) -> Verdict {
+    let sound = run.check.finite
+        && run.check.primal_inf <= FEASIBLE
+        && run.check.bound_violation <= FEASIBLE;
+    match (sound, run.status) {
+        (true, Status::Solved | Status::Acceptable) => Verdict::Good,
+        (true, _) => Verdict::Fair,
+        (false, _) => Verdict::Bad,
+    }
+}
+
+fn checks(run: &Run) -> Vec<CheckRow> {
+    let row = |name: &str, value: f64, tolerance: f64| CheckRow {
+        name: name.to_owned(),
+        value,
+        tolerance,
+    };
+    vec![
+        row("largest violation of a step", run.check.primal_inf, FEASIBLE),
+        row("largest violation of a bound", run.check.bound_violation, FEASIBLE),
+        row("stationarity (natural residual)", run.check.dual_inf, STATIONARY),
+    ]
+}
+
+fn start_row(run: &Run) -> StartRow {
+    StartRow {
+        index: run.index,
+        objective: run.objective.is_finite().then_some(run.objective),
+        iterations: run.iterations,
+        seconds: run.seconds,
+        status: run.status.reason().to_owned(),
+    }
+}
+
+fn in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
+    let mut rows = Vec::new();
+    match settings.method {
+        Method::EquationError => {
+            rows.push(Setting::new("method", "equation error (weighted least squares)"));
+            rows.push(Setting::new("samples", found.windows.1));
+        }
+        _ => {
+            rows.push(Setting::new("method", "full discretization"));
+            rows.push(Setting::new("scheme", settings.scheme.label()));
+            rows.push(Setting::new(
+                "Hessian",
+                match settings.curvature {
+                    Curvature::Exact => "exact",
+                    _ => "Gauss-Newton",
+                },
+            ));
+            rows.push(Setting::new("horizon", settings.horizon));
+            rows.push(Setting::new(
+                "initial states",
+                match settings.initial_state {
+                    InitialState::Free => "unknowns of the fit",
+                    InitialState::Measured => "held at the data",
+                },
+            ));
+            rows.push(Setting::new(
+                "weights",
+                match settings.weighting {
+                    Weighting::Unit => "1 for every channel",
+                    Weighting::Spread => "one over the variance of each channel",
+                    Weighting::Position => "positions only",
+                },
+            ));
+            let (n, m) = found.size;
+            let (windows, samples) = found.windows;
+            rows.push(Setting::new(
+                "program",
+                format!(
+                    "{n} variables, {m} constraints; {windows} windows, {samples} samples"
+                ),
+            ));
+        }
+    }
+    if settings.starts > 1 {
+        rows.push(Setting::new("starts", format!("{} (seed {})", settings.starts, settings.seed)));
+    }
+    rows
+}
+
+fn notes(found: &Identification) -> Vec<String> {
+    let mut notes = found.notes.clone();
+    if found.undetermined > 0 {
+        notes.push(format!(
+            "{} direction{} in parameter space {} not determined by these data; the parameters they touch have no standard deviation.",
+            found.undetermined,
+            if found.undetermined == 1 { "" } else { "s" },
+            if found.undetermined == 1 { "is" } else { "are" },
+        ));
+    }
+    notes.push(format!(
+        "Standard deviations come from the exact reduced Hessian at the solution and the residual variance, times {:.3} for residuals that are correlated in time; they do not cover what the model lacks.",
+        found.correlation_factor.sqrt()
+    ));
+    notes
+}
+
+fn force_findings(errors: &[ForceError]) -> Vec<String> {
+    errors
+        .iter()
+        .map(|e| {
+            let share = e.relative.map_or_else(
+                || "the drive does not act".to_owned(),
+                |r| format!("{:.2} % of the drive's force", 100.0 * r),
+            );
+            format!(
+                "Force error of joint {} on the {} records: {:.4} RMS, {share}.",
+                e.joint,
+                match e.role {
+                    Role::Train => "training",
+                    Role::Test => "test",
+                },
+                e.rms
+            )
+        })
+        .collect()
+}
+
+/// Says so when a scheme's own error has gone into the parameters: J of the fit against J of an accurate simulation.
+fn hidden_error(
+    settings: &Settings,
+    best: &Run,
+    report: &pid_runtime::report::Report,
+) -> Option<String> {
+    if settings.weighting != Weighting::Unit || !matches!(settings.horizon, Horizon::Record) {
+        return None;
+    }
+    let accurate = report
+        .free_run
+        .iter()
+        .find(|s| s.role == Role::Train && s.horizon == Horizon::Record)?
+        .objective?;
+    (accurate > 3.0 * best.objective).then(|| {
+        format!(
+            "The {} hides its own error in the parameters: it fits the training record with J = {:.4e}, but an accurate simulation with these parameters misses it by J = {accurate:.4e}. Use a scheme of higher order or a smaller step before trusting the values.",
+            settings.scheme.label(),
+            best.objective
+        )
+    })
+}
