@@ -1,11 +1,12 @@
 //! Equation error: least squares on the residual with states estimated from the records.
 //!
 //! ```text
-//! minimise  1/N Σ_k Σ_j ω_j r_j(q̂_k, v̂_k, â_k, û_k, p)²      p in its bounds
+//! minimise  1/N Σ_k Σ_j ω_j (F r_j)(k)²,   r = r(q̂, v̂, â, û, p)      p in its bounds
 //! ```
 //!
-//! States and inputs pass the same zero-phase filter and are decimated (M. Gautier, IEEE ICRA 1997; the IDIM-LS procedure).
-//! The weights ω are one over the variance of each joint's residual, settled in two passes (weighted least squares).
+//! States and inputs pass the same zero-phase filter; the residual, and with it every column of its regressor, passes the
+//! decimation filter F and is then decimated (parallel decimation of the IDIM-LS procedure: M. Gautier, IEEE ICRA 1997).
+//! The weights ω are one over the variance of each joint's residual, settled in a few passes (weighted least squares).
 
 use super::uncertainty::{self, Spread};
 use super::{Callback, ForceError, IdentError, Identification, Progress, Run, Settings};
@@ -22,14 +23,48 @@ use std::time::Instant;
 /// Passes of the weighted least squares.
 const PASSES: usize = 3;
 
-/// Filtered and decimated samples of all experiments of a role.
+/// Share of the rate after decimation at which the decimation filter cuts off.
+const PARALLEL: f64 = 0.4;
+
+/// Filtered samples of all experiments of a role.
 struct Samples {
     q: Vec<f64>,
     v: Vec<f64>,
     a: Vec<f64>,
     u: Vec<f64>,
+    stretches: Vec<Stretch>,
+    /// Samples kept.
     count: usize,
-    cutoffs: Vec<String>,
+    remarks: Vec<String>,
+}
+
+/// The samples of one experiment.
+struct Stretch {
+    t: Vec<f64>,
+    /// Row of its first sample.
+    first: usize,
+    /// Samples at either end that are not used: the filters lack neighbours there.
+    edge: usize,
+    /// Every n-th sample is kept.
+    factor: usize,
+    /// Cut-off of the decimation filter, Hz.
+    cutoff: f64,
+}
+
+impl Stretch {
+    /// Samples kept, counted from the start of the stretch.
+    fn kept(&self) -> impl Iterator<Item = usize> + '_ {
+        (self.edge..self.t.len() - self.edge).step_by(self.factor)
+    }
+
+    /// The decimation filter on row-by-row channels; nothing where nothing is decimated.
+    fn filter(&self, x: Vec<f64>, columns: usize) -> Vec<f64> {
+        if self.factor == 1 || columns == 0 {
+            return x;
+        }
+        // The cut-off lies below half the rate by construction; a filter that cannot be made leaves the data as they are.
+        low_pass_channels(&self.t, &x, columns, self.cutoff).unwrap_or(x)
+    }
 }
 
 impl Samples {
@@ -39,8 +74,9 @@ impl Samples {
             v: Vec::new(),
             a: Vec::new(),
             u: Vec::new(),
+            stretches: Vec::new(),
             count: 0,
-            cutoffs: Vec::new(),
+            remarks: Vec::new(),
         };
         for experiment in dataset.with_role(role) {
             all.add(dataset, experiment, settings)?;
@@ -58,29 +94,44 @@ impl Samples {
         let state = state_from_data(experiment, settings.cutoff)?;
         let acting = acting_inputs(experiment, dataset.input_hold);
         let u = low_pass_channels(&experiment.t, &acting, nq, state.cutoff).map_err(|error| {
-            IdentError::Filter { experiment: experiment.name.clone(), error }
+            IdentError::Filter {
+                experiment: experiment.name.clone(),
+                error,
+            }
         })?;
         let step = experiment.sample_time();
         let factor = settings
             .decimate
             .unwrap_or_else(|| (1.0 / (4.0 * state.cutoff * step)).floor() as usize)
-            .max(1);
-        // The filter lacks neighbours near the ends of the record.
-        let edge = ((3.0 / (state.cutoff * step)).ceil() as usize).min(n / 10);
-        for k in (edge..n - edge).step_by(factor) {
-            let row = k * nq..(k + 1) * nq;
-            self.q.extend_from_slice(&state.q[row.clone()]);
-            self.v.extend_from_slice(&state.v[row.clone()]);
-            self.a.extend_from_slice(&state.a[row.clone()]);
-            self.u.extend_from_slice(&u[row]);
-            self.count += 1;
-        }
-        self.cutoffs.push(format!(
-            "{}: zero-phase filter at {:.1} Hz, every {} sample kept",
-            experiment.name,
-            state.cutoff,
-            ordinal(factor)
-        ));
+            .clamp(1, (n / 10).max(1));
+        let cutoff = PARALLEL / (factor as f64 * step);
+        let slowest = if factor > 1 { cutoff.min(state.cutoff) } else { state.cutoff };
+        let stretch = Stretch {
+            t: experiment.t.clone(),
+            first: self.q.len() / nq.max(1),
+            edge: ((3.0 / (slowest * step)).ceil() as usize).min(n / 10),
+            factor,
+            cutoff,
+        };
+        self.count += stretch.kept().count();
+        self.q.extend_from_slice(&state.q);
+        self.v.extend_from_slice(&state.v);
+        self.a.extend_from_slice(&state.a);
+        self.u.extend_from_slice(&u);
+        self.remarks.push(if factor > 1 {
+            format!(
+                "{}: states filtered without phase shift at {:.1} Hz; the residual at {cutoff:.1} Hz, then every {} sample kept",
+                experiment.name,
+                state.cutoff,
+                ordinal(factor)
+            )
+        } else {
+            format!(
+                "{}: states filtered without phase shift at {:.1} Hz",
+                experiment.name, state.cutoff
+            )
+        });
+        self.stretches.push(stretch);
         Ok(())
     }
 
@@ -95,36 +146,61 @@ impl Samples {
         }
     }
 
-    /// Residuals, sample by sample.
-    fn residuals(&self, model: &dyn Hessian, p: &[f64]) -> Vec<f64> {
-        let nq = model.dims().nq;
-        let mut out = vec![0.0; self.count * nq];
-        for (k, r) in out.chunks_exact_mut(nq).enumerate() {
-            model.residual(&self.at(k, nq, p), r);
+    /// Evaluates `columns` values at every sample, filters and decimates them; row by row.
+    fn condensed(&self, columns: usize, mut row: impl FnMut(usize, &mut [f64])) -> Vec<f64> {
+        let mut out = Vec::with_capacity(self.count * columns);
+        for stretch in &self.stretches {
+            let mut x = vec![0.0; stretch.t.len() * columns];
+            for (k, x) in x.chunks_exact_mut(columns).enumerate() {
+                row(stretch.first + k, x);
+            }
+            let x = stretch.filter(x, columns);
+            for k in stretch.kept() {
+                out.extend_from_slice(&x[k * columns..(k + 1) * columns]);
+            }
         }
         out
+    }
+
+    /// The adjoint of [`Self::condensed`] for zero-phase filters: values at every sample from those kept.
+    fn spread(&self, kept: &[f64], columns: usize) -> Vec<f64> {
+        let mut out = Vec::with_capacity(self.q.len());
+        let mut rows = kept.chunks_exact(columns);
+        for stretch in &self.stretches {
+            let mut x = vec![0.0; stretch.t.len() * columns];
+            for (k, row) in stretch.kept().zip(&mut rows) {
+                x[k * columns..(k + 1) * columns].copy_from_slice(row);
+            }
+            out.extend(stretch.filter(x, columns));
+        }
+        out
+    }
+
+    /// Residuals, filtered and decimated.
+    fn residuals(&self, model: &dyn Hessian, p: &[f64]) -> Vec<f64> {
+        let nq = model.dims().nq;
+        self.condensed(nq, |k, r| model.residual(&self.at(k, nq, p), r))
     }
 
     /// Residual and drive force of each joint.
     fn force_errors(&self, model: &dyn Hessian, p: &[f64], role: Role) -> Vec<ForceError> {
         let nq = model.dims().nq;
-        let r = self.residuals(model, p);
         let idle = vec![0.0; nq];
-        let (mut driven, mut passive) = (vec![0.0; nq], vec![0.0; nq]);
-        let mut square = vec![0.0; nq];
-        for k in 0..self.count {
+        let mut passive = vec![0.0; nq];
+        let drive = self.condensed(nq, |k, f| {
             let at = self.at(k, nq, p);
-            model.applied_force(&at, &mut driven);
+            model.applied_force(&at, f);
             model.applied_force(&At { u: &idle, ..at }, &mut passive);
-            for j in 0..nq {
-                square[j] += (driven[j] - passive[j]).powi(2);
-            }
-        }
-        let n = self.count.max(1) as f64;
+            f.iter_mut().zip(&passive).for_each(|(f, p)| *f -= p);
+        });
+        let residual = self.residuals(model, p);
+        let rms = |x: &[f64], j: usize| {
+            let square: f64 = x.iter().skip(j).step_by(nq).map(|x| x * x).sum();
+            (square / self.count.max(1) as f64).sqrt()
+        };
         (0..nq)
             .map(|j| {
-                let rms = r.iter().skip(j).step_by(nq).map(|r| r * r).sum::<f64>();
-                let (rms, drive) = ((rms / n).sqrt(), (square[j] / n).sqrt());
+                let (rms, drive) = (rms(&residual, j), rms(&drive, j));
                 ForceError {
                     joint: model.joints()[j].name.to_string(),
                     role,
@@ -155,11 +231,10 @@ struct Fit<'a> {
     upper: &'a [f64],
     scale: &'a [f64],
     p: Vec<f64>,
-    r: Vec<f64>,
+    /// Residuals and their derivatives, filtered and decimated.
+    rows: Vec<f64>,
     jacobian: Vec<f64>,
     hessian: Vec<f64>,
-    lambda: Vec<f64>,
-    dense: Vec<f64>,
     empty: SparsePattern,
     pattern: SparsePattern,
 }
@@ -178,11 +253,9 @@ impl<'a> Fit<'a> {
         Self {
             weights: vec![1.0; dims.nq],
             p: vec![0.0; dims.np],
-            r: vec![0.0; dims.nq],
+            rows: Vec::new(),
             jacobian: vec![0.0; model.jacobian_pattern().nnz()],
             hessian: vec![0.0; model.hessian_pattern().nnz()],
-            lambda: vec![0.0; dims.nq],
-            dense: vec![0.0; dims.nq * dims.np],
             empty: SparsePattern::default(),
             model,
             samples,
@@ -203,18 +276,23 @@ impl<'a> Fit<'a> {
         1.0 / self.samples.count.max(1) as f64
     }
 
-    /// Residual and ∂r/∂x of a sample, the latter dense.
-    fn linearise(&mut self, k: usize) {
+    /// Residuals (nq a row) and ∂r/∂x (nq · np a row), filtered and decimated.
+    fn linearise(&mut self) {
         let dims = self.model.dims();
-        let at = self.samples.at(k, dims.nq, &self.p);
-        self.model.residual_jacobian(&at, &mut self.r, &mut self.jacobian);
-        self.dense.fill(0.0);
-        let pattern = self.model.jacobian_pattern();
-        for ((&row, &col), value) in pattern.rows.iter().zip(pattern.cols).zip(&self.jacobian) {
-            if let Some(j) = (col as usize).checked_sub(dims.p()) {
-                self.dense[row as usize * dims.np + j] = value * self.scale[j];
+        let (nq, np) = (dims.nq, dims.np);
+        let (model, samples, p, scale) = (self.model, self.samples, &self.p, self.scale);
+        let jacobian = &mut self.jacobian;
+        let pattern = model.jacobian_pattern();
+        let both = samples.condensed(nq * (1 + np), |k, row| {
+            let (r, dense) = row.split_at_mut(nq);
+            model.residual_jacobian(&samples.at(k, nq, p), r, jacobian);
+            for ((&i, &col), value) in pattern.rows.iter().zip(pattern.cols).zip(&*jacobian) {
+                if let Some(j) = (col as usize).checked_sub(dims.p()) {
+                    dense[i as usize * np + j] = value * scale[j];
+                }
             }
-        }
+        });
+        self.rows = both;
     }
 }
 
@@ -233,23 +311,24 @@ impl Nlp for Fit<'_> {
     }
     fn objective(&mut self, x: &[f64]) -> f64 {
         self.load(x);
-        let nq = self.r.len();
-        let mut sum = 0.0;
-        for k in 0..self.samples.count {
-            self.model.residual(&self.samples.at(k, nq, &self.p), &mut self.r);
-            sum += self.r.iter().zip(&self.weights).map(|(r, w)| w * r * r).sum::<f64>();
-        }
+        let nq = self.weights.len();
+        let residuals = self.samples.residuals(self.model, &self.p);
+        let sum: f64 = residuals
+            .chunks_exact(nq)
+            .map(|r| r.iter().zip(&self.weights).map(|(r, w)| w * r * r).sum::<f64>())
+            .sum();
         sum * self.norm()
     }
     fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) {
         self.load(x);
+        self.linearise();
         gradient.fill(0.0);
-        let np = self.p.len();
-        for k in 0..self.samples.count {
-            self.linearise(k);
-            for (j, r) in self.r.iter().enumerate() {
-                let factor = 2.0 * self.norm() * self.weights[j] * r;
-                for (g, d) in gradient.iter_mut().zip(&self.dense[j * np..(j + 1) * np]) {
+        let (nq, np, norm) = (self.weights.len(), self.p.len(), self.norm());
+        for row in self.rows.chunks_exact(nq * (1 + np)) {
+            let (r, dense) = row.split_at(nq);
+            for (j, r) in r.iter().enumerate() {
+                let factor = 2.0 * norm * self.weights[j] * r;
+                for (g, d) in gradient.iter_mut().zip(&dense[j * np..(j + 1) * np]) {
                     *g += factor * d;
                 }
             }
@@ -265,32 +344,47 @@ impl Nlp for Fit<'_> {
     }
     fn hessian(&mut self, x: &[f64], sigma: f64, _: &[f64], values: &mut [f64]) {
         self.load(x);
+        self.linearise();
         values.fill(0.0);
         let dims = self.model.dims();
-        let np = dims.np;
+        let (nq, np, norm) = (dims.nq, dims.np, self.norm());
         let slot = |i: usize, j: usize| i.max(j) * (i.max(j) + 1) / 2 + i.min(j);
-        for k in 0..self.samples.count {
-            self.linearise(k);
-            for j in 0..dims.nq {
-                let factor = 2.0 * sigma * self.norm() * self.weights[j];
-                self.lambda[j] = factor * self.r[j];
-                let row = &self.dense[j * np..(j + 1) * np];
-                for i in 0..np {
-                    if row[i] != 0.0 {
-                        for (v, d) in values[slot(i, 0)..=slot(i, i)].iter_mut().zip(row) {
-                            *v += factor * row[i] * d;
-                        }
+        let mut lambda = Vec::with_capacity(self.samples.count * nq);
+        for row in self.rows.chunks_exact(nq * (1 + np)) {
+            let (r, dense) = row.split_at(nq);
+            for j in 0..nq {
+                let factor = 2.0 * sigma * norm * self.weights[j];
+                lambda.push(factor * r[j]);
+                let d = &dense[j * np..(j + 1) * np];
+                for i in (0..np).filter(|&i| d[i] != 0.0) {
+                    for (v, d_j) in values[slot(i, 0)..=slot(i, i)].iter_mut().zip(d) {
+                        *v += factor * d[i] * d_j;
                     }
                 }
             }
-            let at = self.samples.at(k, dims.nq, &self.p);
-            self.model.residual_hessian(&at, &self.lambda, &mut self.hessian);
-            let pattern = self.model.hessian_pattern();
-            for ((&row, &col), value) in pattern.rows.iter().zip(pattern.cols).zip(&self.hessian) {
-                let places =
-                    ((row as usize).checked_sub(dims.p()), (col as usize).checked_sub(dims.p()));
-                if let (Some(i), Some(j)) = places {
-                    values[slot(i, j)] += value * self.scale[i] * self.scale[j];
+        }
+        // Second derivatives of r, weighted by the residual sent back through the filter.
+        let lambda = self.samples.spread(&lambda, nq);
+        let pattern = self.model.hessian_pattern();
+        let places: Vec<Option<(usize, f64)>> = pattern
+            .rows
+            .iter()
+            .zip(pattern.cols)
+            .map(|(&row, &col)| {
+                let i = (row as usize).checked_sub(dims.p())?;
+                let j = (col as usize).checked_sub(dims.p())?;
+                Some((slot(i, j), self.scale[i] * self.scale[j]))
+            })
+            .collect();
+        if places.iter().all(Option::is_none) {
+            return;
+        }
+        for (k, lambda) in lambda.chunks_exact(nq).enumerate() {
+            let at = self.samples.at(k, nq, &self.p);
+            self.model.residual_hessian(&at, lambda, &mut self.hessian);
+            for (place, value) in places.iter().zip(&self.hessian) {
+                if let Some((slot, scale)) = place {
+                    values[*slot] += value * scale;
                 }
             }
         }
@@ -314,7 +408,7 @@ pub(super) fn identify(
     let count = all.len();
     let mut runs: Vec<Run> = Vec::new();
     let mut weights_of_best = fit.weights.clone();
-    let mut notes = samples.cutoffs.clone();
+    let mut notes = samples.remarks.clone();
     for (index, p0) in all.into_iter().enumerate() {
         let started = Instant::now();
         fit.weights = relative_weights(&samples, model, &p0);
