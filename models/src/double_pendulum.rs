@@ -47,7 +47,7 @@ robot! {
             /// Coulomb friction.
             dry: N*m = [0.16, 0.12] in 0.0..=1.0;
             /// Sharpness of the transition of Coulomb friction at rest.
-            sharp: s/rad = 50.0 in 5.0..=1000.0;
+            sharp: s/rad = 30.0 in 5.0..=60.0;
 
             armature = 36*rotor;
             force = torque - viscous*v - dry*tanh(sharp*v);

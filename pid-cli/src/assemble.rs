@@ -1,9 +1,9 @@
 //! From identified (or given) parameters to the report: free runs, missing forces, tables, words.
 
 use pid_models::Entry;
-use pid_runtime::data::{Dataset, Horizon, Role};
+use pid_runtime::data::{Dataset, Horizon, Kind, Role};
 use pid_runtime::gap::force::missing_force;
-use pid_runtime::gap::metrics::{FreeRunSettings, free_run, free_run_table};
+use pid_runtime::gap::metrics::{FreeRunSettings, StartVelocity, free_run, free_run_table};
 use pid_runtime::report::{
     Bound, CheckRow, DataSection, ForceRecord, ModelSection, OutcomeSection, ParameterRow, Report,
     SCHEMA_VERSION, Setting, StartRow, TraceBudget, Verdict, missing_force as condense, motion,
@@ -59,6 +59,19 @@ const HORIZONS: [Horizon; 3] = [
 /// Horizon of the motion that is drawn.
 const DRAWN: Horizon = Horizon::Seconds(1.0);
 
+/// Free runs start at the recorded velocity of a simulated record; on a machine a single sample is noisy, and the filtered
+/// one is taken.
+fn free_run_settings(dataset: &Dataset, horizon: Horizon) -> FreeRunSettings {
+    let start = match dataset.kind {
+        Kind::Real => StartVelocity::Estimated,
+        Kind::Simulated => StartVelocity::Recorded,
+    };
+    FreeRunSettings {
+        start,
+        ..FreeRunSettings::new(horizon)
+    }
+}
+
 /// Judges the parameters on all records and puts everything into a report.
 pub(crate) fn assemble(
     entry: &Entry,
@@ -71,8 +84,14 @@ pub(crate) fn assemble(
     let mut scores = Vec::new();
     for horizon in HORIZONS {
         progress.step(format!("free run, horizon {horizon}"));
-        let table = free_run_table(model, p, dataset, &FreeRunSettings::new(horizon))?;
+        let table = free_run_table(model, p, dataset, &free_run_settings(dataset, horizon))?;
         scores.extend(table.roles);
+        // Unseen motions one by one too: they ask different things of a model.
+        let unseen = table.experiments.into_iter().filter(|s| s.role == Role::Test);
+        let unseen: Vec<_> = unseen.collect();
+        if unseen.len() > 1 {
+            scores.extend(unseen);
+        }
     }
 
     let nq = dataset.nq();
@@ -85,7 +104,7 @@ pub(crate) fn assemble(
     order.sort_by_key(|i| dataset.experiments[*i].role != Role::Test);
     for experiment in order.iter().map(|i| &dataset.experiments[*i]) {
         progress.step(format!("motion and missing force of {}", experiment.name));
-        let run = free_run(model, p, dataset, experiment, &FreeRunSettings::new(DRAWN))?;
+        let run = free_run(model, p, dataset, experiment, &free_run_settings(dataset, DRAWN))?;
         if let Some((window, error)) = run.diverged.first() {
             notes.push(format!(
                 "{}: {} of its windows could not be simulated to their end; the first one, from {:.3} s: {error}",

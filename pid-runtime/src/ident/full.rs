@@ -12,12 +12,14 @@ use crate::solver::kkt::Kkt;
 use crate::solver::kkt::sparse::SparseKkt;
 use crate::solver::kkt::structured::StructuredKkt;
 use crate::solver::{ip, Solution};
-use crate::transcribe::{ExplicitForm, FullDiscretization, ResidualFit, Scheme, Setup, Track};
+use crate::transcribe::{Curvature, ExplicitForm, FullDiscretization, ResidualFit, Scheme, Setup, Track};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// Steps per segment of the condensing.
 const SEGMENT: usize = 10;
+/// Most Gauss-Newton iterations before the exact Hessian takes over.
+const APPROACH: usize = 60;
 
 /// Identifies by full discretization.
 pub(super) fn identify(
@@ -31,6 +33,7 @@ pub(super) fn identify(
     let mut tracks = Vec::new();
     let mut notes = Vec::new();
     let mut inertia = MeanInertia::new(model, start);
+    let held = settings.initial_state == InitialState::Measured;
     for experiment in dataset.with_role(Role::Train) {
         let state = state_from_data(experiment, settings.cutoff)?;
         inertia.add(experiment, &state)?;
@@ -41,7 +44,7 @@ pub(super) fn identify(
             ));
         }
         for range in windows(experiment, settings.horizon) {
-            tracks.push(track(experiment, &state, range)?);
+            tracks.push(track(experiment, &state, range, held)?);
         }
     }
     let explicit = ExplicitForm::new(model);
@@ -53,7 +56,7 @@ pub(super) fn identify(
         weights: weights(&tracks, model.dims().nq, settings.weighting),
         scale: super::scales(model),
         inertia: if solved_form { vec![1.0; model.dims().nq] } else { inertia.mean() },
-        hold_initial: settings.initial_state == InitialState::Measured,
+        hold_initial: held,
         linear_inputs: dataset.input_hold == InputHold::Linear,
         lower: lower.clone(),
         upper: upper.clone(),
@@ -142,6 +145,9 @@ fn solve(
         ..settings.solver.clone()
     };
     let mut kkt = system(problem);
+    if settings.prepare && settings.curvature == Curvature::Exact {
+        iterations += approach(problem, kkt.as_mut(), &mut x0, &options, report);
+    }
     let mut news = |line: &_, _: &[f64]| report("solving", line);
     let solution = ip::solve(problem, kkt.as_mut(), &x0, &options, &mut news);
     let check = check_point(problem, &solution.x, &solution.lambda);
@@ -158,6 +164,37 @@ fn solve(
         log: solution.log.clone(),
     };
     (run, solution)
+}
+
+/// Gauss-Newton iterations until the steps nearly hold: far from that the multipliers, and with them the exact curvature of the
+/// constraints, mean nothing. Returns the iterations it took.
+fn approach(
+    problem: &mut FullDiscretization<'_>,
+    kkt: &mut dyn Kkt,
+    x: &mut Vec<f64>,
+    options: &crate::solver::Settings,
+    report: &mut dyn FnMut(&'static str, &crate::solver::Iteration) -> ControlFlow<()>,
+) -> usize {
+    problem.set_curvature(Curvature::GaussNewton);
+    let mut previous = f64::INFINITY;
+    let options = crate::solver::Settings { max_iterations: APPROACH, ..options.clone() };
+    let mut news = |line: &crate::solver::Iteration, _: &[f64]| {
+        let settled = (line.objective - previous).abs() <= 1e-2 * line.objective.abs();
+        previous = line.objective;
+        if report("approaching by Gauss-Newton", line).is_break()
+            || line.primal_inf < 1e-2 && settled
+        {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    };
+    let near = ip::solve(problem, kkt, x, &options, &mut news);
+    problem.set_curvature(Curvature::Exact);
+    if near.objective.is_finite() {
+        *x = near.x;
+    }
+    near.log.len().saturating_sub(1)
 }
 
 /// Standard deviations from the reduced Hessian at the solution.
@@ -207,8 +244,9 @@ fn track(
     experiment: &Experiment,
     state: &StateEstimate,
     range: std::ops::Range<usize>,
+    held: bool,
 ) -> Result<Track, IdentError> {
-    let nq = experiment.nq;
+    let (nq, first) = (experiment.nq, range.start);
     let mut track =
         Track { t: experiment.t[range.clone()].to_vec(), measured: vec![], guess: vec![], u: vec![] };
     for k in range {
@@ -220,7 +258,10 @@ fn track(
         track.measured.extend((0..nq).map(known));
         let or = |value: f64, other: f64| if value.is_nan() { other } else { value };
         track.guess.extend((0..nq).map(|j| or(q[j], state.q[row.start + j])));
-        track.guess.extend((0..nq).map(|j| or(known(j), state.v[row.start + j])));
+        // A window that starts at its record takes the filtered velocity: a single sample is noisy.
+        let filtered = held && k == first;
+        let velocity = |j: usize| if filtered { f64::NAN } else { known(j) };
+        track.guess.extend((0..nq).map(|j| or(velocity(j), state.v[row.start + j])));
         let u = &experiment.u[row];
         if u.iter().any(|u| u.is_nan()) {
             return Err(IdentError::MissingInput {

@@ -22,7 +22,7 @@ pub enum Method {
 pub enum InitialState {
     /// An unknown of the fit.
     Free,
-    /// Held at what the record says (measured, or estimated where there is no velocity).
+    /// Held at what the record says: the measured positions, the velocities of [`crate::signal::state_from_data`].
     Measured,
 }
 
