@@ -46,7 +46,8 @@ robot! {
             viscous: N*m*s/rad = 0.001 in 0.0..=0.5;
             /// Coulomb friction.
             dry: N*m = [0.16, 0.12] in 0.0..=1.0;
-            /// Sharpness of the transition of Coulomb friction at rest.
+            /// Sharpness of the transition of Coulomb friction at rest; above 60 s/rad the records' steps of 2 ms no longer
+            /// resolve it.
             sharp: s/rad = 30.0 in 5.0..=60.0;
 
             armature = 36*rotor;

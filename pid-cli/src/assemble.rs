@@ -44,6 +44,8 @@ pub(crate) struct Fit {
     pub(crate) log: Vec<Iteration>,
     /// All starts.
     pub(crate) starts: Vec<StartRow>,
+    /// Cut-off of the filter behind estimated states, Hz; `None` for the data's own.
+    pub(crate) cutoff: Option<f64>,
     /// Settings as name and value.
     pub(crate) settings: Vec<Setting>,
     /// Remarks.
@@ -61,13 +63,14 @@ const DRAWN: Horizon = Horizon::Seconds(1.0);
 
 /// Free runs start at the recorded velocity of a simulated record; on a machine a single sample is noisy, and the filtered
 /// one is taken.
-fn free_run_settings(dataset: &Dataset, horizon: Horizon) -> FreeRunSettings {
+fn free_run_settings(dataset: &Dataset, horizon: Horizon, cutoff: Option<f64>) -> FreeRunSettings {
     let start = match dataset.kind {
         Kind::Real => StartVelocity::Estimated,
         Kind::Simulated => StartVelocity::Recorded,
     };
     FreeRunSettings {
         start,
+        cutoff,
         ..FreeRunSettings::new(horizon)
     }
 }
@@ -84,7 +87,7 @@ pub(crate) fn assemble(
     let mut scores = Vec::new();
     for horizon in HORIZONS {
         progress.step(format!("free run, horizon {horizon}"));
-        let table = free_run_table(model, p, dataset, &free_run_settings(dataset, horizon))?;
+        let table = free_run_table(model, p, dataset, &free_run_settings(dataset, horizon, fit.cutoff))?;
         scores.extend(table.roles);
         // Unseen motions one by one too: they ask different things of a model.
         let unseen = table.experiments.into_iter().filter(|s| s.role == Role::Test);
@@ -104,7 +107,7 @@ pub(crate) fn assemble(
     order.sort_by_key(|i| dataset.experiments[*i].role != Role::Test);
     for experiment in order.iter().map(|i| &dataset.experiments[*i]) {
         progress.step(format!("motion and missing force of {}", experiment.name));
-        let run = free_run(model, p, dataset, experiment, &free_run_settings(dataset, DRAWN))?;
+        let run = free_run(model, p, dataset, experiment, &free_run_settings(dataset, DRAWN, fit.cutoff))?;
         if let Some((window, error)) = run.diverged.first() {
             notes.push(format!(
                 "{}: {} of its windows could not be simulated to their end; the first one, from {:.3} s: {error}",
@@ -117,7 +120,7 @@ pub(crate) fn assemble(
         motions.push(motion(dataset, experiment, &run, &how, budget));
         forces.push((
             experiment,
-            missing_force(model, p, dataset, experiment, None)?,
+            missing_force(model, p, dataset, experiment, fit.cutoff)?,
         ));
     }
     let records: Vec<ForceRecord<'_>> = forces

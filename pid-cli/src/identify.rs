@@ -79,6 +79,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
             checks: checks(best),
             log: best.log.clone(),
             starts: identification.runs.iter().map(start_row).collect(),
+            cutoff: args.cutoff,
             settings: in_words(&settings, &identification),
             notes: notes(&identification),
         },
@@ -126,6 +127,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         weighting: match args.weights {
             WeightsArg::Unit => Weighting::Unit,
             WeightsArg::Spread => Weighting::Spread,
+            WeightsArg::Record => Weighting::Record,
             WeightsArg::Position => Weighting::Position,
         },
         starts: if embedded && args.starts.is_none() { 3 } else { args.starts.unwrap_or(1) as usize },
@@ -211,6 +213,7 @@ fn in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
                 match settings.weighting {
                     Weighting::Unit => "1 for every channel",
                     Weighting::Spread => "one over the variance of each channel",
+                    Weighting::Record => "one over the variance of each channel in its own record",
                     Weighting::Position => "positions only",
                 },
             ));

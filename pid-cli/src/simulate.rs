@@ -41,6 +41,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<u8, CliError> {
         checks: Vec::new(),
         log: Vec::new(),
         starts: Vec::new(),
+        cutoff: None,
         settings: vec![Setting::new("parameters", origin)],
         notes: Vec::new(),
     };

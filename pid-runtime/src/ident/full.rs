@@ -31,10 +31,11 @@ pub(super) fn identify(
 ) -> Result<Identification, IdentError> {
     let (lower, upper, fixed) = super::bounds(model, start);
     let mut tracks = Vec::new();
+    let mut records = Vec::new();
     let mut notes = Vec::new();
     let mut inertia = MeanInertia::new(model, start);
     let held = settings.initial_state == InitialState::Measured;
-    for experiment in dataset.with_role(Role::Train) {
+    for (record, experiment) in dataset.with_role(Role::Train).enumerate() {
         let state = state_from_data(experiment, settings.cutoff)?;
         inertia.add(experiment, &state)?;
         if experiment.v.is_none() {
@@ -45,15 +46,16 @@ pub(super) fn identify(
         }
         for range in windows(experiment, settings.horizon) {
             tracks.push(track(experiment, &state, range, held)?);
+            records.push(record);
         }
     }
+    weigh(&mut tracks, &records, model.dims().nq, settings.weighting);
     let explicit = ExplicitForm::new(model);
     let solved_form = settings.scheme == Scheme::ExplicitEuler;
     let form: &dyn Hessian = if solved_form { &explicit } else { model };
     let setup = Setup {
         scheme: settings.scheme,
         curvature: settings.curvature,
-        weights: weights(&tracks, model.dims().nq, settings.weighting),
         scale: super::scales(model),
         inertia: if solved_form { vec![1.0; model.dims().nq] } else { inertia.mean() },
         hold_initial: held,
@@ -248,7 +250,7 @@ fn track(
 ) -> Result<Track, IdentError> {
     let (nq, first) = (experiment.nq, range.start);
     let mut track =
-        Track { t: experiment.t[range.clone()].to_vec(), measured: vec![], guess: vec![], u: vec![] };
+        Track { t: experiment.t[range.clone()].to_vec(), measured: vec![], guess: vec![], u: vec![], weights: vec![] };
     for k in range {
         let row = k * nq..(k + 1) * nq;
         let q = &experiment.q[row.clone()];
@@ -274,27 +276,43 @@ fn track(
     Ok(track)
 }
 
-/// Channel weights over all windows.
-fn weights(tracks: &[Track], nq: usize, weighting: Weighting) -> Vec<f64> {
+/// Share of a channel's variance over all records below which a record's own variance does not count as motion.
+const STILL: f64 = 1e-4;
+
+/// Sets the channel weights of all windows; `records` tells which record each belongs to.
+fn weigh(tracks: &mut [Track], records: &[usize], nq: usize, weighting: Weighting) {
     let nx = 2 * nq;
-    (0..nx)
-        .map(|c| match weighting {
-            Weighting::Unit => 1.0,
-            Weighting::Position => f64::from(u8::from(c < nq)),
-            Weighting::Spread => {
-                let values = || {
-                    tracks
-                        .iter()
-                        .flat_map(|t| t.measured.iter().skip(c).step_by(nx))
-                        .filter(|x| !x.is_nan())
-                };
-                let n = values().count().max(1) as f64;
-                let mean = values().sum::<f64>() / n;
-                let variance = values().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n;
-                if variance > 0.0 { 1.0 / variance } else { 1.0 }
-            }
-        })
-        .collect()
+    let variance = |tracks: &[Track], channel: usize, record: Option<usize>| -> Option<f64> {
+        let values: Vec<f64> = tracks
+            .iter()
+            .zip(records)
+            .filter(|(_, r)| record.is_none_or(|only| only == **r))
+            .flat_map(|(t, _)| t.measured.iter().skip(channel).step_by(nx).copied())
+            .filter(|x| !x.is_nan())
+            .collect();
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n;
+        (variance > 0.0).then_some(variance)
+    };
+    let count = records.last().map_or(0, |r| r + 1);
+    for channel in 0..nx {
+        let overall = variance(tracks, channel, None).unwrap_or(1.0);
+        let own: Vec<f64> = (0..count)
+            .map(|r| match weighting {
+                Weighting::Unit => 1.0,
+                Weighting::Position => f64::from(u8::from(channel < nq)),
+                Weighting::Spread => 1.0 / overall,
+                Weighting::Record => {
+                    let own = variance(tracks, channel, Some(r)).unwrap_or(0.0);
+                    1.0 / own.max(STILL * overall)
+                }
+            })
+            .collect();
+        for (track, &record) in tracks.iter_mut().zip(records) {
+            track.weights.push(own[record]);
+        }
+    }
 }
 
 /// Mean diagonal of M over the training samples; refuses a singular M.

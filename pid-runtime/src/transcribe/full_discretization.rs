@@ -28,6 +28,8 @@ pub struct Track {
     pub guess: Vec<f64>,
     /// Inputs sample by sample, `nu` each.
     pub u: Vec<f64>,
+    /// Weight per channel of the state in this window, length `2 nq`; 1 each is the paper's objective.
+    pub weights: Vec<f64>,
 }
 
 /// What is asked of the discretization.
@@ -37,8 +39,6 @@ pub struct Setup {
     pub scheme: Scheme,
     /// Second derivatives given to the solver.
     pub curvature: Curvature,
-    /// Weight per channel of the state (q, v), length `2 nq`; 1 each is the paper's objective.
-    pub weights: Vec<f64>,
     /// Parameter bounds, `np` each; equal ones fix a parameter.
     pub lower: Vec<f64>,
     /// Upper bounds.
@@ -136,7 +136,7 @@ impl<'m> FullDiscretization<'m> {
     pub fn new(model: &'m dyn Hessian, tracks: &[Track], setup: Setup) -> Self {
         let dims = model.dims();
         let (nq, nx) = (dims.nq, 2 * dims.nq);
-        assert!(setup.weights.len() == nx && setup.scale.len() == dims.np, "setup fits the model");
+        assert_eq!(setup.scale.len(), dims.np, "setup fits the model");
         let tableau = Tableau::new(setup.scheme);
         let ny = (2 + tableau.stages) * nq;
         let expansion = Expansion::new(model, &tableau, &setup.scale);
@@ -178,7 +178,7 @@ impl<'m> FullDiscretization<'m> {
             for (k, value) in track.measured.iter().enumerate() {
                 let missing = value.is_nan();
                 measured.push(if missing { 0.0 } else { *value });
-                let weight = setup.weights[k % nx] / samples as f64;
+                let weight = track.weights[k % nx] / samples as f64;
                 weights.push(if missing { 0.0 } else { weight });
             }
             u.extend_from_slice(&track.u);
