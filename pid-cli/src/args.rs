@@ -165,8 +165,6 @@ pub(crate) enum WeightsArg {
     /// One over the variance of each channel.
     #[default]
     Spread,
-    /// One over the variance of each channel in its own record.
-    Record,
     /// Positions only.
     Position,
 }
@@ -201,7 +199,7 @@ mod tests {
         let cli = Cli::try_parse_from(["pid"]).unwrap();
         assert!(cli.command.is_none());
         assert!(cli.identify.source.model.is_none() && cli.identify.source.folder.is_none());
-        assert_eq!(cli.identify.horizon, Horizon::Record);
+        assert_eq!(cli.identify.horizon, None);
     }
 
     #[test]
@@ -217,9 +215,9 @@ mod tests {
         );
         assert_eq!(
             (a.hessian, a.horizon),
-            (HessianArg::GaussNewton, Horizon::Seconds(1.0))
+            (HessianArg::GaussNewton, Some(Horizon::Seconds(1.0)))
         );
-        assert_eq!((a.starts, a.tol), (20, 1e-6));
+        assert_eq!((a.starts, a.tol), (Some(20), 1e-6));
         for bad in [
             "identify emps",
             "identify emps d --horizon soon",
