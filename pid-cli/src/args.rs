@@ -165,6 +165,8 @@ pub(crate) enum WeightsArg {
     /// One over the variance of each channel.
     #[default]
     Spread,
+    /// One over the variance of each channel in its own record.
+    Record,
     /// Positions only.
     Position,
 }
