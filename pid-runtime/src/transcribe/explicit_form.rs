@@ -66,19 +66,34 @@ fn cholesky(m: &mut [f64], n: usize) {
     }
 }
 
-/// Solves with the factor in place; `b` has `n` entries at the given stride.
-fn cholesky_solve(m: &[f64], n: usize, b: &mut [f64], stride: usize) {
+/// Solves with the factor in place for the rows of `b`, each `width` long.
+fn cholesky_solve(m: &[f64], n: usize, b: &mut [f64], width: usize) {
+    let entry = |i: usize, j: usize| m[i * (i + 1) / 2 + j];
     for i in 0..n {
+        let (above, rest) = b.split_at_mut(i * width);
+        let row = &mut rest[..width];
         for k in 0..i {
-            b[i * stride] -= m[i * (i + 1) / 2 + k] * b[k * stride];
+            eliminate(row, entry(i, k), &above[k * width..(k + 1) * width]);
         }
-        b[i * stride] /= m[i * (i + 1) / 2 + i];
+        let inverse = 1.0 / entry(i, i);
+        row.iter_mut().for_each(|b| *b *= inverse);
     }
     for i in (0..n).rev() {
+        let (head, below) = b.split_at_mut((i + 1) * width);
+        let row = &mut head[i * width..];
         for k in i + 1..n {
-            b[i * stride] -= m[k * (k + 1) / 2 + i] * b[k * stride];
+            let at = (k - i - 1) * width;
+            eliminate(row, entry(k, i), &below[at..at + width]);
         }
-        b[i * stride] /= m[i * (i + 1) / 2 + i];
+        let inverse = 1.0 / entry(i, i);
+        row.iter_mut().for_each(|b| *b *= inverse);
+    }
+}
+
+/// `row −= factor · other`.
+fn eliminate(row: &mut [f64], factor: f64, other: &[f64]) {
+    for (r, o) in row.iter_mut().zip(other) {
+        *r -= factor * o;
     }
 }
 
@@ -145,9 +160,7 @@ impl<'m> ExplicitForm<'m> {
                 s.slope[row as usize * width + at] = -value;
             }
         }
-        for k in 0..width {
-            cholesky_solve(&s.mass, nq, &mut s.slope[k..], width);
-        }
+        cholesky_solve(&s.mass, nq, &mut s.slope, width);
     }
 }
 

@@ -162,8 +162,13 @@ impl<'m> FullDiscretization<'m> {
                 nodes.push(at);
                 start[at..at + nx].copy_from_slice(&track.guess[k * nx..(k + 1) * nx]);
             }
+            let mut h = 0.0_f64;
             for k in 0..window.steps {
-                let h = track.t[k + 1] - track.t[k];
+                // Times written in decimals differ in the last bits: equal steps are made equal.
+                let difference = track.t[k + 1] - track.t[k];
+                if !((difference - h).abs() < 1e-9 * h) {
+                    h = difference;
+                }
                 let (x, y) = (layout.state(window, k), layout.step(window, k));
                 for stage in 0..tableau.stages {
                     for j in 0..nq {

@@ -220,22 +220,21 @@ impl StructuredKkt {
         Ok((delta, tried))
     }
 
-    /// Solves with the coarse matrix without its static regularisation: two steps of refinement per column.
+    /// Solves with the coarse matrix without its static regularisation: one step of refinement, the solution as a whole is
+    /// refined later.
     fn coarse_solve(ldl: &mut SparseLdl, link_rows: &[bool], rhs: &[f64], x: &mut [f64], r: &mut [f64]) {
         let n = rhs.len();
         x.copy_from_slice(rhs);
         ldl.solve(x, 1);
-        for _ in 0..2 {
-            r.fill(0.0);
-            ldl.multiply_add(x, r);
-            for i in 0..n {
-                let without = if link_rows[i] { r[i] + STATIC * x[i] } else { r[i] };
-                r[i] = rhs[i] - without;
-            }
-            ldl.solve(r, 1);
-            for i in 0..n {
-                x[i] += r[i];
-            }
+        r.fill(0.0);
+        ldl.multiply_add(x, r);
+        for i in 0..n {
+            let without = if link_rows[i] { r[i] + STATIC * x[i] } else { r[i] };
+            r[i] = rhs[i] - without;
+        }
+        ldl.solve(r, 1);
+        for i in 0..n {
+            x[i] += r[i];
         }
     }
 
@@ -422,14 +421,11 @@ impl StructuredKkt {
             let nu = self.link_at[s].map_or(zero.as_slice(), |l| &self.coarse[l..l + nx]);
             let y = layout.step(&segment.window, segment.start);
             let row = segment.window.row + segment.start * ny;
-            segment.expand(
-                sizes,
-                &mut x,
-                &dp,
-                nu,
+            let (dx, dlambda) = (
                 &mut self.step_x[y..y + segment.len * ny],
                 &mut self.step_c[row..row + segment.len * ny],
             );
+            segment.expand(sizes, &mut x, &dp, nu, dx, dlambda);
         }
     }
 }
