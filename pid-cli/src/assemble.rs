@@ -87,10 +87,18 @@ pub(crate) fn assemble(
     let mut scores = Vec::new();
     for horizon in HORIZONS {
         progress.step(format!("free run, horizon {horizon}"));
-        let table = free_run_table(model, p, dataset, &free_run_settings(dataset, horizon, fit.cutoff))?;
+        let table = free_run_table(
+            model,
+            p,
+            dataset,
+            &free_run_settings(dataset, horizon, fit.cutoff),
+        )?;
         scores.extend(table.roles);
         // Unseen motions one by one too: they ask different things of a model.
-        let unseen = table.experiments.into_iter().filter(|s| s.role == Role::Test);
+        let unseen = table
+            .experiments
+            .into_iter()
+            .filter(|s| s.role == Role::Test);
         let unseen: Vec<_> = unseen.collect();
         if unseen.len() > 1 {
             scores.extend(unseen);
@@ -107,7 +115,13 @@ pub(crate) fn assemble(
     order.sort_by_key(|i| dataset.experiments[*i].role != Role::Test);
     for experiment in order.iter().map(|i| &dataset.experiments[*i]) {
         progress.step(format!("motion and missing force of {}", experiment.name));
-        let run = free_run(model, p, dataset, experiment, &free_run_settings(dataset, DRAWN, fit.cutoff))?;
+        let run = free_run(
+            model,
+            p,
+            dataset,
+            experiment,
+            &free_run_settings(dataset, DRAWN, fit.cutoff),
+        )?;
         if let Some((window, error)) = run.diverged.first() {
             notes.push(format!(
                 "{}: {} of its windows could not be simulated to their end; the first one, from {:.3} s: {error}",

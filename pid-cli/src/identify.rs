@@ -55,7 +55,11 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
             if args.verbose {
                 progress.line(&i.line());
             }
-            if interrupt.requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            if interrupt.requested() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
         },
     )?;
     let seconds = started.elapsed().as_secs_f64();
@@ -119,7 +123,11 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
             HessianArg::Exact => Curvature::Exact,
             HessianArg::GaussNewton => Curvature::GaussNewton,
         },
-        horizon: if method == Method::EquationError { Horizon::Samples(1) } else { horizon },
+        horizon: if method == Method::EquationError {
+            Horizon::Samples(1)
+        } else {
+            horizon
+        },
         initial_state: match args.initial {
             InitialArg::Free => InitialState::Free,
             InitialArg::Measured => InitialState::Measured,
@@ -130,7 +138,11 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
             WeightsArg::Record => Weighting::Record,
             WeightsArg::Position => Weighting::Position,
         },
-        starts: if embedded && args.starts.is_none() { 3 } else { args.starts.unwrap_or(1) as usize },
+        starts: if embedded && args.starts.is_none() {
+            3
+        } else {
+            args.starts.unwrap_or(1) as usize
+        },
         seed: args.seed,
         prepare: !args.no_prepare,
         cutoff: args.cutoff,
@@ -145,8 +157,16 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
 
 /// Whole records of noise-free or short simulated data, one second where friction and drift make long runs a lottery.
 fn default_horizon(dataset: &Dataset) -> Horizon {
-    let longest = dataset.experiments.iter().map(|e| e.duration()).fold(0.0, f64::max);
-    if longest > 10.0 { Horizon::Seconds(1.0) } else { Horizon::Record }
+    let longest = dataset
+        .experiments
+        .iter()
+        .map(|e| e.duration())
+        .fold(0.0, f64::max);
+    if longest > 10.0 {
+        Horizon::Seconds(1.0)
+    } else {
+        Horizon::Record
+    }
 }
 
 fn verdict(run: &Run) -> Verdict {
@@ -167,9 +187,21 @@ fn checks(run: &Run) -> Vec<CheckRow> {
         tolerance,
     };
     vec![
-        row("largest violation of a step", run.check.primal_inf, FEASIBLE),
-        row("largest violation of a bound", run.check.bound_violation, FEASIBLE),
-        row("stationarity (natural residual)", run.check.dual_inf, STATIONARY),
+        row(
+            "largest violation of a step",
+            run.check.primal_inf,
+            FEASIBLE,
+        ),
+        row(
+            "largest violation of a bound",
+            run.check.bound_violation,
+            FEASIBLE,
+        ),
+        row(
+            "stationarity (natural residual)",
+            run.check.dual_inf,
+            STATIONARY,
+        ),
     ]
 }
 
@@ -187,7 +219,10 @@ fn in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
     let mut rows = Vec::new();
     match settings.method {
         Method::EquationError => {
-            rows.push(Setting::new("method", "equation error (weighted least squares)"));
+            rows.push(Setting::new(
+                "method",
+                "equation error (weighted least squares)",
+            ));
             rows.push(Setting::new("samples", found.windows.1));
         }
         _ => {
@@ -221,14 +256,15 @@ fn in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
             let (windows, samples) = found.windows;
             rows.push(Setting::new(
                 "program",
-                format!(
-                    "{n} variables, {m} constraints; {windows} windows, {samples} samples"
-                ),
+                format!("{n} variables, {m} constraints; {windows} windows, {samples} samples"),
             ));
         }
     }
     if settings.starts > 1 {
-        rows.push(Setting::new("starts", format!("{} (seed {})", settings.starts, settings.seed)));
+        rows.push(Setting::new(
+            "starts",
+            format!("{} (seed {})", settings.starts, settings.seed),
+        ));
     }
     rows
 }

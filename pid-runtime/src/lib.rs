@@ -2,10 +2,10 @@
 
 pub mod data;
 pub mod dynamics;
-pub mod generic;
 pub mod gap;
-pub mod integrate;
+pub mod generic;
 pub mod ident;
+pub mod integrate;
 pub mod nlp;
 pub mod report;
 pub mod signal;

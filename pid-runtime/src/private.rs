@@ -26,6 +26,10 @@ pub fn dual_abs<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
 /// is where dry friction `tanh(50 v)` is evaluated.
 #[inline]
 pub fn dual_tanh<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
+    if x.re().abs() < 0.5 {
+        // Near zero m + 2 would cancel in the second derivative.
+        return x.sinh() / x.cosh();
+    }
     let negative = x.re() < 0.0;
     let m = if negative { x * 2.0 } else { x * -2.0 }.exp_m1();
     let t = m / (m + 2.0);

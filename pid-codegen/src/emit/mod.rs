@@ -59,9 +59,18 @@ pub fn try_model(robot: &Robot, names: &Names) -> Result<TokenStream, derive::Er
     let bodies = impls::Bodies::new(&mut g, &layout, &equations);
     let first = robot.emit.first_derivatives || robot.emit.second_derivatives;
     let jacobian = first.then(|| derivatives::jacobian(&g, &layout, &equations, &derivatives));
-    let hessian = robot.emit.second_derivatives.then(|| derivatives::hessian(&g, &layout, &derivatives));
+    let hessian = robot
+        .emit
+        .second_derivatives
+        .then(|| derivatives::hessian(&g, &layout, &derivatives));
 
-    let robot_docs = docs::robot(robot, &equations, &bodies, jacobian.as_ref(), hessian.as_ref());
+    let robot_docs = docs::robot(
+        robot,
+        &equations,
+        &bodies,
+        jacobian.as_ref(),
+        hessian.as_ref(),
+    );
     let types = types::types(robot, names, &robot_docs);
     let values = impls::values(robot, names, &layout, &bodies);
     let jacobian = jacobian.map(|jacobian| derivatives::jacobian_impls(names, &layout, &jacobian));

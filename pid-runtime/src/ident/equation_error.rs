@@ -105,7 +105,11 @@ impl Samples {
             .unwrap_or_else(|| (1.0 / (4.0 * state.cutoff * step)).floor() as usize)
             .clamp(1, (n / 10).max(1));
         let cutoff = PARALLEL / (factor as f64 * step);
-        let slowest = if factor > 1 { cutoff.min(state.cutoff) } else { state.cutoff };
+        let slowest = if factor > 1 {
+            cutoff.min(state.cutoff)
+        } else {
+            state.cutoff
+        };
         let stretch = Stretch {
             t: experiment.t.clone(),
             first: self.q.len() / nq.max(1),
@@ -315,7 +319,12 @@ impl Nlp for Fit<'_> {
         let residuals = self.samples.residuals(self.model, &self.p);
         let sum: f64 = residuals
             .chunks_exact(nq)
-            .map(|r| r.iter().zip(&self.weights).map(|(r, w)| w * r * r).sum::<f64>())
+            .map(|r| {
+                r.iter()
+                    .zip(&self.weights)
+                    .map(|(r, w)| w * r * r)
+                    .sum::<f64>()
+            })
             .sum();
         sum * self.norm()
     }
@@ -418,8 +427,12 @@ pub(super) fn identify(
         for _ in 0..PASSES {
             let mut news = |line: &_, _: &[f64]| {
                 let phase = "least squares on the residual";
-                let flow =
-                    callback(&Progress { start: index, starts: count, phase, iteration: line });
+                let flow = callback(&Progress {
+                    start: index,
+                    starts: count,
+                    phase,
+                    iteration: line,
+                });
                 stopped |= flow.is_break();
                 flow
             };
@@ -436,7 +449,9 @@ pub(super) fn identify(
                 break;
             }
         }
-        let Some((solution, check, parameters, used)) = last else { continue };
+        let Some((solution, check, parameters, used)) = last else {
+            continue;
+        };
         runs.push(Run {
             index,
             start: p0,
@@ -494,7 +509,11 @@ fn relative_weights(samples: &Samples, model: &dyn Hessian, p: &[f64]) -> Vec<f6
         .map(|j| {
             let square: f64 = r.iter().skip(j).step_by(nq).map(|r| r * r).sum();
             let variance = square / samples.count.max(1) as f64;
-            if variance > 0.0 && variance.is_finite() { 1.0 / variance } else { 1.0 }
+            if variance > 0.0 && variance.is_finite() {
+                1.0 / variance
+            } else {
+                1.0
+            }
         })
         .collect()
 }
@@ -506,11 +525,18 @@ fn deviations(fit: &mut Fit<'_>, run: &Run, fixed: &[bool]) -> Spread {
             !fixed[j] && !uncertainty::at_bound(run.parameters[j], fit.lower[j], fit.upper[j])
         })
         .collect();
-    let x: Vec<f64> = run.parameters.iter().zip(fit.scale).map(|(p, s)| p / s).collect();
+    let x: Vec<f64> = run
+        .parameters
+        .iter()
+        .zip(fit.scale)
+        .map(|(p, s)| p / s)
+        .collect();
     let mut values = vec![0.0; fit.pattern.nnz()];
     fit.hessian(&x, 1.0, &[], &mut values);
     let slot = |i: usize, j: usize| i.max(j) * (i.max(j) + 1) / 2 + i.min(j);
-    let hessian = Mat::from_fn(free.len(), free.len(), |i, j| values[slot(free[i], free[j])]);
+    let hessian = Mat::from_fn(free.len(), free.len(), |i, j| {
+        values[slot(free[i], free[j])]
+    });
     let nq = fit.weights.len();
     let mut residuals = fit.samples.residuals(fit.model, &run.parameters);
     let norm = fit.norm();

@@ -22,7 +22,9 @@ pub enum IdentError {
         error: FilterError,
     },
     /// Nothing to fit on.
-    #[error("data set `{dataset}` has no experiment with role \"train\"\n  help: set `role = \"train\"` in dataset.toml for at least one experiment")]
+    #[error(
+        "data set `{dataset}` has no experiment with role \"train\"\n  help: set `role = \"train\"` in dataset.toml for at least one experiment"
+    )]
     NoTraining {
         /// The data set.
         dataset: String,
@@ -36,7 +38,9 @@ pub enum IdentError {
         found: usize,
     },
     /// A start that its own bounds exclude.
-    #[error("start of `{parameter}` = {value} lies outside of its bounds {lower} … {upper} {unit}\n  help: choose a value within them, or widen the range in the model")]
+    #[error(
+        "start of `{parameter}` = {value} lies outside of its bounds {lower} … {upper} {unit}\n  help: choose a value within them, or widen the range in the model"
+    )]
     StartOutsideBounds {
         /// The parameter.
         parameter: String,
@@ -50,7 +54,9 @@ pub enum IdentError {
         unit: String,
     },
     /// No inverse of M.
-    #[error("the mass matrix is singular at the start: experiment `{experiment}`, t = {time} s, joint `{joint}` (pivot {pivot:.1e})\n  help: give the links that this joint moves a mass or an inertia above zero, or declare an armature")]
+    #[error(
+        "the mass matrix is singular at the start: experiment `{experiment}`, t = {time} s, joint `{joint}` (pivot {pivot:.1e})\n  help: give the links that this joint moves a mass or an inertia above zero, or declare an armature"
+    )]
     SingularMassMatrix {
         /// The experiment.
         experiment: String,
@@ -62,7 +68,9 @@ pub enum IdentError {
         pivot: f64,
     },
     /// Windows without an input.
-    #[error("experiment `{experiment}` has an empty cell in an input column (row {row}); a simulation cannot go over it\n  help: fill the input, or split the record there")]
+    #[error(
+        "experiment `{experiment}` has an empty cell in an input column (row {row}); a simulation cannot go over it\n  help: fill the input, or split the record there"
+    )]
     MissingInput {
         /// The experiment.
         experiment: String,

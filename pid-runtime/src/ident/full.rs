@@ -7,12 +7,14 @@ use super::{
 use crate::data::{Dataset, Experiment, InputHold, Role, windows};
 use crate::dynamics::{At, Hessian};
 use crate::nlp::{Nlp, check_point};
-use crate::signal::{state_from_data, StateEstimate};
+use crate::signal::{StateEstimate, state_from_data};
 use crate::solver::kkt::Kkt;
 use crate::solver::kkt::sparse::SparseKkt;
 use crate::solver::kkt::structured::StructuredKkt;
-use crate::solver::{ip, Solution};
-use crate::transcribe::{Curvature, ExplicitForm, FullDiscretization, ResidualFit, Scheme, Setup, Track};
+use crate::solver::{Solution, ip};
+use crate::transcribe::{
+    Curvature, ExplicitForm, FullDiscretization, ResidualFit, Scheme, Setup, Track,
+};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -57,7 +59,11 @@ pub(super) fn identify(
         scheme: settings.scheme,
         curvature: settings.curvature,
         scale: super::scales(model),
-        inertia: if solved_form { vec![1.0; model.dims().nq] } else { inertia.mean() },
+        inertia: if solved_form {
+            vec![1.0; model.dims().nq]
+        } else {
+            inertia.mean()
+        },
         hold_initial: held,
         linear_inputs: dataset.input_hold == InputHold::Linear,
         lower: lower.clone(),
@@ -72,7 +78,12 @@ pub(super) fn identify(
     for (index, p0) in all.into_iter().enumerate() {
         let mut stopped = false;
         let mut report = |phase, iteration: &_| {
-            let news = Progress { start: index, starts: count, phase, iteration };
+            let news = Progress {
+                start: index,
+                starts: count,
+                phase,
+                iteration,
+            };
             let flow = callback(&news);
             stopped |= flow.is_break();
             flow
@@ -112,7 +123,11 @@ fn system(problem: &FullDiscretization<'_>) -> Box<dyn Kkt> {
     if problem.layout().steps() == 0 {
         Box::new(SparseKkt::new(problem))
     } else {
-        Box::new(StructuredKkt::new(problem.layout().clone(), &fixed, SEGMENT))
+        Box::new(StructuredKkt::new(
+            problem.layout().clone(),
+            &fixed,
+            SEGMENT,
+        ))
     }
 }
 
@@ -179,7 +194,10 @@ fn approach(
 ) -> usize {
     problem.set_curvature(Curvature::GaussNewton);
     let mut previous = f64::INFINITY;
-    let options = crate::solver::Settings { max_iterations: APPROACH, ..options.clone() };
+    let options = crate::solver::Settings {
+        max_iterations: APPROACH,
+        ..options.clone()
+    };
     let mut news = |line: &crate::solver::Iteration, _: &[f64]| {
         let settled = (line.objective - previous).abs() <= 1e-2 * line.objective.abs();
         previous = line.objective;
@@ -200,11 +218,7 @@ fn approach(
 }
 
 /// Standard deviations from the reduced Hessian at the solution.
-fn deviations(
-    problem: &mut FullDiscretization<'_>,
-    solution: &Solution,
-    fixed: &[bool],
-) -> Spread {
+fn deviations(problem: &mut FullDiscretization<'_>, solution: &Solution, fixed: &[bool]) -> Spread {
     let np = problem.layout().np;
     if !solution.objective.is_finite() {
         return Spread::none(np);
@@ -220,8 +234,11 @@ fn deviations(
     problem.jacobian(&solution.x, &mut jacobian);
     problem.hessian(&solution.x, 1.0, &solution.lambda, &mut hessian);
     let sigma = vec![0.0; problem.n()];
-    let values =
-        crate::solver::kkt::KktValues { hessian: &hessian, jacobian: &jacobian, sigma: &sigma };
+    let values = crate::solver::kkt::KktValues {
+        hessian: &hessian,
+        jacobian: &jacobian,
+        sigma: &sigma,
+    };
     if kkt.factorise(values).is_err() {
         return Spread::none(np);
     }
@@ -249,8 +266,13 @@ fn track(
     held: bool,
 ) -> Result<Track, IdentError> {
     let (nq, first) = (experiment.nq, range.start);
-    let mut track =
-        Track { t: experiment.t[range.clone()].to_vec(), measured: vec![], guess: vec![], u: vec![], weights: vec![] };
+    let mut track = Track {
+        t: experiment.t[range.clone()].to_vec(),
+        measured: vec![],
+        guess: vec![],
+        u: vec![],
+        weights: vec![],
+    };
     for k in range {
         let row = k * nq..(k + 1) * nq;
         let q = &experiment.q[row.clone()];
@@ -259,11 +281,15 @@ fn track(
         let known = |j: usize| v.map_or(f64::NAN, |v| v[j]);
         track.measured.extend((0..nq).map(known));
         let or = |value: f64, other: f64| if value.is_nan() { other } else { value };
-        track.guess.extend((0..nq).map(|j| or(q[j], state.q[row.start + j])));
+        track
+            .guess
+            .extend((0..nq).map(|j| or(q[j], state.q[row.start + j])));
         // A window that starts at its record takes the filtered velocity: a single sample is noisy.
         let filtered = held && k == first;
         let velocity = |j: usize| if filtered { f64::NAN } else { known(j) };
-        track.guess.extend((0..nq).map(|j| or(velocity(j), state.v[row.start + j])));
+        track
+            .guess
+            .extend((0..nq).map(|j| or(velocity(j), state.v[row.start + j])));
         let u = &experiment.u[row];
         if u.iter().any(|u| u.is_nan()) {
             return Err(IdentError::MissingInput {
@@ -325,7 +351,12 @@ struct MeanInertia<'a> {
 
 impl<'a> MeanInertia<'a> {
     fn new(model: &'a dyn Hessian, p: &'a [f64]) -> Self {
-        Self { model, p, sum: vec![0.0; model.dims().nq], count: 0.0 }
+        Self {
+            model,
+            p,
+            sum: vec![0.0; model.dims().nq],
+            count: 0.0,
+        }
     }
 
     fn add(&mut self, experiment: &Experiment, state: &StateEstimate) -> Result<(), IdentError> {

@@ -130,13 +130,18 @@ pub fn identify(
 ) -> Result<Identification, IdentError> {
     dataset.check_model(model)?;
     if dataset.with_role(Role::Train).next().is_none() {
-        return Err(IdentError::NoTraining { dataset: dataset.name.clone() });
+        return Err(IdentError::NoTraining {
+            dataset: dataset.name.clone(),
+        });
     }
     let infos = model.params();
     let nominal: Vec<f64> = infos.iter().map(|i| i.nominal).collect();
     let start = start.unwrap_or(&nominal);
     if start.len() != infos.len() {
-        return Err(IdentError::StartLength { expected: infos.len(), found: start.len() });
+        return Err(IdentError::StartLength {
+            expected: infos.len(),
+            found: start.len(),
+        });
     }
     for (info, &value) in infos.iter().zip(start) {
         if !(info.lower..=info.upper).contains(&value) {
@@ -161,8 +166,16 @@ pub fn identify(
 fn bounds(model: &dyn Hessian, start: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<bool>) {
     let infos = model.params();
     let held = |k: usize, bound: f64| if infos[k].fixed { start[k] } else { bound };
-    let lower = infos.iter().enumerate().map(|(k, i)| held(k, i.lower)).collect();
-    let upper = infos.iter().enumerate().map(|(k, i)| held(k, i.upper)).collect();
+    let lower = infos
+        .iter()
+        .enumerate()
+        .map(|(k, i)| held(k, i.lower))
+        .collect();
+    let upper = infos
+        .iter()
+        .enumerate()
+        .map(|(k, i)| held(k, i.upper))
+        .collect();
     (lower, upper, infos.iter().map(|i| i.fixed).collect())
 }
 
@@ -214,7 +227,16 @@ fn starts(start: &[f64], lower: &[f64], upper: &[f64], count: usize, seed: u64) 
 
 /// Position of the best run: converged before not converged, then the lower objective.
 fn best_of(runs: &[Run]) -> usize {
-    let key = |r: &Run| (!r.status.converged(), if r.objective.is_nan() { f64::INFINITY } else { r.objective });
+    let key = |r: &Run| {
+        (
+            !r.status.converged(),
+            if r.objective.is_nan() {
+                f64::INFINITY
+            } else {
+                r.objective
+            },
+        )
+    };
     (0..runs.len())
         .min_by(|&a, &b| {
             let (a, b) = (key(&runs[a]), key(&runs[b]));

@@ -83,7 +83,10 @@ impl Default for Settings {
             prepare: true,
             cutoff: None,
             decimate: None,
-            solver: solver::Settings { mu_start: 1e-2, ..solver::Settings::default() },
+            solver: solver::Settings {
+                mu_start: 1e-2,
+                ..solver::Settings::default()
+            },
         }
     }
 }

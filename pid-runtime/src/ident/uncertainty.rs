@@ -17,14 +17,23 @@ pub(super) struct Spread {
 
 impl Spread {
     pub(super) fn none(np: usize) -> Self {
-        Self { deviations: vec![None; np], undetermined: np, correlation_factor: 1.0 }
+        Self {
+            deviations: vec![None; np],
+            undetermined: np,
+            correlation_factor: 1.0,
+        }
     }
 }
 
 /// Whether a value lies at a bound, to a millionth of the range.
 pub(super) fn at_bound(value: f64, lower: f64, upper: f64) -> bool {
     let width = upper - lower;
-    let room = 1e-6 * if width.is_finite() { width } else { value.abs() };
+    let room = 1e-6
+        * if width.is_finite() {
+            width
+        } else {
+            value.abs()
+        };
     value - lower <= room || upper - value <= room
 }
 
@@ -46,14 +55,21 @@ pub(super) fn correlation_factor(residuals: &[f64], channels: usize) -> f64 {
             previous = e;
         }
     }
-    let rho = if square > 0.0 { (lagged / square).clamp(0.0, 0.9999) } else { 0.0 };
+    let rho = if square > 0.0 {
+        (lagged / square).clamp(0.0, 0.9999)
+    } else {
+        0.0
+    };
     (1.0 + rho) / (1.0 - rho)
 }
 
 /// Covariance `2 s² c (∇²F)⁻¹` with `s²` the residual variance of the weighted least-squares objective F, `c` the factor for
 /// correlated residuals. `hessian` is in scaled parameters; directions the data do not determine make the parameters
 /// they touch `None`.
-#[allow(clippy::too_many_arguments, reason = "one internal call, all of them numbers of one fit")]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "one internal call, all of them numbers of one fit"
+)]
 pub(super) fn from_hessian(
     hessian: &Mat<f64>,
     free: &[usize],
@@ -107,12 +123,13 @@ mod tests {
     fn linear_regression_gives_its_textbook_deviation() {
         // y = p x, unit noise: var(p) = s² / Σx²; F = Σ (y − p x)², ∇²F = 2 Σx².
         let x: Vec<f64> = (0..400).map(|k| f64::from(k) / 100.0).collect();
-        let e: Vec<f64> = (0..400).map(|k| if (k * 7919) % 13 < 6 { 1.0 } else { -1.0 }).collect();
+        let e: Vec<f64> = (0..400)
+            .map(|k| if (k * 7919) % 13 < 6 { 1.0 } else { -1.0 })
+            .collect();
         let f: f64 = e.iter().map(|e| e * e).sum();
         let xx: f64 = x.iter().map(|x| x * x).sum();
         let hessian = Mat::from_fn(1, 1, |_, _| 2.0 * xx);
-        let spread =
-            from_hessian(&hessian, &[0], &[1.0], &[-10.0], &[10.0], &e, 1, 1, f);
+        let spread = from_hessian(&hessian, &[0], &[1.0], &[-10.0], &[10.0], &e, 1, 1, f);
         let expected = (f / 399.0 / xx * spread.correlation_factor).sqrt();
         assert!((spread.deviations[0].expect("determined") - expected).abs() < 1e-12);
         assert_eq!(spread.undetermined, 0);
@@ -149,7 +166,9 @@ mod tests {
         let mut state = 7_u64;
         let series: Vec<f64> = (0..200_000)
             .map(|_| {
-                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                state = state
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
                 x = 0.8 * x + ((state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5);
                 x
             })

@@ -147,9 +147,7 @@ impl<'m> Implicit<'m> {
         let (q, v) = self.shifted.split_at(nq);
         let again = forward.evaluate(q, v, &self.u[..nu], p, &mut self.a0);
         match again {
-            Ok(()) => self
-                .estimate(interval, p, (t, x, h), settings)
-                .map(Some),
+            Ok(()) => self.estimate(interval, p, (t, x, h), settings).map(Some),
             Err(_) => Ok(Some(error)),
         }
     }

@@ -34,7 +34,9 @@ pub fn check_point(problem: &mut dyn Nlp, x: &[f64], lambda: &[f64]) -> PointChe
     problem.constraints(x, &mut c);
     let mut values = vec![0.0; problem.jacobian_pattern().nnz()];
     problem.jacobian(x, &mut values);
-    problem.jacobian_pattern().transpose_multiply_add(&values, lambda, &mut gradient);
+    problem
+        .jacobian_pattern()
+        .transpose_multiply_add(&values, lambda, &mut gradient);
 
     let primal_inf = c.iter().fold(0.0_f64, |a, c| a.max(c.abs()));
     let (mut bound_violation, mut dual_inf, mut complementarity) = (0.0_f64, 0.0_f64, 0.0_f64);
@@ -48,7 +50,11 @@ pub fn check_point(problem: &mut dyn Nlp, x: &[f64], lambda: &[f64]) -> PointChe
         let g = gradient[j];
         let step = (x[j] - g).clamp(lower[j], upper[j]);
         dual_inf = dual_inf.max((x[j] - step).abs());
-        let distance = if g > 0.0 { x[j] - lower[j] } else { upper[j] - x[j] };
+        let distance = if g > 0.0 {
+            x[j] - lower[j]
+        } else {
+            upper[j] - x[j]
+        };
         if distance.is_finite() {
             complementarity = complementarity.max(g.abs() * distance.max(0.0));
         }

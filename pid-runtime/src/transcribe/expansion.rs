@@ -43,7 +43,11 @@ impl Indexed {
     fn of(mut entries: Vec<(u32, u32)>) -> (Self, Vec<(u32, u32)>) {
         entries.sort_unstable();
         entries.dedup();
-        let map = entries.iter().enumerate().map(|(k, &e)| (e, k as u32)).collect();
+        let map = entries
+            .iter()
+            .enumerate()
+            .map(|(k, &e)| (e, k as u32))
+            .collect();
         (Self { map }, entries)
     }
     fn at(&self, row: usize, col: usize) -> u32 {
@@ -92,8 +96,7 @@ impl Expansion {
 
         let mut jacobian_entries = Vec::new();
         let mut hessian_entries = Vec::new();
-        let mut parameter_entries: Vec<(u32, u32)> =
-            (0..dims.np as u32).map(|j| (j, j)).collect();
+        let mut parameter_entries: Vec<(u32, u32)> = (0..dims.np as u32).map(|j| (j, j)).collect();
         for (group, terms) in tableau.linear.iter().enumerate() {
             for j in 0..nq {
                 for t in terms {
@@ -151,17 +154,32 @@ impl Expansion {
                 for (source, (row, col), coefficient, power) in jacobian {
                     let entry = jacobian_index.at(row, col);
                     let source = source as u32;
-                    map.jacobian.push(Contribution { source, entry, coefficient, power });
+                    map.jacobian.push(Contribution {
+                        source,
+                        entry,
+                        coefficient,
+                        power,
+                    });
                 }
                 for (source, (row, col), coefficient, power) in hessian {
                     let source = source as u32;
                     if col >= first_p {
                         let entry = parameter_index.at(row - first_p, col - first_p);
-                        let c = Contribution { source, entry, coefficient, power };
+                        let c = Contribution {
+                            source,
+                            entry,
+                            coefficient,
+                            power,
+                        };
                         map.parameter_hessian.push(c);
                     } else {
                         let entry = hessian_index.at(row, col);
-                        map.hessian.push(Contribution { source, entry, coefficient, power });
+                        map.hessian.push(Contribution {
+                            source,
+                            entry,
+                            coefficient,
+                            power,
+                        });
                     }
                 }
                 map
@@ -172,10 +190,20 @@ impl Expansion {
             for j in 0..nq {
                 for t in terms {
                     let col = tableau.position(t.block, nq) + j;
-                    linear.push((jacobian_index.at(group * nq + j, col), t.coefficient, t.power));
+                    linear.push((
+                        jacobian_index.at(group * nq + j, col),
+                        t.coefficient,
+                        t.power,
+                    ));
                 }
             }
         }
-        Self { step_jacobian, step_hessian, parameter_hessian, linear, evaluations }
+        Self {
+            step_jacobian,
+            step_hessian,
+            parameter_hessian,
+            linear,
+            evaluations,
+        }
     }
 }

@@ -60,8 +60,11 @@ fn cholesky(m: &mut [f64], n: usize) {
             for k in 0..j {
                 sum -= m[i * (i + 1) / 2 + k] * m[j * (j + 1) / 2 + k];
             }
-            m[i * (i + 1) / 2 + j] =
-                if i == j { sum.sqrt() } else { sum / m[j * (j + 1) / 2 + j] };
+            m[i * (i + 1) / 2 + j] = if i == j {
+                sum.sqrt()
+            } else {
+                sum / m[j * (j + 1) / 2 + j]
+            };
         }
     }
 }
@@ -129,7 +132,15 @@ impl<'m> ExplicitForm<'m> {
                 hessian_cols.push(col as u32);
             }
         }
-        Self { model, active, place, jacobian_rows, jacobian_cols, hessian_rows, hessian_cols }
+        Self {
+            model,
+            active,
+            place,
+            jacobian_rows,
+            jacobian_cols,
+            hessian_rows,
+            hessian_cols,
+        }
     }
 
     /// Factor of M and a* into the scratch.
@@ -140,7 +151,13 @@ impl<'m> ExplicitForm<'m> {
         resize(&mut s.residual, dims.nq);
         self.model.mass_matrix(at, &mut s.mass);
         cholesky(&mut s.mass, dims.nq);
-        self.model.residual(&At { a: &s.acceleration, ..*at }, &mut s.residual);
+        self.model.residual(
+            &At {
+                a: &s.acceleration,
+                ..*at
+            },
+            &mut s.residual,
+        );
         for (a, r) in s.acceleration.iter_mut().zip(&s.residual) {
             *a = -r;
         }
@@ -153,8 +170,12 @@ impl<'m> ExplicitForm<'m> {
         let pattern = self.model.jacobian_pattern();
         resize(&mut s.values, pattern.nnz());
         resize(&mut s.slope, nq * width);
-        let point = At { a: &s.acceleration, ..*at };
-        self.model.residual_jacobian(&point, &mut s.residual, &mut s.values);
+        let point = At {
+            a: &s.acceleration,
+            ..*at
+        };
+        self.model
+            .residual_jacobian(&point, &mut s.residual, &mut s.values);
         for ((&row, &col), value) in pattern.rows.iter().zip(pattern.cols).zip(&s.values) {
             if let Some(at) = self.place[col as usize] {
                 s.slope[row as usize * width + at] = -value;
@@ -212,7 +233,10 @@ impl Dynamics for ExplicitForm<'_> {
 
 impl Jacobian for ExplicitForm<'_> {
     fn jacobian_pattern(&self) -> Pattern<'_> {
-        Pattern { rows: &self.jacobian_rows, cols: &self.jacobian_cols }
+        Pattern {
+            rows: &self.jacobian_rows,
+            cols: &self.jacobian_cols,
+        }
     }
     fn residual_jacobian(&self, at: &At<'_>, r: &mut [f64], values: &mut [f64]) {
         SCRATCH.with_borrow_mut(|s| {
@@ -235,7 +259,10 @@ impl Jacobian for ExplicitForm<'_> {
 
 impl Hessian for ExplicitForm<'_> {
     fn hessian_pattern(&self) -> Pattern<'_> {
-        Pattern { rows: &self.hessian_rows, cols: &self.hessian_cols }
+        Pattern {
+            rows: &self.hessian_rows,
+            cols: &self.hessian_cols,
+        }
     }
     fn residual_hessian(&self, at: &At<'_>, lambda: &[f64], values: &mut [f64]) {
         SCRATCH.with_borrow_mut(|s| {
@@ -250,7 +277,10 @@ impl Hessian for ExplicitForm<'_> {
             resize(&mut s.hessian, pattern.nnz());
             resize(&mut s.mixed, nq * width);
             resize(&mut s.dense, width * width);
-            let point = At { a: &s.acceleration, ..*at };
+            let point = At {
+                a: &s.acceleration,
+                ..*at
+            };
             self.model.residual_hessian(&point, &s.nu, &mut s.hessian);
             for ((&row, &col), &value) in pattern.rows.iter().zip(pattern.cols).zip(&s.hessian) {
                 let (row, col) = (row as usize, col as usize);

@@ -155,7 +155,11 @@ impl<'m> FullDiscretization<'m> {
         let (mut measured, mut weights, mut u) = (Vec::new(), Vec::new(), Vec::new());
         let mut start = vec![0.0; layout.n()];
         for (track, window) in tracks.iter().zip(&layout.windows) {
-            assert_eq!(track.measured.len(), nx * track.t.len(), "measured states fit the times");
+            assert_eq!(
+                track.measured.len(),
+                nx * track.t.len(),
+                "measured states fit the times"
+            );
             let sample = window.first_node;
             for k in 0..track.t.len() {
                 let at = layout.state(window, k);
@@ -172,13 +176,17 @@ impl<'m> FullDiscretization<'m> {
                 let (x, y) = (layout.state(window, k), layout.step(window, k));
                 for stage in 0..tableau.stages {
                     for j in 0..nq {
-                        let slope = (track.guess[(k + 1) * nx + nq + j]
-                            - track.guess[k * nx + nq + j])
-                            / h;
+                        let slope =
+                            (track.guess[(k + 1) * nx + nq + j] - track.guess[k * nx + nq + j]) / h;
                         start[y + stage * nq + j] = slope;
                     }
                 }
-                steps.push(Step { x, y, h, sample: sample + k });
+                steps.push(Step {
+                    x,
+                    y,
+                    h,
+                    sample: sample + k,
+                });
             }
             for (k, value) in track.measured.iter().enumerate() {
                 let missing = value.is_nan();
@@ -191,7 +199,10 @@ impl<'m> FullDiscretization<'m> {
         let chunk = if steps.len() < PARALLEL_STEPS {
             steps.len().max(1)
         } else {
-            steps.len().div_ceil(8 * rayon::current_num_threads()).max(64)
+            steps
+                .len()
+                .div_ceil(8 * rayon::current_num_threads())
+                .max(64)
         };
         let scratch = (0..steps.len().div_ceil(chunk))
             .map(|_| Scratch {
@@ -246,7 +257,12 @@ impl<'m> FullDiscretization<'m> {
 
     /// Which parameters are held.
     pub fn fixed_parameters(&self) -> Vec<bool> {
-        self.setup.lower.iter().zip(&self.setup.upper).map(|(l, u)| l == u).collect()
+        self.setup
+            .lower
+            .iter()
+            .zip(&self.setup.upper)
+            .map(|(l, u)| l == u)
+            .collect()
     }
 
     /// Starting point: states from the tracks' guesses, the given parameters.
@@ -261,12 +277,20 @@ impl<'m> FullDiscretization<'m> {
 
     /// The parameters in a point, in their own units.
     pub fn parameters(&self, x: &[f64]) -> Vec<f64> {
-        x[self.layout.p()..].iter().zip(&self.setup.scale).map(|(p, s)| p * s).collect()
+        x[self.layout.p()..]
+            .iter()
+            .zip(&self.setup.scale)
+            .map(|(p, s)| p * s)
+            .collect()
     }
 
     /// The states in a point, node by node, windows one after another.
     pub fn states(&self, x: &[f64]) -> Vec<f64> {
-        self.nodes.iter().flat_map(|&at| &x[at..at + self.layout.nx]).copied().collect()
+        self.nodes
+            .iter()
+            .flat_map(|&at| &x[at..at + self.layout.nx])
+            .copied()
+            .collect()
     }
 
     /// Weighted residuals `√w (x − x^d)` sample by sample, and the number of channels; NaN where nothing was measured and in
@@ -366,7 +390,13 @@ impl Context<'_> {
         }
         for (e, out) in dynamic.chunks_exact_mut(nq).enumerate() {
             self.arguments(e, step, &powers, s);
-            let at = At { q: &s.q, v: &s.v, a: &s.a, u: &s.u, p: self.parameters };
+            let at = At {
+                q: &s.q,
+                v: &s.v,
+                a: &s.a,
+                u: &s.u,
+                p: self.parameters,
+            };
             self.model.residual(&at, &mut s.r);
             for j in 0..nq {
                 out[j] = self.row_scale(j, step.h) * s.r[j];
@@ -392,7 +422,8 @@ impl Context<'_> {
                     .map(|c| factor(c) * self.row_scale(rows[c.source as usize] as usize, h)),
             );
             s.hessian_factors.extend(map.hessian.iter().map(factor));
-            s.hessian_factors.extend(map.parameter_hessian.iter().map(factor));
+            s.hessian_factors
+                .extend(map.parameter_hessian.iter().map(factor));
         }
     }
 
@@ -406,7 +437,13 @@ impl Context<'_> {
         let mut first = 0;
         for (e, map) in self.expansion.evaluations.iter().enumerate() {
             self.arguments(e, step, &powers, s);
-            let at = At { q: &s.q, v: &s.v, a: &s.a, u: &s.u, p: self.parameters };
+            let at = At {
+                q: &s.q,
+                v: &s.v,
+                a: &s.a,
+                u: &s.u,
+                p: self.parameters,
+            };
             self.model.residual_jacobian(&at, &mut s.r, &mut s.jacobian);
             let factors = &s.jacobian_factors[first..first + map.jacobian.len()];
             for (c, factor) in map.jacobian.iter().zip(factors) {
@@ -429,7 +466,13 @@ impl Context<'_> {
             for j in 0..nq {
                 s.lambda[j] = dynamic[e * nq + j] * self.row_scale(j, step.h);
             }
-            let at = At { q: &s.q, v: &s.v, a: &s.a, u: &s.u, p: self.parameters };
+            let at = At {
+                q: &s.q,
+                v: &s.v,
+                a: &s.a,
+                u: &s.u,
+                p: self.parameters,
+            };
             self.model.residual_hessian(&at, &s.lambda, &mut s.hessian);
             let factors = &s.hessian_factors[first..first + map.hessian.len()];
             for (c, factor) in map.hessian.iter().zip(factors) {
@@ -473,7 +516,10 @@ fn for_steps(
 ) {
     let run = |first: usize, steps: &[Step], scratch: &mut Scratch, out: &mut [f64]| {
         if size == 0 {
-            steps.iter().enumerate().for_each(|(k, step)| work(first + k, step, scratch, &mut []));
+            steps
+                .iter()
+                .enumerate()
+                .for_each(|(k, step)| work(first + k, step, scratch, &mut []));
             return;
         }
         for (k, (step, out)) in steps.iter().zip(out.chunks_exact_mut(size)).enumerate() {
@@ -518,7 +564,10 @@ impl Nlp for FullDiscretization<'_> {
 
     fn objective(&mut self, x: &[f64]) -> f64 {
         let nx = self.layout.nx;
-        let data = self.measured.chunks_exact(nx).zip(self.weights.chunks_exact(nx));
+        let data = self
+            .measured
+            .chunks_exact(nx)
+            .zip(self.weights.chunks_exact(nx));
         self.nodes
             .iter()
             .zip(data)
@@ -544,9 +593,16 @@ impl Nlp for FullDiscretization<'_> {
     fn constraints(&mut self, x: &[f64], c: &mut [f64]) {
         self.load_parameters(x);
         let context = context!(self, x);
-        for_steps(&self.steps, self.chunk, &mut self.scratch, c, self.layout.ny, |_, step, s, c| {
-            context.constraints(step, s, c);
-        });
+        for_steps(
+            &self.steps,
+            self.chunk,
+            &mut self.scratch,
+            c,
+            self.layout.ny,
+            |_, step, s, c| {
+                context.constraints(step, s, c);
+            },
+        );
     }
 
     fn jacobian_pattern(&self) -> &SparsePattern {
@@ -557,9 +613,16 @@ impl Nlp for FullDiscretization<'_> {
         self.load_parameters(x);
         let context = context!(self, x);
         let size = self.layout.step_jacobian.len();
-        for_steps(&self.steps, self.chunk, &mut self.scratch, values, size, |_, step, s, out| {
-            context.jacobian(step, s, out);
-        });
+        for_steps(
+            &self.steps,
+            self.chunk,
+            &mut self.scratch,
+            values,
+            size,
+            |_, step, s, out| {
+                context.jacobian(step, s, out);
+            },
+        );
     }
 
     fn hessian_pattern(&self) -> &SparsePattern {
@@ -580,11 +643,20 @@ impl Nlp for FullDiscretization<'_> {
         self.load_parameters(x);
         let context = context!(self, x);
         let ny = self.layout.ny;
-        self.scratch.iter_mut().for_each(|s| s.parameter_hessian.fill(0.0));
+        self.scratch
+            .iter_mut()
+            .for_each(|s| s.parameter_hessian.fill(0.0));
         let size = self.layout.step_hessian.len();
-        for_steps(&self.steps, self.chunk, &mut self.scratch, steps, size, |k, step, s, out| {
-            context.hessian(step, &lambda[k * ny..(k + 1) * ny], s, out);
-        });
+        for_steps(
+            &self.steps,
+            self.chunk,
+            &mut self.scratch,
+            steps,
+            size,
+            |k, step, s, out| {
+                context.hessian(step, &lambda[k * ny..(k + 1) * ny], s, out);
+            },
+        );
         for scratch in &self.scratch {
             for (out, value) in parameters.iter_mut().zip(&scratch.parameter_hessian) {
                 *out += value;

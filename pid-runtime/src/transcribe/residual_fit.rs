@@ -106,7 +106,8 @@ impl Nlp for ResidualFit<'_, '_> {
         self.load(p);
         self.problem.constraints(&self.point, &mut self.c);
         self.problem.jacobian(&self.point, &mut self.jacobian);
-        self.problem.hessian(&self.point, 0.0, &self.c, &mut self.hessian);
+        self.problem
+            .hessian(&self.point, 0.0, &self.c, &mut self.hessian);
         values.fill(0.0);
         let at = |i: u32, j: u32| (i.max(j) * (i.max(j) + 1) / 2 + i.min(j)) as usize;
         let layout = self.problem.layout();

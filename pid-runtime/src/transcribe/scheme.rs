@@ -62,7 +62,11 @@ pub(super) struct Term {
 }
 
 const fn term(coefficient: f64, power: i32, block: Block) -> Term {
-    Term { block, coefficient, power }
+    Term {
+        block,
+        coefficient,
+        power,
+    }
 }
 
 /// One evaluation of the residual.

@@ -16,7 +16,10 @@ pub(super) struct Filter {
 
 impl Filter {
     pub(super) fn new(theta_max: f64) -> Self {
-        Self { entries: Vec::new(), theta_max }
+        Self {
+            entries: Vec::new(),
+            theta_max,
+        }
     }
 
     pub(super) fn clear(&mut self) {
@@ -44,7 +47,10 @@ mod tests {
         let mut filter = Filter::new(100.0);
         filter.add(1.0, 10.0);
         assert!(filter.accepts(0.5, 20.0) && filter.accepts(2.0, 9.0));
-        assert!(!filter.accepts(1.0, 10.0), "the point itself needs a margin");
+        assert!(
+            !filter.accepts(1.0, 10.0),
+            "the point itself needs a margin"
+        );
         assert!(!filter.accepts(2.0, 11.0) && !filter.accepts(101.0, 0.0));
         filter.add(0.5, 5.0);
         assert!(!filter.accepts(0.6, 6.0), "dominated by the later entry");

@@ -14,7 +14,12 @@ pub(super) struct Iterate {
 
 impl Iterate {
     pub(super) fn new(n: usize, m: usize) -> Self {
-        Self { x: vec![0.0; n], f: 0.0, c: vec![0.0; m], theta: 0.0 }
+        Self {
+            x: vec![0.0; n],
+            f: 0.0,
+            c: vec![0.0; m],
+            theta: 0.0,
+        }
     }
 
     pub(super) fn evaluate(&mut self, problem: &mut dyn Nlp, scale: f64) {

@@ -38,7 +38,11 @@ impl Solver<'_> {
     }
 
     fn move_trial(&mut self, alpha: f64, corrected: bool) {
-        let d = if corrected { &self.correction } else { &self.dx };
+        let d = if corrected {
+            &self.correction
+        } else {
+            &self.dx
+        };
         for ((t, x), d) in self.trial.x.iter_mut().zip(&self.current.x).zip(d) {
             *t = x + alpha * d;
         }
@@ -85,7 +89,9 @@ impl Solver<'_> {
 
     /// Searches along `dx`; on success the accepted point stands in `trial` and the filter is updated.
     pub(super) fn search(&mut self) -> Option<Accepted> {
-        let slope: f64 = (0..self.n).map(|j| self.barrier_gradient(j) * self.dx[j]).sum();
+        let slope: f64 = (0..self.n)
+            .map(|j| self.barrier_gradient(j) * self.dx[j])
+            .sum();
         let phi = self.barrier_objective(&self.current);
         let largest = self.primal_fraction(&self.dx);
         // Below relative rounding of x a step cannot be told from none.
@@ -127,7 +133,11 @@ impl Solver<'_> {
             (_, true) => 'f',
             (_, false) => 'h',
         };
-        Accepted { alpha, trials, kind }
+        Accepted {
+            alpha,
+            trials,
+            kind,
+        }
     }
 
     /// Second-order corrections: steps with the constraint values of the trial points added up.
@@ -138,8 +148,13 @@ impl Solver<'_> {
         phi: f64,
         trials: &mut usize,
     ) -> Option<Accepted> {
-        let mut sum: Vec<f64> =
-            self.current.c.iter().zip(&self.trial.c).map(|(c, t)| alpha * c + t).collect();
+        let mut sum: Vec<f64> = self
+            .current
+            .c
+            .iter()
+            .zip(&self.trial.c)
+            .map(|(c, t)| alpha * c + t)
+            .collect();
         let mut previous = self.current.theta;
         for _ in 0..self.settings.max_corrections {
             if self.trial.theta > KAPPA_SOC * previous && previous != self.current.theta {
@@ -150,7 +165,12 @@ impl Solver<'_> {
                 *r = -c;
             }
             let start = std::time::Instant::now();
-            self.kkt.solve(&self.rx, &self.rc, &mut self.correction, &mut self.correction_lambda);
+            self.kkt.solve(
+                &self.rx,
+                &self.rc,
+                &mut self.correction,
+                &mut self.correction_lambda,
+            );
             self.seconds.linear += start.elapsed().as_secs_f64();
             let along = self.primal_fraction(&self.correction);
             self.move_trial(along, true);
@@ -172,6 +192,7 @@ impl Solver<'_> {
 
     /// Whether a point may become the next iterate after a restoration.
     pub(super) fn acceptable_after_restoration(&self, point: &Iterate) -> bool {
-        self.filter.accepts(point.theta, self.barrier_objective(point))
+        self.filter
+            .accepts(point.theta, self.barrier_objective(point))
     }
 }

@@ -123,7 +123,10 @@ impl<'a> Solver<'a> {
         let bounded = |b: f64, j: usize| if b.is_finite() && !fixed[j] { 1.0 } else { 0.0 };
         let z_lower = (0..n).map(|j| bounded(lower[j], j)).collect();
         let z_upper = (0..n).map(|j| bounded(upper[j], j)).collect();
-        let (nj, nh) = (problem.jacobian_pattern().nnz(), problem.hessian_pattern().nnz());
+        let (nj, nh) = (
+            problem.jacobian_pattern().nnz(),
+            problem.hessian_pattern().nnz(),
+        );
         Self {
             problem,
             kkt,
@@ -184,15 +187,22 @@ impl<'a> Solver<'a> {
             {
                 return self.finish(Status::Solved, optimality.total);
             }
-            acceptable =
-                if optimality.total <= self.settings.acceptable_tol { acceptable + 1 } else { 0 };
+            acceptable = if optimality.total <= self.settings.acceptable_tol {
+                acceptable + 1
+            } else {
+                0
+            };
             let stop = if acceptable >= ACCEPTABLE_ITERATIONS {
                 Some(Status::Acceptable)
             } else if interrupted {
                 Some(Status::Interrupted)
             } else if iteration >= self.settings.max_iterations {
                 Some(Status::IterationLimit)
-            } else if self.settings.max_time.is_some_and(|t| self.started.elapsed() >= t) {
+            } else if self
+                .settings
+                .max_time
+                .is_some_and(|t| self.started.elapsed() >= t)
+            {
                 Some(Status::TimeLimit)
             } else {
                 None
@@ -255,19 +265,26 @@ impl<'a> Solver<'a> {
             s.problem.jacobian(&s.current.x, &mut s.jacobian);
         });
         self.gradient.iter_mut().for_each(|g| *g *= self.scale);
-        self.gradient.iter().chain(&self.jacobian).all(|v| v.is_finite())
+        self.gradient
+            .iter()
+            .chain(&self.jacobian)
+            .all(|v| v.is_finite())
     }
 
     fn solve_system(&mut self) {
         let start = Instant::now();
-        self.kkt.solve(&self.rx, &self.rc, &mut self.dx, &mut self.dlambda);
+        self.kkt
+            .solve(&self.rx, &self.rc, &mut self.dx, &mut self.dlambda);
         self.seconds.linear += start.elapsed().as_secs_f64();
     }
 
     fn factorise_system(&mut self) -> Result<Regularisation, KktError> {
         let start = Instant::now();
-        let values =
-            KktValues { hessian: &self.hessian, jacobian: &self.jacobian, sigma: &self.sigma };
+        let values = KktValues {
+            hessian: &self.hessian,
+            jacobian: &self.jacobian,
+            sigma: &self.sigma,
+        };
         let outcome = self.kkt.factorise(values);
         self.seconds.linear += start.elapsed().as_secs_f64();
         self.counts.factorizations += outcome.map_or(1, |r| r.factorizations);
@@ -338,7 +355,11 @@ impl<'a> Solver<'a> {
         let s_comp = scaled(z_sum, bounds);
         let primal = self.current.c.iter().fold(0.0_f64, |a, c| a.max(c.abs()));
         let total = (dual / s_dual).max(primal).max(complementarity / s_comp);
-        Errors { dual, primal, total }
+        Errors {
+            dual,
+            primal,
+            total,
+        }
     }
 
     fn update_barrier(&mut self) {
@@ -396,7 +417,8 @@ impl<'a> Solver<'a> {
     fn iterate(&mut self) -> Result<Iteration, Status> {
         self.counts.hessians += 1;
         self.timed(|s| {
-            s.problem.hessian(&s.current.x, s.scale, &s.lambda, &mut s.hessian);
+            s.problem
+                .hessian(&s.current.x, s.scale, &s.lambda, &mut s.hessian);
         });
         self.load_sigma();
         let regularisation = self.factorise_system().map_err(|e| match e {
@@ -407,7 +429,11 @@ impl<'a> Solver<'a> {
         let pattern = self.problem.jacobian_pattern();
         pattern.transpose_multiply_add(&self.jacobian, &self.lambda, &mut self.rx);
         for j in 0..self.n {
-            self.rx[j] = if self.fixed[j] { 0.0 } else { -(self.rx[j] + self.barrier_gradient(j)) };
+            self.rx[j] = if self.fixed[j] {
+                0.0
+            } else {
+                -(self.rx[j] + self.barrier_gradient(j))
+            };
         }
         for (r, c) in self.rc.iter_mut().zip(&self.current.c) {
             *r = -c;

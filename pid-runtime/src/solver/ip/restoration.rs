@@ -45,7 +45,8 @@ impl Solver<'_> {
             for (r, c) in self.rc.iter_mut().zip(&self.current.c) {
                 *r = -c;
             }
-            self.factorise_system().map_err(|_| Status::SingularSystem)?;
+            self.factorise_system()
+                .map_err(|_| Status::SingularSystem)?;
             self.solve_system();
             let mut alpha = self.primal_fraction(&self.dx);
             loop {
@@ -63,7 +64,11 @@ impl Solver<'_> {
                 alpha *= 0.5;
                 if alpha < 1e-10 {
                     let feasible = self.current.theta <= self.settings.constraint_tol;
-                    return Err(if feasible { Status::NoProgress } else { Status::LocallyInfeasible });
+                    return Err(if feasible {
+                        Status::NoProgress
+                    } else {
+                        Status::LocallyInfeasible
+                    });
                 }
             }
             std::mem::swap(&mut self.current, &mut self.trial);

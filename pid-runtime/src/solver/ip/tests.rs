@@ -25,14 +25,23 @@ impl<F: Formula> Dense<F> {
         let (mut jacobian, mut hessian) = (SparsePattern::default(), SparsePattern::default());
         (0..F::M).for_each(|i| (0..F::N).for_each(|j| jacobian.push(i, j)));
         (0..F::N).for_each(|i| (0..=i).for_each(|j| hessian.push(i, j)));
-        Self { jacobian, hessian, formula: std::marker::PhantomData }
+        Self {
+            jacobian,
+            hessian,
+            formula: std::marker::PhantomData,
+        }
     }
 
     fn seeded(x: &[f64], i: usize, j: usize) -> Vec<HyperDual64> {
         x.iter()
             .enumerate()
             .map(|(k, &v)| {
-                HyperDual64::new(v, f64::from(u8::from(k == i)), f64::from(u8::from(k == j)), 0.0)
+                HyperDual64::new(
+                    v,
+                    f64::from(u8::from(k == i)),
+                    f64::from(u8::from(k == j)),
+                    0.0,
+                )
             })
             .collect()
     }
@@ -92,21 +101,30 @@ impl<F: Formula> Nlp for Dense<F> {
 fn run<F: Formula>(x0: &[f64], settings: &Settings) -> (Solution, crate::nlp::PointCheck) {
     let mut problem = Dense::<F>::new();
     let mut kkt = SparseKkt::new(&problem);
-    let solution =
-        solve(&mut problem, &mut kkt, x0, settings, &mut |_, _| ControlFlow::Continue(()));
+    let solution = solve(&mut problem, &mut kkt, x0, settings, &mut |_, _| {
+        ControlFlow::Continue(())
+    });
     let check = check_point(&mut problem, &solution.x, &solution.lambda);
     (solution, check)
 }
 
 fn solves<F: Formula>(x0: &[f64], optimum: f64) -> Solution {
     let (solution, check) = run::<F>(x0, &Settings::default());
-    assert_eq!(solution.status, Status::Solved, "{:#?}", solution.log.last());
+    assert_eq!(
+        solution.status,
+        Status::Solved,
+        "{:#?}",
+        solution.log.last()
+    );
     assert!(
         (solution.objective - optimum).abs() < 1e-6 * optimum.abs().max(1.0),
         "{} instead of {optimum}",
         solution.objective
     );
-    assert!(check.finite && check.primal_inf < 1e-7 && check.dual_inf < 1e-6, "{check:?}");
+    assert!(
+        check.finite && check.primal_inf < 1e-7 && check.dual_inf < 1e-6,
+        "{check:?}"
+    );
     solution
 }
 
@@ -166,7 +184,11 @@ impl Formula for Hs71 {
     const N: usize = 5;
     const M: usize = 2;
     fn bounds(j: usize) -> (f64, f64) {
-        if j < 4 { (1.0, 5.0) } else { (0.0, f64::INFINITY) }
+        if j < 4 {
+            (1.0, 5.0)
+        } else {
+            (0.0, f64::INFINITY)
+        }
     }
     fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
         x[0] * x[3] * (x[0] + x[1] + x[2]) + x[2]
@@ -221,16 +243,31 @@ fn a_start_that_cannot_be_evaluated_is_called_so() {
 
 #[test]
 fn limits_and_interrupts_keep_the_best_point() {
-    let settings = Settings { max_iterations: 3, ..Settings::default() };
+    let settings = Settings {
+        max_iterations: 3,
+        ..Settings::default()
+    };
     let (solution, _) = run::<Hs1>(&[-2.0, 1.0], &settings);
     assert_eq!(solution.status, Status::IterationLimit);
     assert!(solution.objective < 909.0, "better than the start");
 
     let mut problem = Dense::<Hs1>::new();
     let mut kkt = SparseKkt::new(&problem);
-    let solution =
-        solve(&mut problem, &mut kkt, &[-2.0, 1.0], &Settings::default(), &mut |line, _| {
-            if line.iteration == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        });
-    assert_eq!((solution.status, solution.log.len()), (Status::Interrupted, 6));
+    let solution = solve(
+        &mut problem,
+        &mut kkt,
+        &[-2.0, 1.0],
+        &Settings::default(),
+        &mut |line, _| {
+            if line.iteration == 5 {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        },
+    );
+    assert_eq!(
+        (solution.status, solution.log.len()),
+        (Status::Interrupted, 6)
+    );
 }

@@ -48,7 +48,14 @@ impl Layout {
         let (mut x, mut row, mut first_step, mut first_node) = (0, 0, 0, 0);
         let mut windows = Vec::with_capacity(steps.len());
         for &steps in steps {
-            windows.push(Window { steps, x, row, first_step, first_node, held });
+            windows.push(Window {
+                steps,
+                x,
+                row,
+                first_step,
+                first_node,
+                held,
+            });
             x += nx + steps * ny;
             row += steps * ny;
             first_step += steps;
@@ -64,12 +71,16 @@ impl Layout {
 
     /// Number of nodes in all windows.
     pub fn nodes(&self) -> usize {
-        self.windows.last().map_or(0, |w| w.first_node + w.steps + 1)
+        self.windows
+            .last()
+            .map_or(0, |w| w.first_node + w.steps + 1)
     }
 
     /// Position of the first parameter among the variables.
     pub fn p(&self) -> usize {
-        self.windows.last().map_or(0, |w| w.x + self.nx + w.steps * self.ny)
+        self.windows
+            .last()
+            .map_or(0, |w| w.x + self.nx + w.steps * self.ny)
     }
 
     /// Number of variables.
@@ -84,7 +95,11 @@ impl Layout {
 
     /// Position among the variables of the state at node k of a window.
     pub fn state(&self, window: &Window, k: usize) -> usize {
-        if k == 0 { window.x } else { window.x + k * self.ny }
+        if k == 0 {
+            window.x
+        } else {
+            window.x + k * self.ny
+        }
     }
 
     /// Position among the variables of the unknowns of step k of a window.

@@ -5,12 +5,12 @@
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
+use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::simplicial::SymbolicSimplicialCholesky;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
-use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side, Spec};
 
@@ -42,7 +42,10 @@ impl SparseLdl {
     /// Analyses the pattern of the lower triangle (`row ≥ col`); repeated triplets are summed. Every diagonal entry is stored.
     pub fn new(n: usize, triplets: &[(u32, u32)]) -> Self {
         let mut entries: Vec<(u32, u32)> = triplets.iter().map(|&(r, c)| (c, r)).collect();
-        debug_assert!(entries.iter().all(|&(c, r)| r >= c && (r as usize) < n), "lower triangle");
+        debug_assert!(
+            entries.iter().all(|&(c, r)| r >= c && (r as usize) < n),
+            "lower triangle"
+        );
         entries.extend((0..n as u32).map(|i| (i, i)));
         entries.sort_unstable();
         entries.dedup();
@@ -76,7 +79,16 @@ impl SparseLdl {
             .factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Spec::default())
             .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
         let values = vec![0.0; row_idx.len()];
-        Self { n, col_ptr, row_idx, slot, values, symbolic, factor, memory: MemBuffer::new(numeric) }
+        Self {
+            n,
+            col_ptr,
+            row_idx,
+            slot,
+            values,
+            symbolic,
+            factor,
+            memory: MemBuffer::new(numeric),
+        }
     }
 
     /// Dimension.
@@ -131,7 +143,10 @@ impl SparseLdl {
             Spec::default(),
         );
         if done.is_err() {
-            return Inertia { zero: self.n, ..Inertia::default() };
+            return Inertia {
+                zero: self.n,
+                ..Inertia::default()
+            };
         }
         let mut inertia = Inertia::default();
         let col_ptr = self.simplicial().col_ptr();
@@ -147,7 +162,9 @@ impl SparseLdl {
 
     /// Solves in place for `columns` right-hand sides stored one after another.
     pub fn solve(&mut self, rhs: &mut [f64], columns: usize) {
-        let scratch = self.symbolic.solve_in_place_scratch::<f64>(columns, Par::Seq);
+        let scratch = self
+            .symbolic
+            .solve_in_place_scratch::<f64>(columns, Par::Seq);
         let ldlt =
             faer::sparse::linalg::cholesky::LdltRef::new(&self.symbolic, self.factor.as_slice());
         let x = MatMut::from_column_major_slice_mut(rhs, self.n, columns);
@@ -185,7 +202,14 @@ mod tests {
         for (k, v) in [3.0, 1.0, 3.0, 1.0, 1.0, -0.1, 1.0].into_iter().enumerate() {
             ldl.add(k, v);
         }
-        assert_eq!(ldl.factorise(), Inertia { positive: 2, negative: 1, zero: 0 });
+        assert_eq!(
+            ldl.factorise(),
+            Inertia {
+                positive: 2,
+                negative: 1,
+                zero: 0
+            }
+        );
         let x = [1.0, -2.0, 0.5, 3.0, 0.0, -1.0];
         let mut rhs = [0.0; 6];
         ldl.multiply_add(&x[..3], &mut rhs[..3]);

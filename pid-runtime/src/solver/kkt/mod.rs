@@ -47,7 +47,9 @@ pub enum KktError {
     #[error("a derivative is not finite: the model cannot be evaluated at this point")]
     NotFinite,
     /// A step Jacobian with respect to the next state is singular.
-    #[error("the Jacobian of step {step} with respect to the next state is singular (pivot {pivot:.1e}); is the mass matrix singular there?")]
+    #[error(
+        "the Jacobian of step {step} with respect to the next state is singular (pivot {pivot:.1e}); is the mass matrix singular there?"
+    )]
     SingularStep {
         /// Index of the step, counted over all windows.
         step: usize,

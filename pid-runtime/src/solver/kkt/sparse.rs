@@ -30,11 +30,23 @@ impl SparseKkt {
         let (n, m) = (problem.n(), problem.m());
         let (mut lower, mut upper) = (vec![0.0; n], vec![0.0; n]);
         problem.bounds(&mut lower, &mut upper);
-        let (hessian, jacobian) =
-            (problem.hessian_pattern().clone(), problem.jacobian_pattern().clone());
-        let mut triplets: Vec<(u32, u32)> =
-            hessian.rows.iter().zip(&hessian.cols).map(|(&r, &c)| (r, c)).collect();
-        triplets.extend(jacobian.rows.iter().zip(&jacobian.cols).map(|(&r, &c)| (n as u32 + r, c)));
+        let (hessian, jacobian) = (
+            problem.hessian_pattern().clone(),
+            problem.jacobian_pattern().clone(),
+        );
+        let mut triplets: Vec<(u32, u32)> = hessian
+            .rows
+            .iter()
+            .zip(&hessian.cols)
+            .map(|(&r, &c)| (r, c))
+            .collect();
+        triplets.extend(
+            jacobian
+                .rows
+                .iter()
+                .zip(&jacobian.cols)
+                .map(|(&r, &c)| (n as u32 + r, c)),
+        );
         Self {
             n,
             m,
@@ -72,7 +84,12 @@ impl SparseKkt {
 
 impl Kkt for SparseKkt {
     fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
-        if !values.hessian.iter().chain(values.jacobian).all(|v| v.is_finite()) {
+        if !values
+            .hessian
+            .iter()
+            .chain(values.jacobian)
+            .all(|v| v.is_finite())
+        {
             return Err(KktError::NotFinite);
         }
         let held = |i: u32| self.fixed[i as usize];
@@ -81,7 +98,11 @@ impl Kkt for SparseKkt {
             *value = if hold { 0.0 } else { values.hessian[k] };
         }
         for (k, value) in self.jacobian_values.iter_mut().enumerate() {
-            *value = if held(self.jacobian.cols[k]) { 0.0 } else { values.jacobian[k] };
+            *value = if held(self.jacobian.cols[k]) {
+                0.0
+            } else {
+                values.jacobian[k]
+            };
         }
         for i in 0..self.n {
             self.diagonal[i] = if self.fixed[i] { 1.0 } else { values.sigma[i] };
@@ -115,7 +136,12 @@ impl Kkt for SparseKkt {
             *d += delta_x;
         }
         self.delta_c = delta_c;
-        Ok(Regularisation { delta_x, shift: 0.0, delta_c, factorizations: tried })
+        Ok(Regularisation {
+            delta_x,
+            shift: 0.0,
+            delta_c,
+            factorizations: tried,
+        })
     }
 
     fn solve(&mut self, rx: &[f64], rc: &[f64], dx: &mut [f64], dlambda: &mut [f64]) -> f64 {
@@ -134,9 +160,12 @@ impl Kkt for SparseKkt {
                 self.residual[n + i] = -rc[i] - self.delta_c * dlambda[i];
             }
             let (top, bottom) = self.residual.split_at_mut(n);
-            self.hessian.symmetric_multiply_add(&self.hessian_values, dx, top);
-            self.jacobian.transpose_multiply_add(&self.jacobian_values, dlambda, top);
-            self.jacobian.multiply_add(&self.jacobian_values, dx, bottom);
+            self.hessian
+                .symmetric_multiply_add(&self.hessian_values, dx, top);
+            self.jacobian
+                .transpose_multiply_add(&self.jacobian_values, dlambda, top);
+            self.jacobian
+                .multiply_add(&self.jacobian_values, dx, bottom);
             let norm = self.residual.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
             let next = if scale > 0.0 { norm / scale } else { 0.0 };
             if next <= 1e-12 || next > 0.5 * relative && relative < 1e-6 {

@@ -77,8 +77,12 @@ impl StructuredKkt {
             np += u32::from(!fixed);
         }
         let np = np as usize;
-        let sizes =
-            Sizes { nx: layout.nx, ny: layout.ny, np, w: (layout.nx + np).next_multiple_of(4) };
+        let sizes = Sizes {
+            nx: layout.nx,
+            ny: layout.ny,
+            np,
+            w: (layout.nx + np).next_multiple_of(4),
+        };
         let mut segments = Vec::new();
         let (mut start_at, mut link_at) = (Vec::new(), Vec::new());
         let (mut coarse_n, mut links) = (0, 0);
@@ -160,8 +164,11 @@ impl StructuredKkt {
     }
 
     fn condense(&mut self) -> Result<(), KktError> {
-        let values =
-            KktValues { hessian: &self.hessian, jacobian: &self.jacobian, sigma: &self.sigma };
+        let values = KktValues {
+            hessian: &self.hessian,
+            jacobian: &self.jacobian,
+            sigma: &self.sigma,
+        };
         let (sizes, layout, columns) = (self.sizes, &self.layout, &self.columns);
         if layout.steps() < PARALLEL_STEPS {
             self.segments
@@ -222,14 +229,24 @@ impl StructuredKkt {
 
     /// Solves with the coarse matrix without its static regularisation: one step of refinement, the solution as a whole is
     /// refined later.
-    fn coarse_solve(ldl: &mut SparseLdl, link_rows: &[bool], rhs: &[f64], x: &mut [f64], r: &mut [f64]) {
+    fn coarse_solve(
+        ldl: &mut SparseLdl,
+        link_rows: &[bool],
+        rhs: &[f64],
+        x: &mut [f64],
+        r: &mut [f64],
+    ) {
         let n = rhs.len();
         x.copy_from_slice(rhs);
         ldl.solve(x, 1);
         r.fill(0.0);
         ldl.multiply_add(x, r);
         for i in 0..n {
-            let without = if link_rows[i] { r[i] + STATIC * x[i] } else { r[i] };
+            let without = if link_rows[i] {
+                r[i] + STATIC * x[i]
+            } else {
+                r[i]
+            };
             r[i] = rhs[i] - without;
         }
         ldl.solve(r, 1);
@@ -341,7 +358,9 @@ impl StructuredKkt {
     /// The reduced Hessian in the free parameters as computed at the last factorization, before it was made convex, and the
     /// positions of the free parameters.
     pub fn reduced_hessian(&self) -> (&Mat<f64>, Vec<usize>) {
-        let free = (0..self.columns.len()).filter(|&j| self.columns[j].is_some()).collect();
+        let free = (0..self.columns.len())
+            .filter(|&j| self.columns[j].is_some())
+            .collect();
         (&self.reduced, free)
     }
 
@@ -352,9 +371,13 @@ impl StructuredKkt {
         let parallel = layout.steps() >= PARALLEL_STEPS;
         let (rx, rc) = (&self.residual_x, &self.residual_c);
         if parallel {
-            self.segments.par_iter_mut().for_each(|s| s.reduce(sizes, layout, rx, rc));
+            self.segments
+                .par_iter_mut()
+                .for_each(|s| s.reduce(sizes, layout, rx, rc));
         } else {
-            self.segments.iter_mut().for_each(|s| s.reduce(sizes, layout, rx, rc));
+            self.segments
+                .iter_mut()
+                .for_each(|s| s.reduce(sizes, layout, rx, rc));
         }
         let p_at = layout.p();
         let mut rp = vec![0.0; np];
@@ -432,7 +455,12 @@ impl StructuredKkt {
 
 impl Kkt for StructuredKkt {
     fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
-        if !values.hessian.iter().chain(values.jacobian).all(|v| v.is_finite()) {
+        if !values
+            .hessian
+            .iter()
+            .chain(values.jacobian)
+            .all(|v| v.is_finite())
+        {
             return Err(KktError::NotFinite);
         }
         self.hessian.copy_from_slice(values.hessian);
@@ -443,7 +471,12 @@ impl Kkt for StructuredKkt {
         self.delta_x = delta_x;
         self.reduce_to_parameters();
         let shift = self.convexify()?;
-        Ok(Regularisation { delta_x, shift, delta_c: 0.0, factorizations })
+        Ok(Regularisation {
+            delta_x,
+            shift,
+            delta_c: 0.0,
+            factorizations,
+        })
     }
 
     fn solve(&mut self, rx: &[f64], rc: &[f64], dx: &mut [f64], dlambda: &mut [f64]) -> f64 {
@@ -489,8 +522,10 @@ impl StructuredKkt {
             *r = s * d - *r;
         }
         rc.iter_mut().for_each(|r| *r = -*r);
-        self.hessian_pattern.symmetric_multiply_add(&self.hessian, dx, rx);
-        self.jacobian_pattern.transpose_multiply_add(&self.jacobian, dlambda, rx);
+        self.hessian_pattern
+            .symmetric_multiply_add(&self.hessian, dx, rx);
+        self.jacobian_pattern
+            .transpose_multiply_add(&self.jacobian, dlambda, rx);
         self.jacobian_pattern.multiply_add(&self.jacobian, dx, rc);
         let nx = self.sizes.nx;
         for (s, segment) in self.segments.iter().enumerate() {
@@ -502,8 +537,18 @@ impl StructuredKkt {
             }
         }
         let p = self.layout.p();
-        for (a, i) in self.columns.iter().enumerate().filter_map(|(a, c)| c.map(|i| (a, i))) {
-            for (b, j) in self.columns.iter().enumerate().filter_map(|(b, c)| c.map(|j| (b, j))) {
+        for (a, i) in self
+            .columns
+            .iter()
+            .enumerate()
+            .filter_map(|(a, c)| c.map(|i| (a, i)))
+        {
+            for (b, j) in self
+                .columns
+                .iter()
+                .enumerate()
+                .filter_map(|(b, c)| c.map(|j| (b, j)))
+            {
                 rx[p + a] += self.modification[(i as usize, j as usize)] * dx[p + b];
             }
         }

@@ -240,8 +240,10 @@ impl Segment {
                     t[row * w + at] -= value;
                 }
             }
-            lu_factor(lu, ny, pivots)
-                .map_err(|pivot| KktError::SingularStep { step: global, pivot })?;
+            lu_factor(lu, ny, pivots).map_err(|pivot| KktError::SingularStep {
+                step: global,
+                pivot,
+            })?;
             lu_solve_rows(lu, ny, pivots, t, w);
 
             let hessian = &values.hessian[global * nh..(global + 1) * nh];
@@ -279,7 +281,11 @@ impl Segment {
                 for j in 0..nx {
                     m[(ns + i) * ny + ns + j] += self.v[i * w + j];
                 }
-                axpy(1.0, &self.v[i * w + nx..(i + 1) * w], &mut n[(ns + i) * w + nx..(ns + i + 1) * w]);
+                axpy(
+                    1.0,
+                    &self.v[i * w + nx..(i + 1) * w],
+                    &mut n[(ns + i) * w + nx..(ns + i + 1) * w],
+                );
                 v_new[i * w + i] += node_diagonal(k, i);
             }
             // g = N + M T, f = N + ½ M T, so that the new quadratic is TᵀF + FᵀT.

@@ -7,7 +7,10 @@ struct Numbers(u64);
 
 impl Numbers {
     fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        self.0 = self
+            .0
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
         (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
 }
@@ -20,16 +23,28 @@ fn layout(nx: usize, ny: usize, np: usize, steps: &[usize], held: bool) -> Layou
         ny,
         np,
         windows: Layout::windows(nx, ny, steps, held),
-        step_jacobian: (0..ny as u32).flat_map(|r| (0..width).map(move |c| (r, c))).collect(),
+        step_jacobian: (0..ny as u32)
+            .flat_map(|r| (0..width).map(move |c| (r, c)))
+            .collect(),
         step_hessian: (0..width)
             .flat_map(|r| (0..=r.min(first_p - 1)).map(move |c| (r, c)))
             .collect(),
-        parameter_hessian: (0..np as u32).flat_map(|r| (0..=r).map(move |c| (r, c))).collect(),
+        parameter_hessian: (0..np as u32)
+            .flat_map(|r| (0..=r).map(move |c| (r, c)))
+            .collect(),
     }
 }
 
 /// Solves random systems of the structure and holds the solution against the matrix itself.
-fn check(nx: usize, ny: usize, np: usize, steps: &[usize], held: bool, growth: f64, tolerance: f64) {
+fn check(
+    nx: usize,
+    ny: usize,
+    np: usize,
+    steps: &[usize],
+    held: bool,
+    growth: f64,
+    tolerance: f64,
+) {
     let layout = layout(nx, ny, np, steps, held);
     let mut numbers = Numbers(nx as u64 * 31 + np as u64 + steps[0] as u64);
     let (n, m) = (layout.n(), layout.m());
@@ -42,9 +57,17 @@ fn check(nx: usize, ny: usize, np: usize, steps: &[usize], held: bool, growth: f
             // The rows of a step are rotated, so that its factorization has to pivot.
             let r = (r + 2) % ny;
             let base = if c >= nx && c < nx + ny {
-                if c - nx == r { -1.0 } else { 0.02 * numbers.next() }
+                if c - nx == r {
+                    -1.0
+                } else {
+                    0.02 * numbers.next()
+                }
             } else if c < nx {
-                if r >= ny - nx && c == r - (ny - nx) { growth } else { 0.02 * numbers.next() }
+                if r >= ny - nx && c == r - (ny - nx) {
+                    growth
+                } else {
+                    0.02 * numbers.next()
+                }
             } else {
                 0.3 * numbers.next()
             };
@@ -64,31 +87,56 @@ fn check(nx: usize, ny: usize, np: usize, steps: &[usize], held: bool, growth: f
     let sigma: Vec<f64> = (0..n).map(|_| 0.01 + 0.01 * numbers.next().abs()).collect();
     let mut kkt = StructuredKkt::new(layout.clone(), &fixed, 7);
     let info = kkt
-        .factorise(KktValues { hessian: &hessian, jacobian: &jacobian, sigma: &sigma })
+        .factorise(KktValues {
+            hessian: &hessian,
+            jacobian: &jacobian,
+            sigma: &sigma,
+        })
         .expect("factorises");
     let held_var = |i: usize| {
         (i >= layout.p() && fixed[i - layout.p()])
             || held && layout.windows.iter().any(|w| (w.x..w.x + nx).contains(&i))
     };
-    let truth: Vec<f64> =
-        (0..n).map(|i| if held_var(i) { 0.0 } else { numbers.next() }).collect();
+    let truth: Vec<f64> = (0..n)
+        .map(|i| if held_var(i) { 0.0 } else { numbers.next() })
+        .collect();
     let multipliers: Vec<f64> = (0..m).map(|_| numbers.next()).collect();
     let (mut rx, mut rc) = (vec![0.0; n], vec![0.0; m]);
-    layout.hessian_pattern().symmetric_multiply_add(&hessian, &truth, &mut rx);
-    layout.jacobian_pattern().transpose_multiply_add(&jacobian, &multipliers, &mut rx);
-    layout.jacobian_pattern().multiply_add(&jacobian, &truth, &mut rc);
+    layout
+        .hessian_pattern()
+        .symmetric_multiply_add(&hessian, &truth, &mut rx);
+    layout
+        .jacobian_pattern()
+        .transpose_multiply_add(&jacobian, &multipliers, &mut rx);
+    layout
+        .jacobian_pattern()
+        .multiply_add(&jacobian, &truth, &mut rc);
     for i in 0..n {
         rx[i] += sigma[i] * truth[i];
     }
-    assert_eq!((info.delta_x, info.shift), (0.0, 0.0), "convex problem needs no regularisation");
+    assert_eq!(
+        (info.delta_x, info.shift),
+        (0.0, 0.0),
+        "convex problem needs no regularisation"
+    );
     let (mut dx, mut dl) = (vec![0.0; n], vec![0.0; m]);
     let relative = kkt.solve(&rx, &rc, &mut dx, &mut dl);
     assert!(relative < 1e-11, "residual {relative:e}");
     for i in 0..n {
-        assert!((dx[i] - truth[i]).abs() < tolerance, "x[{i}]: {} {}", dx[i], truth[i]);
+        assert!(
+            (dx[i] - truth[i]).abs() < tolerance,
+            "x[{i}]: {} {}",
+            dx[i],
+            truth[i]
+        );
     }
     for i in 0..m {
-        assert!((dl[i] - multipliers[i]).abs() < tolerance, "λ[{i}]: {} {}", dl[i], multipliers[i]);
+        assert!(
+            (dl[i] - multipliers[i]).abs() < tolerance,
+            "λ[{i}]: {} {}",
+            dl[i],
+            multipliers[i]
+        );
     }
 }
 
@@ -129,14 +177,26 @@ fn negative_curvature_in_a_parameter_is_reflected() {
     let mut hessian = vec![0.0; layout.node_values()];
     hessian.extend(vec![1.0; layout.nodes() * 2]);
     for &(r, c) in &layout.parameter_hessian {
-        hessian.push(if r == c { [5.0, -5.0, 5.0][r as usize] } else { 0.0 });
+        hessian.push(if r == c {
+            [5.0, -5.0, 5.0][r as usize]
+        } else {
+            0.0
+        });
     }
     let sigma = vec![0.0; layout.n()];
     let mut kkt = StructuredKkt::new(layout.clone(), &fixed, 10);
     let info = kkt
-        .factorise(KktValues { hessian: &hessian, jacobian: &jacobian, sigma: &sigma })
+        .factorise(KktValues {
+            hessian: &hessian,
+            jacobian: &jacobian,
+            sigma: &sigma,
+        })
         .expect("factorises");
-    assert!(info.shift > 9.0 && info.shift < 11.0, "shift {}", info.shift);
+    assert!(
+        info.shift > 9.0 && info.shift < 11.0,
+        "shift {}",
+        info.shift
+    );
     let (n, m) = (layout.n(), layout.m());
     let rx: Vec<f64> = (0..n).map(|i| (i as f64).sin()).collect();
     let (mut dx, mut dl) = (vec![0.0; n], vec![0.0; m]);
@@ -154,5 +214,9 @@ fn negative_curvature_in_a_parameter_is_reflected() {
         ldl.add(k, *v);
     }
     (n..n + m).for_each(|i| ldl.add_diagonal(i, -1e-9));
-    assert_eq!(ldl.factorise().negative, m + 1, "the unmodified matrix has one eigenvalue too many");
+    assert_eq!(
+        ldl.factorise().negative,
+        m + 1,
+        "the unmodified matrix has one eigenvalue too many"
+    );
 }
