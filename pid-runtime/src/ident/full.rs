@@ -405,7 +405,7 @@ fn singular(m: &mut [f64], n: usize) -> Option<(usize, f64)> {
                 sum -= m[i * (i + 1) / 2 + k] * m[j * (j + 1) / 2 + k];
             }
             if i == j {
-                if !(sum > 1e-12 * diagonal.abs()) {
+                if sum.is_nan() || sum <= 1e-12 * diagonal.abs() {
                     return Some((i, sum));
                 }
                 m[i * (i + 1) / 2 + i] = sum.sqrt();

@@ -108,7 +108,7 @@ pub(super) fn from_hessian(
         }
         let deviation = variance.sqrt() * scale[j];
         let width = upper[j] - lower[j];
-        if !open && deviation.is_finite() && !(deviation > SHARE_OF_RANGE * width) {
+        if !open && deviation.is_finite() && deviation <= SHARE_OF_RANGE * width {
             spread.deviations[j] = Some(deviation);
         }
     }

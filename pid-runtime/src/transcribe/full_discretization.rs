@@ -170,7 +170,7 @@ impl<'m> FullDiscretization<'m> {
             for k in 0..window.steps {
                 // Times written in decimals differ in the last bits: equal steps are made equal.
                 let difference = track.t[k + 1] - track.t[k];
-                if !((difference - h).abs() < 1e-9 * h) {
+                if k == 0 || (difference - h).abs() > 1e-9 * h {
                     h = difference;
                 }
                 let (x, y) = (layout.state(window, k), layout.step(window, k));

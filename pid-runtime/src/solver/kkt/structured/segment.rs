@@ -77,7 +77,7 @@ fn lu_factor(a: &mut [f64], n: usize, pivots: &mut [u8]) -> Result<(), f64> {
         let scale = a[k * n + k..].iter().fold(0.0_f64, |s, v| s.max(v.abs()));
         let relative = if scale > 0.0 { best / scale } else { 0.0 };
         worst = worst.min(relative);
-        if !(relative > SINGULAR) {
+        if relative.is_nan() || relative <= SINGULAR {
             return Err(relative);
         }
         pivots[k] = row as u8;

@@ -78,9 +78,7 @@ fn check(
     for _ in 0..layout.node_values() {
         hessian.push(0.02 * numbers.next());
     }
-    for _ in 0..layout.nodes() * nx {
-        hessian.push(1.0);
-    }
+    hessian.resize(hessian.len() + layout.nodes() * nx, 1.0);
     for &(r, c) in &layout.parameter_hessian {
         hessian.push(if r == c { 3.0 } else { 0.1 * numbers.next() });
     }
