@@ -1,6 +1,6 @@
 //! The KKT system of a full discretization by segmented condensing.
 //!
-//! 1. Every segment of some twenty steps is condensed onto its first state and the parameters ([`segment`]), in parallel.
+//! 1. Every segment of some twenty steps is condensed onto its first state and the parameters, in parallel.
 //! 2. The coarse system over the segment starts x_s and the multipliers ν_s of the links `x_{s+1} = end(x_s, p)` goes to
 //!    sparse LDLᵀ; its Schur complement S in the free parameters is dense.
 //! 3. Inertia: eliminated pairs are right by construction; the coarse part must have one negative eigenvalue a link, else
