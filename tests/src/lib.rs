@@ -1,1 +1,53 @@
 //! Tests across the crates: oracles, end-to-end runs, published figures.
+//!
+//! What the tests share: the records beside the workspace, where there are any, and the starts of the paper's problem.
+
+use std::path::{Path, PathBuf};
+
+use pid_runtime::dynamics::ParamInfo;
+
+/// A folder of the shared records, or `None` (with a printed line) where they are absent.
+#[allow(clippy::print_stdout, reason = "a skipped test says so")]
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../shared")
+        .join(path);
+    if folder.exists() {
+        Some(folder)
+    } else {
+        println!("skipped: ../shared/{path} is not beside the workspace");
+        None
+    }
+}
+
+/// Name in this project of a column of the peers' table of starts.
+fn parameter_of(column: &str) -> String {
+    match column {
+        "k1_1" => "dry_shoulder".into(),
+        "k1_2" => "dry_elbow".into(),
+        "k2_1" => "viscous_shoulder".into(),
+        "k2_2" => "viscous_elbow".into(),
+        "k3_1" => "gain_shoulder".into(),
+        "k3_2" => "gain_elbow".into(),
+        "a_1" => "sharp_shoulder".into(),
+        "a_2" => "sharp_elbow".into(),
+        other => other.to_lowercase(),
+    }
+}
+
+/// The starts of a table with a column per parameter, in the model's order; `None` if a column is missing or unreadable.
+pub fn starts(table: &str, params: &[ParamInfo]) -> Option<Vec<Vec<f64>>> {
+    let mut lines = table.lines();
+    let head: Vec<String> = lines.next()?.split(',').map(parameter_of).collect();
+    let columns: Option<Vec<usize>> = params
+        .iter()
+        .map(|p| head.iter().position(|h| *h == p.name))
+        .collect();
+    let columns = columns?;
+    lines
+        .map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            columns.iter().map(|&c| cells.get(c)?.parse().ok()).collect()
+        })
+        .collect()
+}

@@ -1,0 +1,91 @@
+//! The paper's problem: two links, 19 parameters, full discretization at N = 301 from twenty seeded starts.
+
+use std::ops::ControlFlow;
+
+use pid_models::TwoLink;
+use pid_runtime::data::{Dataset, Horizon, Role};
+use pid_runtime::dynamics::Dynamics;
+use pid_runtime::gap::metrics::{FreeRunSettings, free_run_table};
+use pid_runtime::ident::{self, Run, Settings, Weighting};
+use pid_runtime::transcribe::Scheme;
+use pid_tests::{shared, starts};
+
+fn settings(scheme: Scheme) -> Settings {
+    Settings {
+        scheme,
+        weighting: Weighting::Unit,
+        prepare: false,
+        ..Settings::default()
+    }
+}
+
+/// Every start of the table as its own identification, exactly as given.
+fn study(scheme: Scheme) -> Option<(Dataset, Vec<Run>)> {
+    let dataset = Dataset::read(&shared("data/seed_two_link")?).expect("readable");
+    let table = std::fs::read_to_string(shared("bench/initial_parameters.csv")?).expect("readable");
+    let starts = starts(&table, TwoLink.params()).expect("a column per parameter");
+    assert_eq!(starts.len(), 20);
+    let runs = starts
+        .iter()
+        .map(|start| {
+            let found = ident::identify(
+                &TwoLink,
+                &dataset,
+                &settings(scheme),
+                Some(start),
+                &mut |_| ControlFlow::Continue(()),
+            )
+            .expect("identifies");
+            assert_eq!(found.size.0, if scheme == Scheme::Trapezoidal { 1823 } else { 1223 });
+            found.best().clone()
+        })
+        .collect();
+    Some((dataset, runs))
+}
+
+/// J of an accurate simulation over whole records: train, then the test records one by one.
+fn accurate(dataset: &Dataset, p: &[f64]) -> Vec<f64> {
+    let table = free_run_table(&TwoLink, p, dataset, &FreeRunSettings::new(Horizon::Record))
+        .expect("simulates");
+    assert_eq!(table.experiments[0].role, Role::Train);
+    table
+        .experiments
+        .iter()
+        .map(|e| e.objective.expect("compared"))
+        .collect()
+}
+
+fn within(runs: &[Run], best: f64) -> usize {
+    let near = |r: &&Run| r.status.converged() && r.objective <= 1.01 * best;
+    runs.iter().filter(near).count()
+}
+
+#[test]
+fn explicit_euler_reaches_the_best_known_objective_from_nearly_all_starts() {
+    let Some((dataset, runs)) = study(Scheme::ExplicitEuler) else {
+        return;
+    };
+    let objectives: Vec<f64> = runs.iter().map(|r| r.objective).collect();
+    assert!(within(&runs, 0.04425) >= 19, "{objectives:?}");
+    for run in runs.iter().filter(|r| r.status.converged()) {
+        assert!(run.check.primal_inf < 1e-6 && run.check.bound_violation == 0.0, "{:?}", run.check);
+    }
+    // The scheme's own error is in the parameters: an accurate simulation misses the very record they were fitted on.
+    let best = runs.iter().min_by(|a, b| a.objective.total_cmp(&b.objective)).expect("20");
+    let j = accurate(&dataset, &best.parameters);
+    assert!(j[0] > 20.0, "J = {j:?}");
+}
+
+#[test]
+fn second_order_schemes_reach_one_optimum_from_all_starts() {
+    for (scheme, best) in [(Scheme::Trapezoidal, 7.7276e-4), (Scheme::ImplicitMidpoint, 2.520e-4)] {
+        let Some((dataset, runs)) = study(scheme) else {
+            return;
+        };
+        let objectives: Vec<f64> = runs.iter().map(|r| r.objective).collect();
+        assert_eq!(within(&runs, best), 20, "{scheme:?}: {objectives:?}");
+        let best = runs.iter().min_by(|a, b| a.objective.total_cmp(&b.objective)).expect("20");
+        let j = accurate(&dataset, &best.parameters);
+        assert!(j[0] < 1.0 && j[1] < 1e-3 && j[2] < 1e-2, "{scheme:?}: J = {j:?}");
+    }
+}
