@@ -2,6 +2,8 @@
 //!
 //! What the tests share: the records beside the workspace, where there are any, and the starts of the paper's problem.
 
+pub mod two_link;
+
 use std::path::{Path, PathBuf};
 
 use pid_runtime::dynamics::ParamInfo;
@@ -47,7 +49,10 @@ pub fn starts(table: &str, params: &[ParamInfo]) -> Option<Vec<Vec<f64>>> {
     lines
         .map(|line| {
             let cells: Vec<&str> = line.split(',').collect();
-            columns.iter().map(|&c| cells.get(c)?.parse().ok()).collect()
+            columns
+                .iter()
+                .map(|&c| cells.get(c)?.parse().ok())
+                .collect()
         })
         .collect()
 }

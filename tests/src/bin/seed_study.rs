@@ -4,10 +4,7 @@
 //! seed_study [--scheme euler|trapezoidal|midpoint] [FOLDER]      FOLDER holds data/seed_two_link and bench/
 //! seed_study --scaling [FOLDER]                                  301 … 10001 samples over 6 s, trapezoidal rule
 //! ```
-#![allow(
-    clippy::print_stdout,
-    reason = "a command that prints a table"
-)]
+#![allow(clippy::print_stdout, reason = "a command that prints a table")]
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -48,10 +45,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
 }
 
-fn run(dataset: &Dataset, scheme: Scheme, start: &[f64]) -> Result<Run, pid_runtime::ident::IdentError> {
+fn run(
+    dataset: &Dataset,
+    scheme: Scheme,
+    start: &[f64],
+) -> Result<Run, pid_runtime::ident::IdentError> {
     let settings = two_link::settings(scheme);
-    let mut silent = |_: &_| ControlFlow::Continue(());
-    let found = identify(&TwoLink, dataset, &settings, Some(start), &mut silent)?;
+    let found = identify(&TwoLink, dataset, &settings, Some(start), &mut |_| {
+        ControlFlow::Continue(())
+    })?;
     Ok(found.best().clone())
 }
 
@@ -61,7 +63,11 @@ fn median(mut values: Vec<f64>) -> f64 {
     0.5 * (values[(n - 1) / 2] + values[n / 2])
 }
 
-fn table(folder: &Path, scheme: Scheme, starts: &[Vec<f64>]) -> Result<(), Box<dyn std::error::Error>> {
+fn table(
+    folder: &Path,
+    scheme: Scheme,
+    starts: &[Vec<f64>],
+) -> Result<(), Box<dyn std::error::Error>> {
     let dataset = Dataset::read(&folder.join("data/seed_two_link"))?;
     println!("{}, N = 301", scheme.label());
     println!("start            J  iterations   seconds  violation  status");
@@ -78,7 +84,10 @@ fn table(folder: &Path, scheme: Scheme, starts: &[Vec<f64>]) -> Result<(), Box<d
         );
         runs.push(r);
     }
-    let best = runs.iter().map(|r| r.objective).fold(f64::INFINITY, f64::min);
+    let best = runs
+        .iter()
+        .map(|r| r.objective)
+        .fold(f64::INFINITY, f64::min);
     let near = runs.iter().filter(|r| r.objective <= 1.01 * best).count();
     let of = |f: fn(&Run) -> f64| median(runs.iter().map(f).collect());
     println!(
