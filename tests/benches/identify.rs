@@ -1,2 +1,4 @@
 //! b
-fn main() { divan::main(); }
+fn main() {
+    divan::main();
+}

@@ -36,7 +36,14 @@ fn study(scheme: Scheme) -> Option<(Dataset, Vec<Run>)> {
                 &mut |_| ControlFlow::Continue(()),
             )
             .expect("identifies");
-            assert_eq!(found.size.0, if scheme == Scheme::Trapezoidal { 1823 } else { 1223 });
+            assert_eq!(
+                found.size.0,
+                if scheme == Scheme::Trapezoidal {
+                    1823
+                } else {
+                    1223
+                }
+            );
             found.best().clone()
         })
         .collect();
@@ -68,24 +75,40 @@ fn explicit_euler_reaches_the_best_known_objective_from_nearly_all_starts() {
     let objectives: Vec<f64> = runs.iter().map(|r| r.objective).collect();
     assert!(within(&runs, 0.04425) >= 19, "{objectives:?}");
     for run in runs.iter().filter(|r| r.status.converged()) {
-        assert!(run.check.primal_inf < 1e-6 && run.check.bound_violation == 0.0, "{:?}", run.check);
+        assert!(
+            run.check.primal_inf < 1e-6 && run.check.bound_violation == 0.0,
+            "{:?}",
+            run.check
+        );
     }
     // The scheme's own error is in the parameters: an accurate simulation misses the very record they were fitted on.
-    let best = runs.iter().min_by(|a, b| a.objective.total_cmp(&b.objective)).expect("20");
+    let best = runs
+        .iter()
+        .min_by(|a, b| a.objective.total_cmp(&b.objective))
+        .expect("20");
     let j = accurate(&dataset, &best.parameters);
     assert!(j[0] > 20.0, "J = {j:?}");
 }
 
 #[test]
 fn second_order_schemes_reach_one_optimum_from_all_starts() {
-    for (scheme, best) in [(Scheme::Trapezoidal, 7.7276e-4), (Scheme::ImplicitMidpoint, 2.520e-4)] {
+    for (scheme, best) in [
+        (Scheme::Trapezoidal, 7.7276e-4),
+        (Scheme::ImplicitMidpoint, 2.520e-4),
+    ] {
         let Some((dataset, runs)) = study(scheme) else {
             return;
         };
         let objectives: Vec<f64> = runs.iter().map(|r| r.objective).collect();
         assert_eq!(within(&runs, best), 20, "{scheme:?}: {objectives:?}");
-        let best = runs.iter().min_by(|a, b| a.objective.total_cmp(&b.objective)).expect("20");
+        let best = runs
+            .iter()
+            .min_by(|a, b| a.objective.total_cmp(&b.objective))
+            .expect("20");
         let j = accurate(&dataset, &best.parameters);
-        assert!(j[0] < 1.0 && j[1] < 1e-3 && j[2] < 1e-2, "{scheme:?}: J = {j:?}");
+        assert!(
+            j[0] < 1.0 && j[1] < 1e-3 && j[2] < 1e-2,
+            "{scheme:?}: J = {j:?}"
+        );
     }
 }
