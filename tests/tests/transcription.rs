@@ -1,0 +1,463 @@
+//! The discretised problem against central differences, an accurate integration and a second linear solver.
+
+use pid_models::{DoublePendulum, Emps, TwoLink};
+use pid_runtime::data::InputHold;
+use pid_runtime::dynamics::{At, Dynamics, Hessian, Jacobian};
+use pid_runtime::integrate::{Drive, ForwardDynamics, Settings, simulate};
+use pid_runtime::nlp::Nlp;
+use pid_runtime::solver::kkt::sparse::SparseKkt;
+use pid_runtime::solver::kkt::structured::StructuredKkt;
+use pid_runtime::solver::kkt::{Kkt, KktValues};
+use pid_runtime::transcribe::{
+    Curvature, ExplicitForm, FullDiscretization, ResidualFit, Scheme, Setup, Track,
+};
+use pid_tests::two_link;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+const SCHEMES: [Scheme; 3] = [
+    Scheme::ExplicitEuler,
+    Scheme::Trapezoidal,
+    Scheme::ImplicitMidpoint,
+];
+
+/// Numbers in −1..1, always the same ones.
+fn numbers(seed: u64, n: usize) -> Vec<f64> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    (0..n).map(|_| random.random_range(-1.0..1.0)).collect()
+}
+
+fn setup(model: &dyn Dynamics, scheme: Scheme, held: bool, linear: bool) -> Setup {
+    let infos = model.params();
+    let scale = |k: usize| 0.5 + 0.1 * k as f64;
+    Setup {
+        scheme,
+        curvature: Curvature::Exact,
+        lower: infos.iter().map(|p| p.lower).collect(),
+        upper: infos.iter().map(|p| p.upper).collect(),
+        scale: (0..infos.len()).map(scale).collect(),
+        inertia: (0..model.dims().nq).map(|j| 2.0 + j as f64).collect(),
+        hold_initial: held,
+        linear_inputs: linear,
+    }
+}
+
+/// A window of unequal steps around 0.02 s with arbitrary motion and two missing samples.
+fn window(model: &dyn Dynamics, steps: usize, seed: u64) -> Track {
+    let d = model.dims();
+    let (nx, nodes) = (2 * d.nq, steps + 1);
+    let uneven = numbers(seed, nodes);
+    let mut t = vec![0.1];
+    (1..nodes).for_each(|k| t.push(t[k - 1] + 0.02 + 0.01 * uneven[k]));
+    let guess: Vec<f64> = numbers(seed + 1, nx * nodes)
+        .iter()
+        .map(|x| 1.5 * x)
+        .collect();
+    let mut measured: Vec<f64> = guess.iter().map(|x| x + 0.1).collect();
+    measured[1] = f64::NAN;
+    measured[nx * steps] = f64::NAN;
+    Track {
+        t,
+        measured,
+        guess,
+        u: numbers(seed + 2, d.nu * nodes)
+            .iter()
+            .map(|x| 20.0 * x)
+            .collect(),
+        weights: (0..nx).map(|c| 0.5 + c as f64).collect(),
+    }
+}
+
+/// Every setting of the discretization: its description and the problem's ingredients.
+fn for_each_setting(check: impl Fn(&str, &[Track], Setup)) {
+    for scheme in SCHEMES {
+        for (held, linear, windows) in [
+            (false, false, vec![4]),
+            (false, true, vec![3, 1, 2]),
+            (true, false, vec![2, 3]),
+            (true, true, vec![3]),
+        ] {
+            let tracks: Vec<Track> = windows
+                .iter()
+                .enumerate()
+                .map(|(k, &steps)| window(&TwoLink, steps, 10 * k as u64))
+                .collect();
+            let name = format!("{scheme:?}, held {held}, linear {linear}, {windows:?}");
+            check(&name, &tracks, setup(&TwoLink, scheme, held, linear));
+        }
+    }
+}
+
+/// Derivative of `f` along coordinate `j` by differences of order 4, with what rounding of `f` leaves uncertain.
+fn difference(f: &mut dyn FnMut(&[f64]) -> Vec<f64>, x: &[f64], j: usize) -> Vec<(f64, f64)> {
+    let h = 1e-4 * x[j].abs().clamp(1e-2, 10.0);
+    let mut at = |k: f64| {
+        let mut y = x.to_vec();
+        y[j] += k * h;
+        f(&y)
+    };
+    let (a, b, c, d) = (at(-2.0), at(-1.0), at(1.0), at(2.0));
+    (0..a.len())
+        .map(|i| {
+            let slope = (a[i] - 8.0 * b[i] + 8.0 * c[i] - d[i]) / (12.0 * h);
+            (slope, 4.0 * f64::EPSILON * b[i].abs() / h)
+        })
+        .collect()
+}
+
+/// Compares a derivative, dense and row by row, with differences of a vector function; errors count against the largest
+/// entry of the column.
+fn assert_derivative(what: &str, dense: &[f64], x: &[f64], f: &mut dyn FnMut(&[f64]) -> Vec<f64>) {
+    let n = x.len();
+    for j in 0..n {
+        let expected = difference(f, x, j);
+        let scale = expected.iter().fold(1.0_f64, |m, (e, _)| m.max(e.abs()));
+        for (i, (e, rounding)) in expected.iter().enumerate() {
+            let found = dense[i * n + j];
+            assert!(
+                (found - e).abs() <= 1e-6 * scale + rounding,
+                "{what} [{i}, {j}]: {found:e} and, by differences, {e:e}; scale {scale:e}"
+            );
+        }
+    }
+}
+
+fn dense_jacobian(problem: &mut dyn Nlp, x: &[f64]) -> Vec<f64> {
+    let n = problem.n();
+    let mut dense = vec![0.0; problem.m() * n];
+    let mut values = vec![f64::NAN; problem.jacobian_pattern().nnz()];
+    problem.jacobian(x, &mut values);
+    let pattern = problem.jacobian_pattern();
+    for ((&r, &c), v) in pattern.rows.iter().zip(&pattern.cols).zip(values) {
+        dense[r as usize * n + c as usize] += v;
+    }
+    dense
+}
+
+fn dense_hessian(problem: &mut dyn Nlp, x: &[f64], sigma: f64, lambda: &[f64]) -> Vec<f64> {
+    let n = problem.n();
+    let mut dense = vec![0.0; n * n];
+    let mut values = vec![f64::NAN; problem.hessian_pattern().nnz()];
+    problem.hessian(x, sigma, lambda, &mut values);
+    let pattern = problem.hessian_pattern();
+    for ((&r, &c), v) in pattern.rows.iter().zip(&pattern.cols).zip(values) {
+        let (r, c) = (r as usize, c as usize);
+        assert!(r >= c, "lower triangle");
+        dense[r * n + c] += v;
+        if r != c {
+            dense[c * n + r] += v;
+        }
+    }
+    dense
+}
+
+fn lagrangian_gradient(problem: &mut dyn Nlp, x: &[f64], sigma: f64, lambda: &[f64]) -> Vec<f64> {
+    let mut gradient = vec![0.0; problem.n()];
+    problem.gradient(x, &mut gradient);
+    gradient.iter_mut().for_each(|g| *g *= sigma);
+    let mut values = vec![0.0; problem.jacobian_pattern().nnz()];
+    problem.jacobian(x, &mut values);
+    let pattern = problem.jacobian_pattern();
+    pattern.transpose_multiply_add(&values, lambda, &mut gradient);
+    gradient
+}
+
+/// A point of the problem that is not its start: states and stages moved, parameters near the true ones.
+fn point(problem: &FullDiscretization<'_>, seed: u64) -> Vec<f64> {
+    let mut x = problem.starting_point(&two_link::truth());
+    let moves = numbers(seed, x.len());
+    x.iter_mut().zip(moves).for_each(|(x, m)| *x += 0.05 * m);
+    x
+}
+
+#[test]
+fn gradient_and_jacobian_agree_with_differences() {
+    for_each_setting(|name, tracks, setup| {
+        let mut problem = FullDiscretization::new(&TwoLink, tracks, setup);
+        let x = point(&problem, 5);
+        let (n, m) = (problem.n(), problem.m());
+        let mut gradient = vec![f64::NAN; n];
+        problem.gradient(&x, &mut gradient);
+        assert_derivative(&format!("{name}: gradient"), &gradient, &x, &mut |x| {
+            vec![problem.objective(x)]
+        });
+        let jacobian = dense_jacobian(&mut problem, &x);
+        assert_derivative(&format!("{name}: Jacobian"), &jacobian, &x, &mut |x| {
+            let mut c = vec![f64::NAN; m];
+            problem.constraints(x, &mut c);
+            c
+        });
+    });
+}
+
+#[test]
+fn hessian_of_the_lagrangian_agrees_with_differences() {
+    for_each_setting(|name, tracks, setup| {
+        let mut problem = FullDiscretization::new(&TwoLink, tracks, setup);
+        let x = point(&problem, 6);
+        let lambda = numbers(7, problem.m());
+        let hessian = dense_hessian(&mut problem, &x, 0.7, &lambda);
+        assert_derivative(&format!("{name}: Hessian"), &hessian, &x, &mut |x| {
+            lagrangian_gradient(&mut problem, x, 0.7, &lambda)
+        });
+    });
+}
+
+#[test]
+fn missing_samples_do_not_count() {
+    let track = window(&TwoLink, 3, 1);
+    let samples = track.t.len() as f64;
+    let mut expected = 0.0;
+    for (k, (x, d)) in track.guess.iter().zip(&track.measured).enumerate() {
+        if !d.is_nan() {
+            expected += track.weights[k % 4] * (x - d) * (x - d) / samples;
+        }
+    }
+    let setup = setup(&TwoLink, Scheme::ImplicitMidpoint, false, false);
+    let mut problem = FullDiscretization::new(&TwoLink, &[track], setup);
+    let x = problem.starting_point(&two_link::truth());
+    assert!((problem.objective(&x) - expected).abs() < 1e-14);
+}
+
+/// ‖c‖∞ of one step of length h on an accurate motion; stage accelerations are the true ones.
+fn local_error(scheme: Scheme, h: f64) -> f64 {
+    let mut p = two_link::truth();
+    for (value, info) in p.iter_mut().zip(TwoLink.params()) {
+        if info.name.starts_with("sharp") {
+            *value = 5.0;
+        }
+    }
+    let (q0, v0, u) = ([0.3, 2.2], [0.8, -0.6], [12.0, 60.0]);
+    let t = vec![0.0, h];
+    let inputs = [u, u].concat();
+    let drive = Drive {
+        t: &t,
+        u: &inputs,
+        hold: InputHold::ZeroOrder,
+    };
+    let accurate = Settings {
+        rtol: 1e-13,
+        atol: 1e-14,
+        ..Settings::default()
+    };
+    let motion = simulate(&TwoLink, &p, &q0, &v0, &drive, accurate).unwrap();
+    let states: Vec<f64> = (0..2)
+        .flat_map(|k| [&motion.q[2 * k..2 * k + 2], &motion.v[2 * k..2 * k + 2]].concat())
+        .collect();
+    let track = Track {
+        t: t.clone(),
+        measured: states.clone(),
+        guess: states,
+        u: inputs.clone(),
+        weights: vec![1.0; 4],
+    };
+    let mut problem =
+        FullDiscretization::new(&TwoLink, &[track], setup(&TwoLink, scheme, false, false));
+    let mut x = problem.starting_point(&p);
+    if scheme == Scheme::Trapezoidal {
+        let mut a = [0.0; 2];
+        ForwardDynamics::new(&TwoLink)
+            .acceleration(&q0, &v0, &u, &p, &mut a)
+            .unwrap();
+        let layout = problem.layout();
+        let at = layout.step(&layout.windows[0], 0);
+        x[at..at + 2].copy_from_slice(&a);
+    }
+    let mut c = vec![0.0; problem.m()];
+    problem.constraints(&x, &mut c);
+    c.iter().fold(0.0, |m: f64, c| m.max(c.abs()))
+}
+
+#[test]
+fn one_step_errs_by_one_power_more_than_the_order() {
+    for scheme in SCHEMES {
+        let errors = [4e-4, 2e-4, 1e-4].map(|h| local_error(scheme, h));
+        for pair in errors.windows(2) {
+            let order = (pair[0] / pair[1]).log2();
+            eprintln!("{scheme:?}: local errors {errors:?}, order {order:.3}");
+            let expected = f64::from(scheme.order() + 1);
+            assert!(
+                (order - expected).abs() < 0.1,
+                "{scheme:?}: {order} for {expected}"
+            );
+        }
+    }
+}
+
+/// State, inputs and parameters of a model, none of them special; z = (q, v, a, u, p).
+fn anywhere(model: &dyn Dynamics, seed: u64) -> Vec<f64> {
+    let d = model.dims();
+    let mut raw = numbers(seed, d.nz());
+    raw[d.u()..d.p()].iter_mut().for_each(|u| *u *= 10.0);
+    for (z, info) in raw[d.p()..].iter_mut().zip(model.params()) {
+        let moved = if info.nominal == 0.0 {
+            0.1 * *z
+        } else {
+            info.nominal * (1.0 + 0.1 * *z)
+        };
+        // Slopes that differences of order 4 resolve.
+        *z = if info.name.starts_with("sharp") {
+            5.0 + *z
+        } else {
+            moved
+        };
+    }
+    raw
+}
+
+fn at<'a>(model: &dyn Dynamics, z: &'a [f64]) -> At<'a> {
+    let d = model.dims();
+    At {
+        q: &z[..d.v()],
+        v: &z[d.v()..d.a()],
+        a: &z[d.a()..d.u()],
+        u: &z[d.u()..d.p()],
+        p: &z[d.p()..],
+    }
+}
+
+/// ∇(λᵀ r̃) from the Jacobian.
+fn weighted_rows(form: &ExplicitForm<'_>, z: &[f64], lambda: &[f64]) -> Vec<f64> {
+    let mut r = vec![0.0; lambda.len()];
+    let mut values = vec![0.0; form.jacobian_pattern().nnz()];
+    form.residual_jacobian(&at(form, z), &mut r, &mut values);
+    let mut out = vec![0.0; z.len()];
+    let pattern = form.jacobian_pattern();
+    for ((&row, &col), v) in pattern.rows.iter().zip(pattern.cols).zip(values) {
+        out[col as usize] += lambda[row as usize] * v;
+    }
+    out
+}
+
+#[test]
+fn the_explicit_form_vanishes_at_the_forward_dynamics() {
+    for model in [&TwoLink as &dyn Hessian, &Emps, &DoublePendulum] {
+        let form = ExplicitForm::new(model);
+        for seed in 0..20 {
+            let mut z = anywhere(model, seed);
+            let d = model.dims();
+            let mut a = vec![0.0; d.nq];
+            let x = at(model, &z);
+            ForwardDynamics::new(model)
+                .acceleration(x.q, x.v, x.u, x.p, &mut a)
+                .unwrap();
+            z[d.a()..d.u()].copy_from_slice(&a);
+            let mut r = vec![f64::NAN; d.nq];
+            form.residual(&at(model, &z), &mut r);
+            let scale = a.iter().fold(1.0_f64, |m, a| m.max(a.abs()));
+            assert!(
+                r.iter().all(|r| r.abs() < 1e-12 * scale),
+                "{}: {r:?}",
+                model.name()
+            );
+        }
+    }
+}
+
+#[test]
+fn derivatives_of_the_explicit_form_agree_with_differences() {
+    for model in [&TwoLink as &dyn Hessian, &Emps, &DoublePendulum] {
+        let form = ExplicitForm::new(model);
+        let nz = model.dims().nz();
+        for seed in 0..5 {
+            let z = anywhere(model, seed);
+            let lambda = numbers(seed + 100, model.dims().nq);
+            let name = format!("{} {seed}", model.name());
+            let gradient = weighted_rows(&form, &z, &lambda);
+            assert_derivative(&format!("{name}: Jacobian"), &gradient, &z, &mut |z| {
+                let mut r = vec![f64::NAN; lambda.len()];
+                form.residual(&at(model, z), &mut r);
+                vec![r.iter().zip(&lambda).map(|(r, l)| r * l).sum()]
+            });
+            let mut values = vec![f64::NAN; form.hessian_pattern().nnz()];
+            form.residual_hessian(&at(model, &z), &lambda, &mut values);
+            let mut dense = vec![0.0; nz * nz];
+            let pattern = form.hessian_pattern();
+            for ((&r, &c), v) in pattern.rows.iter().zip(pattern.cols).zip(values) {
+                let (r, c) = (r as usize, c as usize);
+                dense[r * nz + c] += v;
+                if r != c {
+                    dense[c * nz + r] += v;
+                }
+            }
+            assert_derivative(&format!("{name}: Hessian"), &dense, &z, &mut |z| {
+                weighted_rows(&form, z, &lambda)
+            });
+        }
+    }
+}
+
+#[test]
+fn derivatives_of_the_residual_fit_agree_with_differences() {
+    for_each_setting(|name, tracks, setup| {
+        let mut problem = FullDiscretization::new(&TwoLink, tracks, setup);
+        let x = point(&problem, 8);
+        let p = x[problem.layout().p()..].to_vec();
+        let mut fit = ResidualFit::new(&mut problem, &x);
+        let mut gradient = vec![f64::NAN; p.len()];
+        fit.gradient(&p, &mut gradient);
+        assert_derivative(&format!("{name}: gradient"), &gradient, &p, &mut |p| {
+            vec![fit.objective(p)]
+        });
+        let hessian = dense_hessian(&mut fit, &p, 1.0, &[]);
+        assert_derivative(&format!("{name}: Hessian"), &hessian, &p, &mut |p| {
+            lagrangian_gradient(&mut fit, p, 1.0, &[])
+        });
+    });
+}
+
+/// Two implementations of one linear system, on the two-link problem with the exact Hessian.
+#[test]
+fn structured_and_sparse_systems_have_one_solution() {
+    for scheme in SCHEMES {
+        for held in [false, true] {
+            let tracks = [window(&TwoLink, 25, 3), window(&TwoLink, 14, 30)];
+            let mut problem =
+                FullDiscretization::new(&TwoLink, &tracks, setup(&TwoLink, scheme, held, false));
+            let x = point(&problem, 9);
+            let (n, m) = (problem.n(), problem.m());
+            let lambda: Vec<f64> = numbers(10, m).iter().map(|l| 1e-4 * l).collect();
+            let mut jacobian = vec![0.0; problem.jacobian_pattern().nnz()];
+            let mut hessian = vec![0.0; problem.hessian_pattern().nnz()];
+            problem.jacobian(&x, &mut jacobian);
+            problem.hessian(&x, 1.0, &lambda, &mut hessian);
+            // So much of the barrier that the matrix is convex without any regularisation.
+            let sigma = vec![1.0; n];
+            let values = KktValues {
+                hessian: &hessian,
+                jacobian: &jacobian,
+                sigma: &sigma,
+            };
+            let mut structured =
+                StructuredKkt::new(problem.layout().clone(), &problem.fixed_parameters(), 10);
+            let mut sparse = SparseKkt::new(&problem);
+            let mut solutions = Vec::new();
+            let (rx, rc) = (numbers(11, n), numbers(12, m));
+            for kkt in [&mut structured as &mut dyn Kkt, &mut sparse] {
+                let info = kkt.factorise(values).unwrap();
+                assert_eq!(
+                    (info.delta_x, info.shift),
+                    (0.0, 0.0),
+                    "{scheme:?}, held {held}"
+                );
+                let (mut dx, mut dl) = (vec![0.0; n], vec![0.0; m]);
+                let left = kkt.solve(&rx, &rc, &mut dx, &mut dl);
+                assert!(left < 1e-9, "{scheme:?}, held {held}: {left:e} is left");
+                solutions.push((dx, dl));
+            }
+            let close = |what: &str, a: &[f64], b: &[f64]| {
+                let scale = b.iter().fold(0.0_f64, |m, b| m.max(b.abs()));
+                let error = a
+                    .iter()
+                    .zip(b)
+                    .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+                assert!(
+                    error <= 1e-7 * scale,
+                    "{scheme:?}, held {held}, {what}: {error:e} of {scale:e}"
+                );
+            };
+            close("x", &solutions[0].0, &solutions[1].0);
+            close("multipliers", &solutions[0].1, &solutions[1].1);
+        }
+    }
+}
