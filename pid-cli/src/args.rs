@@ -165,7 +165,7 @@ pub(crate) enum WeightsArg {
     /// One over the variance of each channel.
     #[default]
     Spread,
-    /// One over the variance of each channel in its own record.
+    /// Positions only, each by one over its variance in its own record.
     Record,
     /// Positions only.
     Position,

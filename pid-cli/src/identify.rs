@@ -248,7 +248,9 @@ fn in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
                 match settings.weighting {
                     Weighting::Unit => "1 for every channel",
                     Weighting::Spread => "one over the variance of each channel",
-                    Weighting::Record => "one over the variance of each channel in its own record",
+                    Weighting::Record => {
+                        "positions, by one over their variance in their own record"
+                    }
                     Weighting::Position => "positions only",
                 },
             ));

@@ -329,6 +329,7 @@ fn weigh(tracks: &mut [Track], records: &[usize], nq: usize, weighting: Weightin
                 Weighting::Unit => 1.0,
                 Weighting::Position => f64::from(u8::from(channel < nq)),
                 Weighting::Spread => 1.0 / overall,
+                Weighting::Record if channel >= nq => 0.0,
                 Weighting::Record => {
                     let own = variance(tracks, channel, Some(r)).unwrap_or(0.0);
                     1.0 / own.max(STILL * overall)

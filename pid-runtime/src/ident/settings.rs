@@ -34,7 +34,7 @@ pub enum Weighting {
     Unit,
     /// One over the variance of the channel over all training windows: every channel counts by the share of its own motion.
     Spread,
-    /// One over the variance of the channel in its own record: records of small motion count as much as those of large.
+    /// Positions only, each by one over its variance in its own record: records of small motion count as much as those of large.
     Record,
     /// 1 for positions, 0 for velocities.
     Position,
