@@ -1,7 +1,7 @@
-//! From `robot!` tokens to straight-line Rust: parsing, checks, derivation, emission.
+//! From `robot!` tokens to straight-line Rust: parsing, checks, emission; the derivation between them is `pid-derive`.
 //!
 //! ```text
-//! tokens -> syntax::Ast -> check -> model::Robot -> derive -> emit -> tokens
+//! tokens -> syntax::Ast -> check -> pid_derive::model::Robot -> pid_derive -> emit -> tokens
 //!           (places)               (indices only)
 //! ```
 //!
@@ -9,10 +9,8 @@
 //! Expansion is pure: the same tokens give the same output, no files, no environment.
 
 pub mod check;
-pub mod derive;
 pub mod diag;
 pub mod emit;
-pub mod model;
 pub mod si;
 pub mod syntax;
 

@@ -1,10 +1,11 @@
 //! What is written: the whole expansion of a tiny robot, and properties of large ones. That emitted code computes the right
 //! numbers is tested where it is compiled, in `pid-models` and `tests`.
 
+#[path = "../../pid-derive/tests/robots/mod.rs"]
 mod robots;
 
 use pid_codegen::emit::{self, Names};
-use pid_codegen::model::{Expr, Func, Robot};
+use pid_derive::model::{Expr, Func, Robot};
 use proc_macro2::{Ident, Span};
 use quote::ToTokens;
 use syn::visit::Visit;

@@ -15,8 +15,8 @@ pub mod values;
 use proc_macro2::{Ident, Span};
 
 use crate::diag::Diagnostics;
-use crate::model::{Emit, Robot};
 use crate::syntax::Ast;
+use pid_derive::model::{Emit, Robot};
 
 /// The resolved robot with the places its parts came from, for the messages of the last stage and for emission.
 #[derive(Debug, Clone)]

@@ -3,8 +3,8 @@
 use proc_macro2::{Ident, Span};
 
 use crate::diag::{Diagnostics, nearest, one_of};
-use crate::model::{About, Func};
 use crate::syntax::{Ast, InputDecl, JointDecl, LinkDecl, Motion, ParamDecl, PerJoint};
+use pid_derive::model::{About, Func};
 
 /// Everything declared, ranges and `per joint` blocks expanded.
 #[derive(Debug)]

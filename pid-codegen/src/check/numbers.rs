@@ -1,6 +1,6 @@
 //! Numbers in resolved expressions: constants, and values at given parameters.
 
-use crate::model::{Expr, Func};
+use pid_derive::model::{Expr, Func};
 
 /// Value of an expression; `at` gives the leaves.
 pub(super) fn eval(e: &Expr, at: &impl Fn(&Expr) -> Option<f64>) -> Option<f64> {

@@ -1,15 +1,15 @@
 //! Physics: what only the derived equations, or the laws as a whole, can tell.
 
-use crate::derive::{self, Facts};
 use crate::diag::{Diagnostics, Loc};
-use crate::model::{Inertial, Robot};
 use crate::syntax::{Ast, Expr, ExprKind};
+use pid_derive::Facts;
+use pid_derive::model::{Inertial, Robot};
 
 use super::Resolved;
 
 /// Reports wrong `_`, massless tips, functions without second derivatives, parameters and inputs without effect.
 pub fn check(ast: &Ast, resolved: &Resolved, diag: &mut Diagnostics) {
-    let facts = derive::facts(&resolved.robot);
+    let facts = pid_derive::facts(&resolved.robot);
     let errors = diag.count();
     blanks(resolved, &facts, diag);
     if diag.count() == errors {
@@ -71,7 +71,7 @@ fn singular_mass(resolved: &Resolved, facts: &Facts, diag: &mut Diagnostics) {
     let link = &robot.links[joint.child];
     let lacks = match (&link.inertial, joint.kind) {
         (Inertial::None, _) => "has no mass and no inertia",
-        (_, crate::model::JointKind::Prismatic(_)) => "has no mass",
+        (_, pid_derive::model::JointKind::Prismatic(_)) => "has no mass",
         _ => "has no inertia about its axis",
     };
     diag.error(
@@ -140,7 +140,7 @@ fn without_effect(resolved: &Resolved, facts: &Facts, diag: &mut Diagnostics) {
 
 /// Whether parameter `k` belongs to `inertial: free`.
 fn is_free(inertial: &Inertial, k: usize) -> bool {
-    use crate::model::Expr as E;
+    use pid_derive::model::Expr as E;
     let own = |e: &E| *e == E::Param(k);
     match inertial {
         Inertial::Linear {

@@ -3,12 +3,12 @@
 use proc_macro2::Span;
 
 use crate::diag::Diagnostics;
-use crate::model::{
-    About, Blank, Expr, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
-};
 use crate::si::Unit;
 use crate::syntax::{
     self, Ast, Axis, AxisKind, Entry, InputDecl, JointDecl, LinkDecl, Motion, Vector,
+};
+use pid_derive::model::{
+    About, Blank, Expr, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
 };
 
 use super::names::{Origin, Scope, Symbols};
@@ -522,21 +522,6 @@ impl Builder<'_, '_> {
             });
         }
         Some(sum)
-    }
-}
-
-impl Default for Tensor {
-    /// The tensor of a point: zero.
-    fn default() -> Self {
-        let zero = || Expr::Num(0.0);
-        Tensor {
-            xx: zero(),
-            yy: zero(),
-            zz: zero(),
-            xy: zero(),
-            xz: zero(),
-            yz: zero(),
-        }
     }
 }
 

@@ -1,9 +1,9 @@
 //! Units: every quantity gets one, every use is compared with what its place asks for.
 
 use crate::diag::{Diagnostics, Loc, nearest};
-use crate::model::{self, Func};
 use crate::si::{Unit, unit_names};
 use crate::syntax::{Entry, Expr, ExprKind, Op, Range, UnitExpr};
+use pid_derive::model::{self, Func};
 
 use super::names::{FUNCTIONS, Meaning, Scope, Symbols};
 use super::numbers::constant;

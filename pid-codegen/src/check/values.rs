@@ -1,9 +1,9 @@
 //! Values: nominal values, ranges, list lengths, masses and inertias that a body can have.
 
 use crate::diag::{Diagnostics, Loc};
-use crate::model::{self, About, Inertial, Param, Tensor};
 use crate::si::Unit;
 use crate::syntax::{Entry, Expr, Nominal, ParamDecl, Range, Ranges};
+use pid_derive::model::{self, About, Inertial, Param, Tensor};
 
 use super::names::{Origin, Scope, Symbols};
 use super::numbers::{at_params, constant};

@@ -9,7 +9,7 @@ use super::Names;
 use super::functions::{Function, Layout, Part, Scalar};
 use super::impls::from_slices;
 use super::types::derived;
-use crate::derive::{Derivatives, Equations};
+use pid_derive::{Derivatives, Equations};
 
 /// A derivative's pattern and the function that writes its values.
 #[derive(Debug, Clone)]

@@ -5,8 +5,8 @@ use quote::quote;
 
 use super::derivatives::Body;
 use super::impls::Bodies;
-use crate::derive::Equations;
-use crate::model::{Input, Joint, JointKind, Param, Robot};
+use pid_derive::Equations;
+use pid_derive::model::{Input, Joint, JointKind, Param, Robot};
 
 /// `#[doc]` attributes of lines.
 pub fn attributes(lines: &[String]) -> TokenStream {

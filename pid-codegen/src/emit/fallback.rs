@@ -10,8 +10,8 @@ use super::Names;
 use super::types::{self, derived};
 use crate::check::names::{self, Origin, Symbols};
 use crate::diag::Diagnostics;
-use crate::model::{Emit, Input, Joint, JointKind, Param, Robot};
 use crate::syntax::Ast;
+use pid_derive::model::{Emit, Input, Joint, JointKind, Param, Robot};
 
 /// Errors and stubs.
 pub fn fallback(ast: &Ast, diag: &Diagnostics) -> TokenStream {
@@ -47,7 +47,7 @@ pub fn fallback(ast: &Ast, diag: &Diagnostics) -> TokenStream {
 
 /// A robot with names and nothing else.
 fn skeleton(ast: &Ast, symbols: &Symbols<'_>) -> Robot {
-    let zero = || [0, 1, 2].map(|_| crate::model::Expr::Num(0.0));
+    let zero = || [0, 1, 2].map(|_| pid_derive::model::Expr::Num(0.0));
     Robot {
         name: ast.name.to_string(),
         docs: ast.docs.clone(),

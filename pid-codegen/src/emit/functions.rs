@@ -9,7 +9,7 @@ use pid_symbolic::{Cost, Function as Call, Graph, Id, Node, Plan, schedule};
 use proc_macro2::{Ident, Literal, Span, TokenStream};
 use quote::{format_ident, quote};
 
-use crate::model::Robot;
+use pid_derive::model::Robot;
 
 /// Operations of one function. Measured (STYLE, "Emitting"): halves to thirds rustc's time, and runs no slower.
 pub const BLOCK: usize = 500;

@@ -7,8 +7,8 @@ use quote::quote;
 use super::functions::{Function, Layout, Part, Scalar, number};
 use super::types::derived;
 use super::{Names, docs};
-use crate::derive::Equations;
-use crate::model::{Joint, JointKind, Robot};
+use pid_derive::Equations;
+use pid_derive::model::{Joint, JointKind, Robot};
 
 /// The functions behind all values.
 #[derive(Debug, Clone)]

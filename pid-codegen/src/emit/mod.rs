@@ -19,9 +19,8 @@ use pid_symbolic::Graph;
 use proc_macro2::{Ident, TokenStream};
 use quote::{quote, quote_spanned};
 
-use crate::derive;
-use crate::model::Robot;
 use functions::Layout;
+use pid_derive::model::Robot;
 
 /// The user's identifiers, with their spans.
 #[derive(Debug, Clone)]
@@ -49,11 +48,11 @@ pub fn model(robot: &Robot, names: &Names) -> TokenStream {
 /// Everything generated for a robot.
 ///
 /// # Errors
-/// If its equations cannot be derived; see [`derive::Error`].
-pub fn try_model(robot: &Robot, names: &Names) -> Result<TokenStream, derive::Error> {
+/// If its equations cannot be derived; see [`pid_derive::Error`].
+pub fn try_model(robot: &Robot, names: &Names) -> Result<TokenStream, pid_derive::Error> {
     let mut g = Graph::new();
-    let equations = derive::equations(&mut g, robot)?;
-    let derivatives = derive::derivatives(&mut g, &equations, robot.emit);
+    let equations = pid_derive::equations(&mut g, robot)?;
+    let derivatives = pid_derive::derivatives(&mut g, &equations, robot.emit);
     let layout = Layout::of(robot);
 
     let bodies = impls::Bodies::new(&mut g, &layout, &equations);

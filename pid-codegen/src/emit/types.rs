@@ -5,7 +5,7 @@ use quote::{format_ident, quote};
 
 use super::functions::number;
 use super::{Names, docs};
-use crate::model::{Joint, Robot};
+use pid_derive::model::{Joint, Robot};
 
 /// All types of a robot, with their functions.
 pub fn types(robot: &Robot, names: &Names, robot_docs: &[String]) -> TokenStream {

@@ -7,7 +7,7 @@ use super::expr::{Entry, Vector};
 use super::unit::UnitExpr;
 use super::{Names, unknown_item};
 use crate::diag::{Diagnostics, Loc};
-use crate::model::About;
+use pid_derive::model::About;
 
 /// A link, or a range of links with the same body.
 #[derive(Debug, Clone)]

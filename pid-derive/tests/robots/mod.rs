@@ -1,7 +1,7 @@
 //! Robots built by hand, as the checker would hand them over.
 #![allow(dead_code, reason = "each test uses some of them")]
 
-use pid_codegen::model::{
+use pid_derive::model::{
     About, Blank, Emit, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
 };
 

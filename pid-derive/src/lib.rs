@@ -1,8 +1,9 @@
 //! From the resolved robot to expressions: kinematics, equations of motion, exact derivatives, and what can be proved of them.
 //!
-//! Everything is built on one hash-consed [`Graph`](pid_symbolic::Graph). No tokens here, no text: [`crate::emit`] writes
+//! Everything is built on one hash-consed [`Graph`](pid_symbolic::Graph). No tokens here, no text: `pid-codegen` writes
 //! down what this module computes.
 //!
+//! - [`model`]: the resolved robot, the input of everything here;
 //! - [`symbols`]: the variables `z = (q, v, a, u, p)` and the translation of [`Expr`](crate::model::Expr);
 //! - [`vector`]: 3-vectors, rotations, frames; [`inertia`]: rigid-body inertia in the linear parameters;
 //! - [`kinematics`]: the tree of moving bodies, fixed joints merged;
@@ -17,6 +18,7 @@ pub mod facts;
 pub mod inertia;
 pub mod kinematics;
 pub mod lagrangian;
+pub mod model;
 pub mod newton_euler;
 pub mod sample;
 pub mod symbols;

@@ -3,11 +3,9 @@
 mod robots;
 
 use num_dual::{Dual64, HyperDual64};
-use pid_codegen::derive::kinematics::Tree;
-use pid_codegen::derive::{
-    self, Blanks, Derivatives, Equations, Symbols, equations::Derivations, sample,
-};
-use pid_codegen::model::Robot;
+use pid_derive::kinematics::Tree;
+use pid_derive::model::Robot;
+use pid_derive::{self, Blanks, Derivatives, Equations, Symbols, equations::Derivations, sample};
 use pid_symbolic::random::Random;
 use pid_symbolic::{Graph, Id, Tape};
 
@@ -19,8 +17,8 @@ struct Derived {
 
 fn derived(robot: &Robot) -> Derived {
     let mut g = Graph::new();
-    let equations = derive::equations(&mut g, robot).expect("both derivations agree");
-    let derivatives = derive::derivatives(&mut g, &equations, robot.emit);
+    let equations = pid_derive::equations(&mut g, robot).expect("both derivations agree");
+    let derivatives = pid_derive::derivatives(&mut g, &equations, robot.emit);
     Derived {
         g,
         equations,

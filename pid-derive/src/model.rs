@@ -122,6 +122,21 @@ pub struct Tensor {
     pub yz: Expr,
 }
 
+impl Default for Tensor {
+    /// The tensor of a point: zero.
+    fn default() -> Self {
+        let zero = || Expr::Num(0.0);
+        Tensor {
+            xx: zero(),
+            yy: zero(),
+            zz: zero(),
+            xy: zero(),
+            xz: zero(),
+            yz: zero(),
+        }
+    }
+}
+
 /// Reference point of an inertia tensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum About {
