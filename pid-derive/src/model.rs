@@ -1,6 +1,6 @@
 //! The resolved robot: what is left of a `robot!` declaration once every name, unit and value has been checked.
 //!
-//! Nothing here carries spans or tokens; [`crate::check`] makes it, [`crate::derive`] reads it. All values are in SI
+//! Nothing here carries spans or tokens; the checker of `pid-codegen` and the reader of URDF make it, this crate reads it. All values are in SI
 //! units (radians, metres, kilograms, seconds, amperes).
 
 /// A declared robot, ready to be derived.
@@ -187,7 +187,7 @@ pub enum JointKind {
     Fixed,
 }
 
-/// An entry written `_`: the user says it does not enter the equations, [`crate::derive`] proves it.
+/// An entry written `_`: the user says it does not enter the equations, [`facts`](mod@crate::facts) prove it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Blank {
     /// Link the entry belongs to.
