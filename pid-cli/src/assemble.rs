@@ -2,7 +2,7 @@
 
 use pid_models::Entry;
 use pid_runtime::data::{Dataset, Horizon, Kind, Role};
-use pid_runtime::gap::force::missing_force;
+use pid_runtime::gap::force::{MissingForceEstimate, missing_force};
 use pid_runtime::gap::metrics::{FreeRunSettings, StartVelocity, free_run, free_run_table};
 use pid_runtime::report::{
     Bound, CheckRow, DataSection, ForceRecord, ModelSection, OutcomeSection, ParameterRow, Report,
@@ -132,17 +132,14 @@ pub(crate) fn assemble(
         }
         let how = format!("restarted every {DRAWN}");
         motions.push(motion(dataset, experiment, &run, &how, budget));
-        forces.push((
-            experiment,
-            missing_force(model, p, dataset, experiment, fit.cutoff)?,
-        ));
+        forces.push((experiment, missing_force(model, p, dataset, experiment)?));
     }
     let records: Vec<ForceRecord<'_>> = forces
         .iter()
         .map(|(e, f)| ForceRecord {
             experiment: &e.name,
             role: e.role,
-            t: &e.t,
+            t: &f.t,
             q: &f.q,
             v: &f.v,
             w: &f.w,
@@ -152,12 +149,12 @@ pub(crate) fn assemble(
         .collect();
     let missing = condense(dataset, &records, budget);
     notes.push(format!(
-        "The missing force is read off the records: states filtered without phase shift at {}, w = M a + b − f_L. Its band is two standard deviations of what noise of the measured channels puts into it.",
+        "The missing force w is the smoothest one that makes the model follow the record: measurement noise and the drift of w are weighed by their likelihood, and its band is two standard deviations given the record. Noise found: {}.",
         forces
             .iter()
-            .map(|(e, f)| format!("{:.1} Hz ({})", f.cutoff, e.name))
+            .map(|(e, f)| noise_in_words(dataset, &e.name, f))
             .collect::<Vec<_>>()
-            .join(", ")
+            .join("; ")
     ));
 
     let parameters: Vec<ParameterRow> = model
@@ -228,4 +225,22 @@ pub(crate) fn assemble(
         missing_force: missing,
         notes,
     })
+}
+
+/// `train: q 0.0012 rad` for every joint.
+fn noise_in_words(dataset: &Dataset, experiment: &str, force: &MissingForceEstimate) -> String {
+    let joints: Vec<String> = dataset
+        .joints
+        .iter()
+        .zip(force.noise.position.iter().zip(&force.noise.velocity))
+        .map(|(joint, (q, v))| {
+            let velocity = match v.is_finite() {
+                true => format!(", {v:.2e} {}", joint.velocity_unit()),
+                false => String::new(),
+            };
+            format!("{} {q:.2e} {}{velocity}", joint.name, joint.unit())
+        })
+        .collect();
+    let open = if force.settled { "" } else { " (not settled)" };
+    format!("{experiment}: {}{open}", joints.join(", "))
 }

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use pid_models::UnknownModel;
 use pid_runtime::data::DataError;
+use pid_runtime::gap::force::MissingForceError;
 use pid_runtime::gap::metrics::FreeRunError;
 use pid_runtime::ident::IdentError;
 use pid_runtime::integrate::SimulateError;
 use pid_runtime::report::ReportError;
-use pid_runtime::signal::SignalError;
 
 use crate::parameters::ParameterFileError;
 
@@ -26,7 +26,7 @@ pub(crate) enum CliError {
     #[error(transparent)]
     FreeRun(#[from] FreeRunError),
     #[error(transparent)]
-    Signal(#[from] SignalError),
+    Force(#[from] MissingForceError),
     #[error(transparent)]
     Simulate(#[from] SimulateError),
     #[error(transparent)]

@@ -47,13 +47,13 @@ pub(crate) fn findings(
 
 fn missing_force(f: &MissingForce) -> Vec<String> {
     let unit = f.unit.replace('*', "·");
-    let noise = f.band_rms.map(|b| 0.5 * b);
-    if noise.is_some_and(|n| f.rms <= 2.0 * n) {
+    let deviation = f.band_rms.map(|b| 0.5 * b);
+    if deviation.is_some_and(|n| f.rms <= 2.0 * n) {
         return vec![format!(
-            "Joint {}: the missing force (RMS {:.3} {unit}) is not clearly larger than what measurement noise explains ({:.3} {unit}).",
+            "Joint {}: the missing force (RMS {:.3} {unit}) is not clearly different from zero: the records tell it to ±{:.3} {unit} (one standard deviation).",
             f.joint,
             f.rms,
-            noise.unwrap_or_default()
+            deviation.unwrap_or_default()
         )];
     }
     if f.share < SMALL {
@@ -68,8 +68,8 @@ fn missing_force(f: &MissingForce) -> Vec<String> {
         f.rms,
         100.0 * f.share
     );
-    if let Some(n) = noise {
-        text += &format!("; measurement noise explains {n:.3} {unit}");
+    if let Some(n) = deviation {
+        text += &format!("; the records tell it to ±{n:.3} {unit} (one standard deviation)");
     }
     text.push('.');
     let mut out = vec![text];

@@ -1,183 +1,638 @@
-//! The missing generalised force, read off the data: what would have to act beside the model for it to follow the record.
+//! The missing generalised force: what would have to act beside the model for it to follow the record.
 //!
 //! ```text
 //! w(t) = r(q, v, a, u, p) = M(q, p) a + b(q, v, p) − f_L(q, v, p, u)
+//!
+//! minimise  Σ_i |y_i − (q_i, v_i)|²_R⁻¹ + Σ_i |w_{i+1} − w_i|²_(h S)⁻¹     over q_0, v_0, a_0 … a_{N−2}
+//! with      q_{i+1} = q_i + h v_i + h²/2 a_i,   v_{i+1} = v_i + h a_i,
+//!           w_i = r at the middle of the interval
 //! ```
 //!
-//! evaluated on states estimated from the record ([`crate::signal::state_from_data`]), with the inputs passed through the same
-//! filter. It needs no simulation and no multipliers, works for any parameters, and is the horizon of one sample of the
-//! process noise w of an identification.
+//! the weak-constraint form of data assimilation (Y. Trémolet, Accounting for an imperfect model in 4D-Var, 2006), with the
+//! dynamic rows of the implicit midpoint rule as the weak ones. Gauss-Newton steps, each one fixed-interval smoothing of the
+//! linearised chain, alternate with expectation maximisation of the noise levels R and the drift S of the force, so that nothing
+//! has to be chosen: a record that follows the model gets a small S and a w near zero. For the band, the
+//! posterior variance of w.
 
-use crate::data::{Dataset, Experiment, InputHold};
+use std::fmt;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::smoother::{Prior, Smoothed, Step, Variances, smooth};
+use crate::data::{Dataset, Experiment, InputHold, VelocityKind};
 use crate::dynamics::{At, Jacobian};
-use crate::signal::{SignalError, low_pass_channels, noise_level_without_jumps, state_from_data};
+use crate::signal::{
+    SignalError, column, fill_missing, noise_level_without_jumps, state_from_data,
+};
 
-/// Missing force of one experiment; N × nq, row by row.
+/// Most Gauss-Newton steps.
+const STEPS: usize = 40;
+/// The noise levels have settled when none moves by more than this share.
+const SETTLED: f64 = 0.02;
+/// Shortest step of the line search.
+const SHORTEST: f64 = 1.0 / 64.0;
+/// Noise is never taken as smaller than this share of a channel's spread: records without noise leave rounding only.
+const QUIETEST: f64 = 1e-8;
+/// A force that drifts by less than this share of the total force over the whole record is none.
+const STEADIEST: f64 = 1e-3;
+/// Expectation maximisation multiplies a level by the ratio it found, to a power that grows by this factor while the ratios
+/// keep their direction, and starts again from 1 when they turn.
+const HURRY: f64 = 2.0;
+/// Largest such power.
+const FASTEST: f64 = 1000.0;
+
+/// Missing force of one experiment, at the middle of each of its N − 1 intervals; (N − 1) × nq, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MissingForceEstimate {
+    /// Times, s; N − 1.
+    pub t: Vec<f64>,
     /// Positions, rad or m.
     pub q: Vec<f64>,
     /// Velocities, rad/s or m/s.
     pub v: Vec<f64>,
     /// Missing force w, N·m or N.
     pub w: Vec<f64>,
-    /// Two standard deviations of what measurement noise alone puts into w.
+    /// Two standard deviations of w, given the record.
     pub band: Vec<f64>,
     /// Total generalised force of drives and friction, f_L + w = M a + b.
     pub total: Vec<f64>,
-    /// Cut-off of the filter, Hz.
-    pub cutoff: f64,
+    /// Noise levels that went with it.
+    pub noise: NoiseLevels,
+    /// Whether the noise levels settled; if not, w is that of the last ones.
+    pub settled: bool,
 }
 
-/// Computes w on one experiment. `cutoff` (Hz) as in [`state_from_data`].
+/// Standard deviations found by expectation maximisation, one per joint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NoiseLevels {
+    /// Of the position channel, rad or m.
+    pub position: Vec<f64>,
+    /// Of the velocity channel, rad/s or m/s; NaN where there is none of its own.
+    pub velocity: Vec<f64>,
+    /// Change of the missing force within one second, N·m or N.
+    pub drift: Vec<f64>,
+}
+
+/// A missing force that cannot be estimated.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MissingForceError {
+    /// No states to start from.
+    #[error(transparent)]
+    Signal(#[from] SignalError),
+    /// The model cannot be evaluated along the record.
+    #[error(
+        "experiment `{experiment}`, t = {time} s: the model has no finite value, or no regular mass matrix, at q = {q}, v = {v}\n  help: check the parameters, and whether the record leaves the range the model is meant for"
+    )]
+    Model {
+        /// The experiment.
+        experiment: String,
+        /// Time, s.
+        time: f64,
+        /// Positions there.
+        q: Values,
+        /// Velocities there.
+        v: Values,
+    },
+}
+
+/// Numbers in a message.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Values(pub Vec<f64>);
+
+impl fmt::Display for Values {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("[")?;
+        for (i, x) in self.0.iter().enumerate() {
+            write!(f, "{}{x:.6}", if i > 0 { ", " } else { "" })?;
+        }
+        f.write_str("]")
+    }
+}
+
+/// Estimates w on one experiment.
 ///
-/// An input that is held from sample to sample acts between them: at a sample it counts with the mean of the values before and
-/// after. Within three periods of the cut-off of either end of the record (but never more than a tenth of it) the filter lacks
-/// neighbours: w, its band and the total are NaN there. Missing inputs are bridged by straight lines.
-///
-/// The band takes white noise of the levels found by [`noise_level_without_jumps`] on the recorded channels through the filter's gain
-/// |H(f)|² and the differentiation to variances of q, v, a and u, and from there through the exact ∂r/∂(q, v, a, u) to w; the
-/// four are taken as uncorrelated, and motion that is not smooth over five samples counts as noise. Inputs that are held
-/// from sample to sample are commands: their jumps are meant, and they are taken as free of noise.
+/// A velocity channel counts where it is a measurement of its own ([`VelocityKind::Measured`]). Missing samples of q and v count
+/// as not measured; missing inputs are bridged by straight lines. Inputs that are held from sample to sample act as
+/// they are on each interval, others with their mean.
 ///
 /// # Errors
-/// As [`state_from_data`].
+/// [`MissingForceError`] for records too short or empty, and where the model cannot be evaluated.
 pub fn missing_force(
     model: &dyn Jacobian,
     p: &[f64],
     dataset: &Dataset,
     experiment: &Experiment,
-    cutoff: Option<f64>,
-) -> Result<MissingForceEstimate, SignalError> {
+) -> Result<MissingForceEstimate, MissingForceError> {
+    let start = state_from_data(experiment, None)?;
     let (n, nq) = (experiment.len(), experiment.nq);
-    let state = state_from_data(experiment, cutoff)?;
-    let acting = acting_inputs(experiment, dataset.input_hold);
-    let u = low_pass_channels(&experiment.t, &acting, nq, state.cutoff).map_err(|error| {
-        SignalError::Filter {
-            experiment: experiment.name.clone(),
-            error,
-        }
-    })?;
-    let variances = Variances::of(experiment, dataset.input_hold, state.cutoff);
+    let mut problem = Problem::new(model, p, dataset, experiment);
 
-    let pattern = model.jacobian_pattern();
-    let mut values = vec![0.0; pattern.nnz()];
-    let mut out = MissingForceEstimate {
-        w: vec![0.0; n * nq],
-        band: vec![0.0; n * nq],
-        total: vec![0.0; n * nq],
-        cutoff: state.cutoff,
-        q: state.q,
-        v: state.v,
+    // The filtered record is not a trajectory of the chain; the first step makes one of it.
+    let mut path = Path {
+        q: start.q,
+        v: start.v,
+        a: Vec::with_capacity((n - 1) * nq),
+        w: vec![0.0; (n - 1) * nq],
     };
-    let mut f = vec![0.0; nq];
-    for i in 0..n {
-        let row = i * nq..(i + 1) * nq;
-        let at = At {
-            q: &out.q[row.clone()],
-            v: &out.v[row.clone()],
-            a: &state.a[row.clone()],
-            u: &u[row.clone()],
-            p,
-        };
-        model.residual_jacobian(&at, &mut out.w[row.clone()], &mut values);
-        model.applied_force(&at, &mut f);
-        for (k, f) in row.clone().zip(&f) {
-            out.total[k] = f + out.w[k];
+    for i in 0..n - 1 {
+        let h = experiment.t[i + 1] - experiment.t[i];
+        for j in i * nq..(i + 1) * nq {
+            path.a.push((path.v[j + nq] - path.v[j]) / h);
         }
-        let band = &mut out.band[row];
-        for ((r, c), d) in pattern.rows.iter().zip(pattern.cols).zip(&values) {
-            // z = (q, v, a, u, p), one input per joint.
-            let (kind, joint) = (*c as usize / nq, *c as usize % nq);
-            if kind < 4 {
-                band[*r as usize] += d * d * variances.0[kind][joint];
+    }
+    problem.force(&mut path)?;
+    let mut noise = problem.first_levels(&path);
+    let prior = problem.prior(&path, &noise);
+
+    let mut pace = Pace::new(nq);
+    let mut settled = false;
+    let mut smoothed = None;
+    for step in 0..STEPS {
+        let steps = problem.linearise(&path)?;
+        let s = smooth(&steps, &problem.y, &noise, &prior);
+        let mut next = problem.path(&steps, &s);
+        let arrived = if step == 0 {
+            problem.force(&mut next)?;
+            path = next;
+            false
+        } else {
+            problem.search(&mut path, next, &noise, &prior)
+        };
+        let moved = pace.hurry(&mut noise, &s.moments, &problem.floor);
+        smoothed = Some(s);
+        if arrived && moved < SETTLED {
+            settled = true;
+            break;
+        }
+    }
+    let Some(smoothed) = smoothed else {
+        unreachable!("at least one step is taken")
+    };
+    Ok(problem.estimate(path, &smoothed, noise, settled))
+}
+
+/// A trajectory of the chain: N states, N − 1 accelerations and missing forces.
+#[derive(Debug, Clone)]
+struct Path {
+    q: Vec<f64>,
+    v: Vec<f64>,
+    a: Vec<f64>,
+    w: Vec<f64>,
+}
+
+struct Problem<'a> {
+    model: &'a dyn Jacobian,
+    p: &'a [f64],
+    experiment: &'a Experiment,
+    nq: usize,
+    /// Inputs on the intervals; (N − 1) × nq.
+    u: Vec<f64>,
+    /// Measurements; N × 2 nq.
+    y: Vec<f64>,
+    /// Smallest admitted variances of q, v and drift; 3 nq.
+    floor: Vec<f64>,
+    values: Vec<f64>,
+    q: Vec<f64>,
+    v: Vec<f64>,
+}
+
+impl<'a> Problem<'a> {
+    fn new(
+        model: &'a dyn Jacobian,
+        p: &'a [f64],
+        dataset: &Dataset,
+        experiment: &'a Experiment,
+    ) -> Self {
+        let (n, nq) = (experiment.len(), experiment.nq);
+        let u = inputs_on_intervals(experiment, dataset.input_hold);
+        let mut y = vec![f64::NAN; n * 2 * nq];
+        let mut floor = vec![f64::MIN_POSITIVE.sqrt(); 3 * nq];
+        for (j, joint) in dataset.joints.iter().enumerate() {
+            let velocity = experiment
+                .v
+                .as_ref()
+                .filter(|_| joint.velocity == VelocityKind::Measured);
+            for (channel, x) in [(j, Some(&experiment.q)), (nq + j, velocity)] {
+                let Some(x) = x else { continue };
+                let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+                for i in 0..n {
+                    let value = x[i * nq + j];
+                    y[i * 2 * nq + channel] = value;
+                    if value.is_finite() {
+                        (low, high) = (low.min(value), high.max(value));
+                    }
+                }
+                floor[channel] = (QUIETEST * (high - low).max(QUIETEST)).powi(2);
             }
         }
-        for b in band {
-            *b = 2.0 * b.sqrt();
+        Problem {
+            model,
+            p,
+            experiment,
+            nq,
+            u,
+            y,
+            floor,
+            values: vec![0.0; model.jacobian_pattern().nnz()],
+            q: vec![0.0; nq],
+            v: vec![0.0; nq],
         }
     }
-    let edge = ((3.0 / (state.cutoff * experiment.sample_time())).ceil() as usize).min(n / 10);
-    for x in [&mut out.w, &mut out.band, &mut out.total] {
-        x[..edge * nq].fill(f64::NAN);
-        x[(n - edge) * nq..].fill(f64::NAN);
-    }
-    Ok(out)
-}
 
-/// Inputs as they act around each sample.
-pub(crate) fn acting_inputs(experiment: &Experiment, hold: InputHold) -> Vec<f64> {
-    let (n, nq) = (experiment.len(), experiment.nq);
-    let mut u = experiment.u.clone();
-    for j in 0..nq {
-        let mut channel: Vec<f64> = (0..n).map(|i| u[i * nq + j]).collect();
-        crate::signal::fill_missing(&experiment.t, &mut channel);
-        for i in 0..n {
-            u[i * nq + j] = match hold {
-                InputHold::ZeroOrder if i > 0 => 0.5 * (channel[i - 1] + channel[i]),
-                _ => channel[i],
+    fn h(&self, i: usize) -> f64 {
+        self.experiment.t[i + 1] - self.experiment.t[i]
+    }
+
+    /// State at the middle of interval i.
+    fn middle(&mut self, path: &Path, i: usize) {
+        let h = self.h(i);
+        for j in 0..self.nq {
+            let k = i * self.nq + j;
+            self.q[j] = path.q[k] + 0.5 * h * path.v[k] + 0.125 * h * h * path.a[k];
+            self.v[j] = path.v[k] + 0.5 * h * path.a[k];
+        }
+    }
+
+    fn error(&self, i: usize) -> MissingForceError {
+        MissingForceError::Model {
+            experiment: self.experiment.name.clone(),
+            time: self.experiment.t[i] + 0.5 * self.h(i),
+            q: Values(self.q.clone()),
+            v: Values(self.v.clone()),
+        }
+    }
+
+    /// w along a path.
+    fn force(&mut self, path: &mut Path) -> Result<(), MissingForceError> {
+        let nq = self.nq;
+        for i in 0..path.w.len() / nq {
+            self.middle(path, i);
+            let row = i * nq..(i + 1) * nq;
+            let at = At {
+                q: &self.q,
+                v: &self.v,
+                a: &path.a[row.clone()],
+                u: &self.u[row.clone()],
+                p: self.p,
             };
+            self.model.residual(&at, &mut path.w[row.clone()]);
+            if path.w[row].iter().any(|w| !w.is_finite()) {
+                return Err(self.error(i));
+            }
+        }
+        Ok(())
+    }
+
+    /// a as an affine function of (q, v, w) on every interval, at a path whose w is known.
+    fn linearise(&mut self, path: &Path) -> Result<Vec<Step>, MissingForceError> {
+        let nq = self.nq;
+        let model = self.model;
+        let pattern = model.jacobian_pattern();
+        let mut out = Vec::with_capacity(path.w.len() / nq);
+        let mut r = vec![0.0; nq];
+        for i in 0..path.w.len() / nq {
+            let h = self.h(i);
+            self.middle(path, i);
+            let row = i * nq..(i + 1) * nq;
+            let at = At {
+                q: &self.q,
+                v: &self.v,
+                a: &path.a[row.clone()],
+                u: &self.u[row.clone()],
+                p: self.p,
+            };
+            model.residual_jacobian(&at, &mut r, &mut self.values);
+            // ∂w/∂(q, v, a) of the states at the start of the interval.
+            let (mut by_q, mut by_v, mut by_a) = (
+                DMatrix::zeros(nq, nq),
+                DMatrix::zeros(nq, nq),
+                DMatrix::zeros(nq, nq),
+            );
+            for ((r, c), d) in pattern.rows.iter().zip(pattern.cols).zip(&self.values) {
+                let (r, kind, j) = (*r as usize, *c as usize / nq, *c as usize % nq);
+                match kind {
+                    0 => {
+                        by_q[(r, j)] += d;
+                        by_v[(r, j)] += 0.5 * h * d;
+                        by_a[(r, j)] += 0.125 * h * h * d;
+                    }
+                    1 => {
+                        by_v[(r, j)] += d;
+                        by_a[(r, j)] += 0.5 * h * d;
+                    }
+                    2 => by_a[(r, j)] += d,
+                    _ => {}
+                }
+            }
+            let inverse = by_a
+                .try_inverse()
+                .filter(|m: &DMatrix<f64>| m.iter().all(|x| x.is_finite()))
+                .ok_or_else(|| self.error(i))?;
+            let mut gain = DMatrix::zeros(nq, 3 * nq);
+            gain.view_mut((0, 0), (nq, nq))
+                .copy_from(&(-&inverse * by_q));
+            gain.view_mut((0, nq), (nq, nq))
+                .copy_from(&(-&inverse * by_v));
+            gain.view_mut((0, 2 * nq), (nq, nq)).copy_from(&inverse);
+            let state = DVector::from_fn(3 * nq, |k, _| match k / nq {
+                0 => path.q[i * nq + k],
+                1 => path.v[i * nq + k - nq],
+                _ => path.w[i * nq + k - 2 * nq],
+            });
+            let offset = DVector::from_column_slice(&path.a[row]) - &gain * state;
+            out.push(Step { h, offset, gain });
+        }
+        Ok(out)
+    }
+
+    /// The path of smoothed means; its w is that of the linearised model.
+    fn path(&self, steps: &[Step], s: &Smoothed) -> Path {
+        let nq = self.nq;
+        let part = |i: usize, k: usize| &s.mean[(3 * i + k) * nq..(3 * i + k + 1) * nq];
+        let n = steps.len() + 1;
+        let collect = |k: usize, n: usize| (0..n).flat_map(|i| part(i, k).to_vec()).collect();
+        let a = steps
+            .iter()
+            .enumerate()
+            .flat_map(|(i, step)| {
+                let state = DVector::from_column_slice(&s.mean[3 * i * nq..3 * (i + 1) * nq]);
+                let a = &step.offset + &step.gain * state;
+                a.iter().copied().collect::<Vec<_>>()
+            })
+            .collect();
+        Path {
+            q: collect(0, n),
+            v: collect(1, n),
+            a,
+            w: collect(2, n - 1),
         }
     }
-    u
-}
 
-/// Variances of filtered q, v, a, u per joint.
-struct Variances([Vec<f64>; 4]);
+    /// The objective, with the wide prior on the first state.
+    fn cost(&self, path: &Path, noise: &Variances, prior: &Prior) -> f64 {
+        let nq = self.nq;
+        let mut sum = 0.0;
+        for (i, y) in self.y.chunks_exact(2 * nq).enumerate() {
+            for j in 0..nq {
+                for (y, x, r) in [
+                    (y[j], path.q[i * nq + j], noise.position[j]),
+                    (y[nq + j], path.v[i * nq + j], noise.velocity[j]),
+                ] {
+                    if y.is_finite() {
+                        sum += (y - x).powi(2) / r;
+                    }
+                }
+            }
+        }
+        for i in 1..path.w.len() / nq {
+            let h = self.h(i - 1);
+            for j in 0..nq {
+                let change = path.w[i * nq + j] - path.w[(i - 1) * nq + j];
+                sum += change * change / (h * noise.drift[j]);
+            }
+        }
+        for k in 0..3 * nq {
+            let x = [&path.q, &path.v, &path.w][k / nq][k % nq];
+            sum += (x - prior.mean[k]).powi(2) / prior.variance[k];
+        }
+        sum
+    }
 
-impl Variances {
-    fn of(experiment: &Experiment, hold: InputHold, cutoff: f64) -> Self {
-        let nq = experiment.nq;
-        let rate = 1.0 / experiment.sample_time();
-        let level = |x: &[f64], j: usize| {
-            let known: Vec<f64> = x
+    /// Goes from `path` towards `next` as far as the objective falls. Whether the whole way was possible and short.
+    fn search(&mut self, path: &mut Path, next: Path, noise: &Variances, prior: &Prior) -> bool {
+        let before = self.cost(path, noise, prior);
+        let mut share = 1.0;
+        while share >= SHORTEST {
+            let mix = |a: &[f64], b: &[f64]| -> Vec<f64> {
+                a.iter().zip(b).map(|(a, b)| a + share * (b - a)).collect()
+            };
+            let mut trial = Path {
+                q: mix(&path.q, &next.q),
+                v: mix(&path.v, &next.v),
+                a: mix(&path.a, &next.a),
+                w: vec![0.0; path.w.len()],
+            };
+            if self.force(&mut trial).is_ok() {
+                let after = self.cost(&trial, noise, prior);
+                if after <= before {
+                    *path = trial;
+                    return share == 1.0 && before - after < 1e-3 * before;
+                }
+                if after - before < 1e-9 * before {
+                    return true;
+                }
+            }
+            share *= 0.5;
+        }
+        false
+    }
+
+    /// Mean squares of the total force of each joint, f_L + w.
+    fn total_forces(&mut self, path: &Path) -> Vec<f64> {
+        let nq = self.nq;
+        let n = path.w.len() / nq;
+        let (mut f, mut sums) = (vec![0.0; nq], vec![0.0; nq]);
+        for i in 0..n {
+            self.middle(path, i);
+            self.applied(path, i, &mut f);
+            for j in 0..nq {
+                sums[j] += (f[j] + path.w[i * nq + j]).powi(2) / n as f64;
+            }
+        }
+        sums
+    }
+
+    /// f_L on interval i, whose middle was computed.
+    fn applied(&self, path: &Path, i: usize, f: &mut [f64]) {
+        let row = i * self.nq..(i + 1) * self.nq;
+        let at = At {
+            q: &self.q,
+            v: &self.v,
+            a: &path.a[row.clone()],
+            u: &self.u[row],
+            p: self.p,
+        };
+        self.model.applied_force(&at, f);
+    }
+
+    /// Noise levels from differences, and the drift of the force along the filtered record.
+    fn first_levels(&mut self, path: &Path) -> Variances {
+        let nq = self.nq;
+        let t = &self.experiment.t;
+        let duration = t[t.len() - 1] - t[0];
+        for (j, total) in self.total_forces(path).into_iter().enumerate() {
+            let floor = &mut self.floor[2 * nq + j];
+            *floor = floor.max(STEADIEST * STEADIEST * total / duration);
+        }
+        let level = |channel: usize| {
+            let known: Vec<f64> = self
+                .y
+                .iter()
+                .skip(channel)
+                .step_by(2 * nq)
+                .copied()
+                .filter(|y| y.is_finite())
+                .collect();
+            let sigma = noise_level_without_jumps(&known);
+            let variance = if sigma.is_finite() {
+                sigma * sigma
+            } else {
+                0.0
+            };
+            variance.max(self.floor[channel])
+        };
+        let drift = (0..nq)
+            .map(|j| {
+                let w: Vec<f64> = path.w.iter().skip(j).step_by(nq).copied().collect();
+                let sum: f64 = w.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum();
+                (sum / duration).max(self.floor[2 * nq + j])
+            })
+            .collect();
+        Variances {
+            position: (0..nq).map(level).collect(),
+            velocity: (nq..2 * nq).map(level).collect(),
+            drift,
+        }
+    }
+
+    /// Wide enough to leave the first state to the record.
+    fn prior(&self, path: &Path, noise: &Variances) -> Prior {
+        let nq = self.nq;
+        let spread = |x: &[f64], j: usize| {
+            let (count, sum) = x
                 .iter()
                 .skip(j)
                 .step_by(nq)
-                .copied()
-                .filter(|x| x.is_finite())
-                .collect();
-            let sigma = noise_level_without_jumps(&known);
-            if sigma.is_finite() {
-                Some(sigma * sigma)
-            } else {
-                None
-            }
+                .fold((0.0, 0.0), |(n, s), x| (n + 1.0, s + x * x));
+            sum / f64::max(count, 1.0)
         };
-        let gains: [f64; 3] = std::array::from_fn(|k| gain(k as i32, cutoff, rate));
-        let mut out: [Vec<f64>; 4] = std::array::from_fn(|_| Vec::with_capacity(nq));
-        for j in 0..nq {
-            let q = level(&experiment.q, j).unwrap_or(0.0);
-            let u = match hold {
-                InputHold::Linear => level(&experiment.u, j).unwrap_or(0.0),
-                InputHold::ZeroOrder => 0.0,
-            };
-            let (velocity, acceleration) = match experiment.v.as_ref().and_then(|v| level(v, j)) {
-                Some(v) => (v * gains[0], v * gains[1]),
-                None => (q * gains[1], q * gains[2]),
-            };
-            let variances = [q * gains[0], velocity, acceleration, u * gains[0]];
-            for (channel, variance) in out.iter_mut().zip(variances) {
-                channel.push(variance);
-            }
+        let part = |k: usize| [&path.q, &path.v, &path.w][k / nq];
+        Prior {
+            mean: DVector::from_fn(
+                3 * nq,
+                |k, _| if k < 2 * nq { part(k)[k % nq] } else { 0.0 },
+            ),
+            variance: DVector::from_fn(3 * nq, |k, _| {
+                let j = k % nq;
+                let wide = spread(part(k), j);
+                match k / nq {
+                    0 => 100.0 * noise.position[j] + 1e-4 * wide,
+                    1 => wide + 1e-6,
+                    _ => 10.0 * wide + noise.drift[j] * self.h(0),
+                }
+            }),
         }
-        Variances(out)
+    }
+
+    fn estimate(
+        &mut self,
+        path: Path,
+        s: &Smoothed,
+        noise: Variances,
+        settled: bool,
+    ) -> MissingForceEstimate {
+        let nq = self.nq;
+        let n = path.w.len() / nq;
+        let mut out = MissingForceEstimate {
+            t: (0..n)
+                .map(|i| self.experiment.t[i] + 0.5 * self.h(i))
+                .collect(),
+            q: Vec::with_capacity(n * nq),
+            v: Vec::with_capacity(n * nq),
+            band: Vec::with_capacity(n * nq),
+            total: Vec::with_capacity(n * nq),
+            w: Vec::new(),
+            noise: NoiseLevels {
+                position: noise.position.iter().map(|x| x.sqrt()).collect(),
+                velocity: (0..nq)
+                    .map(|j| {
+                        let mut own = self.y.iter().skip(nq + j).step_by(2 * nq);
+                        if own.any(|y| y.is_finite()) {
+                            noise.velocity[j].sqrt()
+                        } else {
+                            f64::NAN
+                        }
+                    })
+                    .collect(),
+                drift: noise.drift.iter().map(|x| x.sqrt()).collect(),
+            },
+            settled,
+        };
+        let mut f = vec![0.0; nq];
+        for i in 0..n {
+            self.middle(&path, i);
+            self.applied(&path, i, &mut f);
+            for j in 0..nq {
+                out.total.push(f[j] + path.w[i * nq + j]);
+                let variance = s.variance[(3 * i + 2) * nq + j];
+                out.band.push(2.0 * variance.sqrt());
+            }
+            out.q.extend_from_slice(&self.q);
+            out.v.extend_from_slice(&self.v);
+        }
+        out.w = path.w;
+        out
     }
 }
 
-/// Variance of white noise of variance 1 after the filter (order 4, both ways) and `k` central differences:
-/// `2/f_s ∫ |H|⁴ (f_s sin(2π f / f_s))^{2k} df` over 0 … f_s/2, with `|H|² = 1 / (1 + (tan(π f/f_s) / tan(π f_c/f_s))⁸)`.
-fn gain(k: i32, cutoff: f64, rate: f64) -> f64 {
-    const N: usize = 2000;
-    let corner = (std::f64::consts::PI * cutoff / rate).tan();
-    let sum: f64 = (0..N)
-        .map(|i| {
-            let x = std::f64::consts::PI * (i as f64 + 0.5) / N as f64;
-            let h2 = 1.0 / (1.0 + ((0.5 * x).tan() / corner).powi(8));
-            h2 * h2 * (rate * x.sin()).powi(2 * k)
-        })
-        .sum();
-    sum / N as f64
+/// How fast each noise level may move.
+struct Pace {
+    power: Vec<f64>,
+    last: Vec<f64>,
+}
+
+impl Pace {
+    fn new(nq: usize) -> Self {
+        Pace {
+            power: vec![1.0; 3 * nq],
+            last: vec![0.0; 3 * nq],
+        }
+    }
+
+    /// Moves the noise levels towards what the smoothing bore out; the largest logarithmic change.
+    fn hurry(&mut self, noise: &mut Variances, moments: &Variances, floor: &[f64]) -> f64 {
+        let nq = noise.drift.len();
+        let mut most: f64 = 0.0;
+        for k in 0..3 * nq {
+            let (old, new) = match k / nq {
+                0 => (&mut noise.position, &moments.position),
+                1 => (&mut noise.velocity, &moments.velocity),
+                _ => (&mut noise.drift, &moments.drift),
+            };
+            let j = k % nq;
+            let change = (new[j] / old[j]).ln().clamp(-3.0, 3.0);
+            if !change.is_finite() {
+                continue;
+            }
+            self.power[k] = match change * self.last[k] > 0.0 {
+                true => (self.power[k] * HURRY).min(FASTEST),
+                false => 1.0,
+            };
+            self.last[k] = change;
+            let next = (old[j] * (self.power[k] * change).clamp(-3.0, 3.0).exp()).max(floor[k]);
+            most = most.max((next / old[j]).ln().abs());
+            old[j] = next;
+        }
+        most
+    }
+}
+
+/// Inputs as they act on each interval; missing ones are bridged by straight lines.
+fn inputs_on_intervals(experiment: &Experiment, hold: InputHold) -> Vec<f64> {
+    let (n, nq) = (experiment.len(), experiment.nq);
+    let mut out = vec![0.0; (n - 1) * nq];
+    for j in 0..nq {
+        let mut channel = column(&experiment.u, nq, j);
+        fill_missing(&experiment.t, &mut channel);
+        for (i, pair) in channel.windows(2).enumerate() {
+            out[i * nq + j] = match hold {
+                InputHold::ZeroOrder => pair[0],
+                InputHold::Linear => 0.5 * (pair[0] + pair[1]),
+            };
+        }
+    }
+    out
 }
 
 #[cfg(test)]
@@ -253,39 +708,93 @@ mod tests {
         (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt()
     }
 
+    fn share_inside(error: impl Iterator<Item = f64>, band: &[f64]) -> f64 {
+        let inside = error.zip(band).filter(|(e, b)| e.abs() <= **b).count();
+        inside as f64 / band.len() as f64
+    }
+
     #[test]
     fn a_term_taken_from_the_model_comes_back_as_missing_force() {
         let (dataset, e) = record(0.0);
-        let whole = missing_force(&Pendulum, &PENDULUM, &dataset, &e, Some(40.0)).unwrap();
-        let inner = 200..3800;
-        assert!(rms(&whole.w[inner.clone()]) < 5e-3 * rms(&whole.total[inner.clone()]));
+        let whole = missing_force(&Pendulum, &PENDULUM, &dataset, &e).unwrap();
+        assert!(
+            rms(&whole.w) < 1e-3 * rms(&whole.total),
+            "{}",
+            rms(&whole.w)
+        );
         // Without viscous friction the missing force is −d v (as part of f_L).
         let mut p = PENDULUM;
         p[2] = 0.0;
-        let part = missing_force(&Pendulum, &p, &dataset, &e, Some(40.0)).unwrap();
-        for i in inner {
+        let part = missing_force(&Pendulum, &p, &dataset, &e).unwrap();
+        // The ends know one neighbour only.
+        for (i, w) in part.w.iter().enumerate().skip(20).take(part.w.len() - 40) {
             let expected = -PENDULUM[2] * part.v[i];
-            assert!(
-                (part.w[i] - expected).abs() < 0.02,
-                "{i}: {} {expected}",
-                part.w[i]
-            );
+            assert!((w - expected).abs() < 0.01, "{i}: {w} {expected}");
         }
     }
 
     #[test]
-    fn the_band_is_as_wide_as_the_noise() {
+    fn a_record_of_the_model_leaves_no_force_and_tells_its_noise() {
         let (dataset, e) = record(1e-4);
-        let m = missing_force(&Pendulum, &PENDULUM, &dataset, &e, Some(30.0)).unwrap();
-        let inner = 200..3800;
-        let inside = inner
-            .clone()
-            .filter(|i| m.w[*i].abs() <= m.band[*i])
-            .count() as f64
-            / inner.len() as f64;
+        let m = missing_force(&Pendulum, &PENDULUM, &dataset, &e).unwrap();
+        assert!(m.settled);
         assert!(
-            (0.92..0.98).contains(&inside),
+            (m.noise.position[0] / 1e-4 - 1.0).abs() < 0.05,
+            "{:?}",
+            m.noise
+        );
+        assert!(m.noise.velocity[0].is_nan());
+        assert!(
+            rms(&m.w) < 0.01 * rms(&m.total),
+            "{} {}",
+            rms(&m.w),
+            rms(&m.total)
+        );
+        let inside = share_inside(m.w.iter().copied(), &m.band);
+        assert!(inside > 0.9, "{inside}");
+    }
+
+    #[test]
+    fn the_band_holds_the_missing_force() {
+        let (dataset, e) = record(1e-4);
+        let mut p = PENDULUM;
+        p[2] = 0.0;
+        let m = missing_force(&Pendulum, &p, &dataset, &e).unwrap();
+        let exact = missing_force(&Pendulum, &PENDULUM, &dataset, &record(0.0).1).unwrap();
+        let error = m.w.iter().zip(&exact.v).map(|(w, v)| w + PENDULUM[2] * v);
+        let inside = share_inside(error, &m.band);
+        assert!(
+            (0.9..=1.0).contains(&inside),
             "two standard deviations hold 95 %: {inside}"
+        );
+        assert!(rms(&m.band) < 0.5 * rms(&m.w), "and say something");
+    }
+
+    #[test]
+    fn a_gap_in_the_record_widens_the_band_there() {
+        let (dataset, mut e) = record(1e-4);
+        let mut p = PENDULUM;
+        p[2] = 0.0;
+        e.q[1800..2200].fill(f64::NAN);
+        let m = missing_force(&Pendulum, &p, &dataset, &e).unwrap();
+        assert!(
+            m.band[2000] > 2.0 * m.band[1500],
+            "{} {}",
+            m.band[2000],
+            m.band[1500]
+        );
+        assert!(m.w.iter().all(|w| w.is_finite()));
+    }
+
+    #[test]
+    fn a_model_without_mass_is_named() {
+        let (dataset, e) = record(0.0);
+        let message = missing_force(&Pendulum, &[0.0; 5], &dataset, &e)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.starts_with("experiment `e`, t = 0.001 s: the model has no finite value"),
+            "{message}"
         );
     }
 }

@@ -2,3 +2,4 @@
 
 pub mod force;
 pub mod metrics;
+mod smoother;

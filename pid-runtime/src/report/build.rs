@@ -117,7 +117,7 @@ pub struct ForceRecord<'a> {
     pub v: &'a [f64],
     /// Missing force w.
     pub w: &'a [f64],
-    /// Half-width of the band around w within which noise alone may have put it.
+    /// Two standard deviations of w.
     pub band: Option<&'a [f64]>,
     /// Total generalised force, of which w is a part: that of drives and friction, f_L + w.
     pub total: &'a [f64],

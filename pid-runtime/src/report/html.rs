@@ -321,12 +321,12 @@ fn missing_force(report: &Report) -> Markup {
             h2 { "Missing generalised force" }
             p.about {
                 "w(t) is what would have to act on each joint, beside everything the model knows, for the model to follow the record. "
-                "If the model were complete it would be noise and stay within the grey band. Its dependence on velocity, direction and position tells what is missing."
+                "Where it leaves the grey band, two standard deviations wide, the record contradicts the model. Its dependence on velocity, direction and position tells what is missing."
             }
             @if report.missing_force.is_empty() { p { "It was not computed." } }
             @else {
                 div.scroll { table {
-                    thead { tr { th { "Joint" } th.num { "RMS of w" } th.num { "RMS of the whole force" } th { "Unit" } th { "Share" } th.num { "RMS that noise explains" } } }
+                    thead { tr { th { "Joint" } th.num { "RMS of w" } th.num { "RMS of the whole force" } th { "Unit" } th { "Share" } th.num { "Standard deviation of w" } } }
                     tbody { @for f in &report.missing_force { tr {
                         td.name { (f.joint) }
                         td.num { (short(f.rms)) }

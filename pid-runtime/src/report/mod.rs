@@ -321,7 +321,7 @@ pub struct MissingForce {
     pub total_rms: f64,
     /// `rms / total_rms`.
     pub share: f64,
-    /// Root mean square of the band's half-width, if there is a band: what noise alone would leave.
+    /// Root mean square of the band's half-width, two standard deviations of w, if there is a band.
     pub band_rms: Option<f64>,
     /// Over time, per experiment.
     pub over_time: Vec<ForceTrace>,

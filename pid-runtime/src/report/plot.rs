@@ -84,7 +84,7 @@ pub(super) fn compare(axes: &Axes<'_>, measured: Option<&Trace>, simulated: &Tra
     })
 }
 
-/// Missing force over time with its band around zero: what noise alone may leave.
+/// Missing force over time; the band around zero is two of its standard deviations wide to either side.
 pub(super) fn force_over_time(axes: &Axes<'_>, w: &Trace, band: Option<&Trace>) -> String {
     let mut x = Range::default();
     let mut y = Range::default();
