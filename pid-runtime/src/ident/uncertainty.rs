@@ -2,10 +2,10 @@
 
 use faer::{Mat, Side};
 
-/// Shares of the largest eigenvalue of the reduced Hessian below which a direction counts as not determined.
-const NULL: f64 = 1e-9;
-/// A parameter whose standard deviation exceeds this share of its range is not known.
+/// A parameter, or a direction in parameter space, whose standard deviation exceeds this share of the range is not known.
 const SHARE_OF_RANGE: f64 = 0.25;
+/// Share of the largest eigenvalue that rounding leaves of a zero.
+const ROUNDING: f64 = 1e-15;
 
 /// What the curvature of the objective says about the parameters.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,8 +64,11 @@ pub(super) fn correlation_factor(residuals: &[f64], channels: usize) -> f64 {
 }
 
 /// Covariance `2 s² c (∇²F)⁻¹` with `s²` the residual variance of the weighted least-squares objective F, `c` the factor for
-/// correlated residuals. `hessian` is in scaled parameters; directions the data do not determine make the parameters
-/// they touch `None`.
+/// correlated residuals. `hessian` is in scaled parameters.
+///
+/// Directions are taken in parameters divided by their ranges (by their scales where a range is open). One whose deviation
+/// exceeds [`SHARE_OF_RANGE`] there, or whose curvature is not positive beyond rounding, is not determined by the data: the
+/// range says more than the record. It makes the parameters it touches `None`.
 #[allow(
     clippy::too_many_arguments,
     reason = "one internal call, all of them numbers of one fit"
@@ -89,27 +92,38 @@ pub(super) fn from_hessian(
     if n == 0 || count <= unknowns {
         return spread;
     }
-    let Ok(eigen) = hessian.self_adjoint_eigen(Side::Lower) else {
+    let width: Vec<f64> = free
+        .iter()
+        .map(|&j| match upper[j] - lower[j] {
+            w if w.is_finite() && w > 0.0 => w,
+            _ => scale[j],
+        })
+        .collect();
+    let by_range = Mat::from_fn(n, n, |i, k| {
+        let unit = |i: usize| width[i] / scale[free[i]];
+        hessian[(i, k)] * unit(i) * unit(k)
+    });
+    let Ok(eigen) = by_range.self_adjoint_eigen(Side::Lower) else {
         return Spread::none(scale.len());
     };
     let (u, d) = (eigen.U(), eigen.S());
     let largest = (0..n).fold(0.0_f64, |a, k| a.max(d[k]));
     let unit = 2.0 * objective / (count - unknowns) as f64 * spread.correlation_factor;
-    spread.undetermined = (0..n).filter(|&k| d[k] <= NULL * largest).count();
+    let least = (unit / SHARE_OF_RANGE.powi(2)).max(ROUNDING * n as f64 * largest);
+    spread.undetermined = (0..n).filter(|&k| d[k] <= least).count();
     for (i, &j) in free.iter().enumerate() {
         let (mut variance, mut open) = (0.0, false);
         for k in 0..n {
             let share = u[(i, k)] * u[(i, k)];
-            if d[k] <= NULL * largest {
+            if d[k] <= least {
                 open |= share > 1e-6;
             } else {
                 variance += share * unit / d[k];
             }
         }
-        let deviation = variance.sqrt() * scale[j];
-        let width = upper[j] - lower[j];
-        if !open && deviation.is_finite() && deviation <= SHARE_OF_RANGE * width {
-            spread.deviations[j] = Some(deviation);
+        let deviation = variance.sqrt();
+        if !open && deviation <= SHARE_OF_RANGE {
+            spread.deviations[j] = Some(deviation * width[i]);
         }
     }
     spread
