@@ -5,16 +5,28 @@
 //! | `two_link` | [`TwoLink`]: idealised two-link arm with 19 parameters |
 //! | `emps` | [`Emps`]: electro-mechanical positioning system, one prismatic joint |
 //! | `double_pendulum` | [`DoublePendulum`]: two revolute joints in the vertical plane |
+//! | `scara` | [`Scara`]: four axes, one of them prismatic |
+//! | `arm6` | [`Arm6`]: six-axis arm of benchmarks, 84 parameters |
+//! | `ur10e` | [`Ur10e`]: Universal Robots UR10e |
+//! | `panda` | [`Panda`]: Franka Emika Panda, seven joints |
 //!
 //! [`by_name`] finds a model by such a name, [`all`] lists them.
 
+pub mod arm6;
 pub mod double_pendulum;
 pub mod emps;
+pub mod panda;
+pub mod scara;
 pub mod two_link;
+pub mod ur10e;
 
+pub use arm6::Arm6;
 pub use double_pendulum::DoublePendulum;
 pub use emps::Emps;
+pub use panda::Panda;
+pub use scara::Scara;
 pub use two_link::TwoLink;
+pub use ur10e::Ur10e;
 
 use pid_runtime::dynamics::Hessian;
 use thiserror::Error;
@@ -60,7 +72,7 @@ fn nearest_hint(nearest: Option<&str>) -> String {
     nearest.map_or_else(String::new, |n| format!(", did you mean `{n}`?"))
 }
 
-const ENTRIES: [Entry; 3] = [
+static ENTRIES: [Entry; 7] = [
     Entry {
         name: "two_link",
         summary: "idealised two-link arm, yaw and pitch, 19 parameters",
@@ -78,6 +90,30 @@ const ENTRIES: [Entry; 3] = [
         summary: "double pendulum with drives at both joints",
         source: "F. Wiebe et al., Open Source Dual-Purpose Acrobot and Pendubot Platform, IEEE Robotics & Automation Magazine 2024, parameters model_1.0 of design C.1",
         model: &DoublePendulum,
+    },
+    Entry {
+        name: "scara",
+        summary: "four-axis SCARA, one prismatic joint",
+        source: "P. Corke, Robotics, Vision and Control, Springer 2011, model cobra600 (kinematics); inertias of homogeneous bodies",
+        model: &Scara,
+    },
+    Entry {
+        name: "arm6",
+        summary: "six-axis arm of the size of a UR10, 84 parameters",
+        source: "UR10 of example-robot-data, Gepetto team, LAAS-CNRS",
+        model: &Arm6,
+    },
+    Entry {
+        name: "ur10e",
+        summary: "Universal Robots UR10e, 72 parameters",
+        source: "Universal Robots, DH Parameters for calculations of kinematics and dynamics",
+        model: &Ur10e,
+    },
+    Entry {
+        name: "panda",
+        summary: "Franka Emika Panda, seven joints, 84 parameters",
+        source: "C. Gaz et al., Dynamic Identification of the Franka Emika Panda Robot With Retrieval of Feasible Parameters Using Penalty-Based Optimization, IEEE RA-L 2019",
+        model: &Panda,
     },
 ];
 
@@ -103,8 +139,17 @@ pub fn by_name(name: &str) -> Result<&'static dyn Hessian, UnknownModel> {
     Err(UnknownModel {
         name: name.to_string(),
         nearest: nearest.map(|(_, n)| n.to_string()),
-        known: ENTRIES.map(|e| e.name).join(", "),
+        known: known(),
     })
+}
+
+/// All names, separated by commas.
+fn known() -> String {
+    ENTRIES
+        .iter()
+        .map(|e| e.name)
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 /// Lower case without separators.
@@ -133,8 +178,8 @@ mod tests {
         let e = by_name("double_pendlum").err().unwrap();
         assert_eq!(
             e.to_string(),
-            "no model named `double_pendlum`, did you mean `double_pendulum`?; the models are two_link, emps, double_pendulum"
+            "no model named `double_pendlum`, did you mean `double_pendulum`?; the models are two_link, emps, double_pendulum, scara, arm6, ur10e, panda"
         );
-        assert_eq!(by_name("panda").err().unwrap().nearest, None);
+        assert_eq!(by_name("quadruped").err().unwrap().nearest, None);
     }
 }
