@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use pid_runtime::data::Horizon;
+use pid_runtime::transcribe::Scheme;
 
 /// Identify the parameters of a robot from its records, and see where model and robot differ.
 ///
@@ -52,9 +53,13 @@ pub(crate) struct IdentifyArgs {
     /// How the parameters are estimated.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) method: MethodArg,
-    /// One-step scheme of the discretization.
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) scheme: SchemeArg,
+    /// One-step scheme: explicit-euler, heun, rk4, dormand-prince, trapezoidal, implicit-midpoint, hermite-simpson,
+    /// gauss-legendre-S or radau-S with S stages.
+    #[arg(long, default_value = "implicit-midpoint", value_name = "SCHEME")]
+    pub(crate) scheme: Scheme,
+    /// Steps of the scheme per sampling interval.
+    #[arg(long, default_value = "1", value_name = "N", value_parser = at_least_one)]
+    pub(crate) substeps: usize,
     /// Second derivatives of the Lagrangian.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) hessian: HessianArg,
@@ -123,18 +128,6 @@ pub(crate) enum MethodArg {
     FullDiscretization,
     /// Least squares on the equations of motion with states estimated from the data.
     EquationError,
-}
-
-/// One-step scheme.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub(crate) enum SchemeArg {
-    /// Explicit Euler: first order, the scheme of the source.
-    Euler,
-    /// Trapezoidal rule: second order.
-    Trapezoidal,
-    /// Implicit midpoint rule: second order.
-    #[default]
-    Midpoint,
 }
 
 /// Second derivatives.
@@ -213,7 +206,7 @@ mod tests {
         };
         assert_eq!(
             (a.method, a.scheme),
-            (MethodArg::EquationError, SchemeArg::Euler)
+            (MethodArg::EquationError, Scheme::ExplicitEuler)
         );
         assert_eq!(
             (a.hessian, a.horizon),
@@ -225,7 +218,8 @@ mod tests {
             "identify emps d --horizon soon",
             "--starts 0",
             "--tol -1",
-            "identify emps d --scheme rk4",
+            "identify emps d --scheme rk5",
+            "identify emps d --substeps 0",
         ] {
             assert!(read(&format!("pid {bad}")).is_err(), "{bad}");
         }

@@ -9,9 +9,9 @@ use pid_runtime::ident::{
 };
 use pid_runtime::report::{CheckRow, Setting, StartRow, Verdict};
 use pid_runtime::solver::{self, Iteration, Status};
-use pid_runtime::transcribe::{Curvature, Scheme};
+use pid_runtime::transcribe::Curvature;
 
-use crate::args::{HessianArg, IdentifyArgs, InitialArg, MethodArg, SchemeArg, WeightsArg};
+use crate::args::{HessianArg, IdentifyArgs, InitialArg, MethodArg, WeightsArg};
 use crate::assemble::{Fit, assemble};
 use crate::error::CliError;
 use crate::progress::{Interrupt, Progress};
@@ -114,11 +114,8 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
     let horizon = args.horizon.unwrap_or_else(|| default_horizon(dataset));
     Settings {
         method,
-        scheme: match args.scheme {
-            SchemeArg::Euler => Scheme::ExplicitEuler,
-            SchemeArg::Trapezoidal => Scheme::Trapezoidal,
-            SchemeArg::Midpoint => Scheme::ImplicitMidpoint,
-        },
+        scheme: args.scheme,
+        substeps: args.substeps,
         curvature: match args.hessian {
             HessianArg::Exact => Curvature::Exact,
             HessianArg::GaussNewton => Curvature::GaussNewton,

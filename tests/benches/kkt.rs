@@ -42,6 +42,7 @@ fn problem(samples: usize) -> FullDiscretization<'static> {
         inertia: vec![2.0; 2],
         hold_initial: false,
         linear_inputs: false,
+        substeps: 1,
     };
     FullDiscretization::new(&TwoLink, &[track], setup)
 }

@@ -15,11 +15,24 @@ use pid_tests::two_link;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-const SCHEMES: [Scheme; 3] = [
-    Scheme::ExplicitEuler,
-    Scheme::Trapezoidal,
-    Scheme::ImplicitMidpoint,
-];
+/// Every scheme, collocation with two numbers of stages each.
+fn schemes() -> Vec<Scheme> {
+    let names = [
+        "explicit-euler",
+        "heun",
+        "rk4",
+        "dormand-prince",
+        "trapezoidal",
+        "implicit-midpoint",
+        "hermite-simpson",
+        "gauss-legendre-2",
+        "gauss-legendre-3",
+        "radau-1",
+        "radau-2",
+        "radau-3",
+    ];
+    names.iter().map(|n| n.parse().expect("a scheme")).collect()
+}
 
 /// Numbers in −1..1, always the same ones.
 fn numbers(seed: u64, n: usize) -> Vec<f64> {
@@ -39,6 +52,7 @@ fn setup(model: &dyn Dynamics, scheme: Scheme, held: bool, linear: bool) -> Setu
         inertia: (0..model.dims().nq).map(|j| 2.0 + j as f64).collect(),
         hold_initial: held,
         linear_inputs: linear,
+        substeps: 1,
     }
 }
 
@@ -70,7 +84,7 @@ fn window(model: &dyn Dynamics, steps: usize, seed: u64) -> Track {
 
 /// Every setting of the discretization: its description and the problem's ingredients.
 fn for_each_setting(check: impl Fn(&str, &[Track], Setup)) {
-    for scheme in SCHEMES {
+    for scheme in schemes() {
         for (held, linear, windows) in [
             (false, false, vec![4]),
             (false, true, vec![3, 1, 2]),
@@ -82,8 +96,11 @@ fn for_each_setting(check: impl Fn(&str, &[Track], Setup)) {
                 .enumerate()
                 .map(|(k, &steps)| window(&TwoLink, steps, 10 * k as u64))
                 .collect();
-            let name = format!("{scheme:?}, held {held}, linear {linear}, {windows:?}");
-            check(&name, &tracks, setup(&TwoLink, scheme, held, linear));
+            let name = format!("{scheme}, held {held}, linear {linear}, {windows:?}");
+            let mut setup = setup(&TwoLink, scheme, held, linear);
+            // A finer grid for the steps than for the samples, in one of the settings.
+            setup.substeps = if held && linear { 3 } else { 1 };
+            check(&name, &tracks, setup);
         }
     }
 }
@@ -219,66 +236,112 @@ fn missing_samples_do_not_count() {
     assert!((problem.objective(&x) - expected).abs() < 1e-14);
 }
 
-/// ‖c‖∞ of one step of length h on an accurate motion; stage accelerations are the true ones.
-fn local_error(scheme: Scheme, h: f64) -> f64 {
+/// Sharpness of the friction that low-order steps of this length resolve.
+fn smooth_truth() -> Vec<f64> {
     let mut p = two_link::truth();
     for (value, info) in p.iter_mut().zip(TwoLink.params()) {
         if info.name.starts_with("sharp") {
-            *value = 5.0;
+            *value = 2.0;
         }
     }
-    let (q0, v0, u) = ([0.3, 2.2], [0.8, -0.6], [12.0, 60.0]);
-    let t = vec![0.0, h];
-    let inputs = [u, u].concat();
+    p
+}
+
+/// Two sampling intervals of 0.2 s, inputs that jump or ramp; an accurate simulation of them.
+fn accurate_motion(linear: bool) -> (Track, Vec<f64>) {
+    let t = vec![0.0, 0.2, 0.4];
+    let u = vec![12.0, 60.0, 3.0, -20.0, 9.0, 40.0];
+    let (q0, v0) = ([0.3, 2.2], [0.8, -0.6]);
     let drive = Drive {
         t: &t,
-        u: &inputs,
-        hold: InputHold::ZeroOrder,
+        u: &u,
+        hold: if linear {
+            InputHold::Linear
+        } else {
+            InputHold::ZeroOrder
+        },
     };
     let accurate = Settings {
         rtol: 1e-13,
         atol: 1e-14,
         ..Settings::default()
     };
-    let motion = simulate(&TwoLink, &p, &q0, &v0, &drive, accurate).unwrap();
-    let states: Vec<f64> = (0..2)
+    let motion = simulate(&TwoLink, &smooth_truth(), &q0, &v0, &drive, accurate).unwrap();
+    let states: Vec<f64> = (0..3)
         .flat_map(|k| [&motion.q[2 * k..2 * k + 2], &motion.v[2 * k..2 * k + 2]].concat())
         .collect();
+    let end = states[8..].to_vec();
     let track = Track {
-        t: t.clone(),
+        t,
         measured: states.clone(),
         guess: states,
-        u: inputs.clone(),
+        u,
         weights: vec![1.0; 4],
     };
-    let mut problem =
-        FullDiscretization::new(&TwoLink, &[track], setup(&TwoLink, scheme, false, false));
-    let mut x = problem.starting_point(&p);
-    if scheme == Scheme::Trapezoidal {
-        let mut a = [0.0; 2];
-        ForwardDynamics::new(&TwoLink)
-            .acceleration(&q0, &v0, &u, &p, &mut a)
-            .unwrap();
-        let layout = problem.layout();
-        let at = layout.step(&layout.windows[0], 0);
-        x[at..at + 2].copy_from_slice(&a);
+    (track, end)
+}
+
+/// Newton's method on the square system of all steps, the initial state and the parameters held.
+fn motion_of_the_scheme(problem: &mut FullDiscretization<'_>, p: &[f64]) -> Vec<f64> {
+    let mut x = problem.starting_point(p);
+    let (n, m, first) = (problem.n(), problem.m(), 4);
+    let mut kkt = SparseKkt::new(problem);
+    let mut c = vec![0.0; m];
+    let mut jacobian = vec![0.0; problem.jacobian_pattern().nnz()];
+    let hessian = vec![0.0; problem.hessian_pattern().nnz()];
+    let (zero, one) = (vec![0.0; n], vec![1.0; n]);
+    let (mut dx, mut dl) = (vec![0.0; n], vec![0.0; m]);
+    for _ in 0..8 {
+        problem.constraints(&x, &mut c);
+        c.iter_mut().for_each(|c| *c = -*c);
+        problem.jacobian(&x, &mut jacobian);
+        let values = KktValues {
+            hessian: &hessian,
+            jacobian: &jacobian,
+            sigma: &one,
+        };
+        kkt.factorise(values).expect("regular");
+        kkt.solve(&zero, &c, &mut dx, &mut dl);
+        x.iter_mut().zip(&dx).for_each(|(x, d)| *x += d);
     }
-    let mut c = vec![0.0; problem.m()];
     problem.constraints(&x, &mut c);
-    c.iter().fold(0.0, |m: f64, c| m.max(c.abs()))
+    assert!(c.iter().all(|c| c.abs() < 1e-12), "the steps hold");
+    x[first + m - 4..first + m].to_vec()
 }
 
 #[test]
-fn one_step_errs_by_one_power_more_than_the_order() {
-    for scheme in SCHEMES {
-        let errors = [4e-4, 2e-4, 1e-4].map(|h| local_error(scheme, h));
-        for pair in errors.windows(2) {
-            let order = (pair[0] / pair[1]).log2();
-            eprintln!("{scheme:?}: local errors {errors:?}, order {order:.3}");
-            let expected = f64::from(scheme.order() + 1);
+fn schemes_converge_with_their_order_over_jumping_and_ramped_inputs() {
+    for linear in [false, true] {
+        let (track, end) = accurate_motion(linear);
+        let p = smooth_truth();
+        for scheme in schemes() {
+            // Step numbers at which the error lies between that of coarse steps and rounding.
+            let counts: [usize; 3] = match scheme.order() {
+                1 => [64, 128, 256],
+                2 => [16, 32, 64],
+                3 => [12, 24, 48],
+                4 => [32, 64, 128],
+                5 if scheme.explicit() => [32, 64, 128],
+                5 => [16, 32, 64],
+                _ => [12, 24, 48],
+            };
+            let errors = counts.map(|substeps| {
+                let mut setup = setup(&TwoLink, scheme, true, linear);
+                // The parameters are held as well: the steps alone determine the motion.
+                (setup.lower, setup.upper) = (vec![0.0; 19], vec![0.0; 19]);
+                setup.substeps = substeps;
+                let mut problem =
+                    FullDiscretization::new(&TwoLink, std::slice::from_ref(&track), setup);
+                let found = motion_of_the_scheme(&mut problem, &p);
+                let difference = found.iter().zip(&end).map(|(a, b)| (a - b).abs());
+                difference.fold(0.0_f64, f64::max)
+            });
+            let order = (errors[1] / errors[2]).log2();
+            eprintln!("{scheme}, linear inputs {linear}: errors {errors:?}, order {order:.3}");
+            let expected = f64::from(scheme.order());
             assert!(
-                (order - expected).abs() < 0.1,
-                "{scheme:?}: {order} for {expected}"
+                (order - expected).abs() < 0.15,
+                "{scheme}: {order} for {expected}"
             );
         }
     }
@@ -409,12 +472,19 @@ fn derivatives_of_the_residual_fit_agree_with_differences() {
 /// Two implementations of one linear system, on the two-link problem with the exact Hessian.
 #[test]
 fn structured_and_sparse_systems_have_one_solution() {
-    for scheme in SCHEMES {
+    for scheme in schemes() {
         for held in [false, true] {
             let tracks = [window(&TwoLink, 25, 3), window(&TwoLink, 14, 30)];
             let mut problem =
                 FullDiscretization::new(&TwoLink, &tracks, setup(&TwoLink, scheme, held, false));
-            let x = point(&problem, 9);
+            let mut x = point(&problem, 9);
+            if scheme.explicit() && scheme.order() > 1 {
+                // Explicit steps amplify stiff friction by a polynomial of the degree of their stages: such a chain of steps
+                // is ill-conditioned by itself.
+                let gentle = problem.starting_point(&smooth_truth());
+                let first = problem.layout().p();
+                x[first..].copy_from_slice(&gentle[first..]);
+            }
             let (n, m) = (problem.n(), problem.m());
             let lambda: Vec<f64> = numbers(10, m).iter().map(|l| 1e-4 * l).collect();
             let mut jacobian = vec![0.0; problem.jacobian_pattern().nnz()];
@@ -428,8 +498,11 @@ fn structured_and_sparse_systems_have_one_solution() {
                 jacobian: &jacobian,
                 sigma: &sigma,
             };
-            let mut structured =
-                StructuredKkt::new(problem.layout().clone(), &problem.fixed_parameters(), 10);
+            let mut structured = StructuredKkt::new(
+                problem.layout().clone(),
+                &problem.fixed_parameters(),
+                problem.segment_steps(),
+            );
             let mut sparse = SparseKkt::new(&problem);
             let mut solutions = Vec::new();
             let (rx, rc) = (numbers(11, n), numbers(12, m));
@@ -438,11 +511,17 @@ fn structured_and_sparse_systems_have_one_solution() {
                 assert_eq!(
                     (info.delta_x, info.shift),
                     (0.0, 0.0),
-                    "{scheme:?}, held {held}"
+                    "{scheme}, held {held}"
                 );
                 let (mut dx, mut dl) = (vec![0.0; n], vec![0.0; m]);
                 let left = kkt.solve(&rx, &rc, &mut dx, &mut dl);
-                assert!(left < 1e-9, "{scheme:?}, held {held}: {left:e} is left");
+                // Relative to the right-hand side; large multipliers leave their own rounding errors.
+                let size = dl.iter().fold(0.0_f64, |m, l| m.max(l.abs()));
+                assert!(
+                    left < (1e-14 * size).max(1e-9),
+                    "{scheme}, held {held}, system {}: {left:e} is left",
+                    solutions.len()
+                );
                 solutions.push((dx, dl));
             }
             let close = |what: &str, a: &[f64], b: &[f64]| {
@@ -453,7 +532,7 @@ fn structured_and_sparse_systems_have_one_solution() {
                     .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
                 assert!(
                     error <= 1e-7 * scale,
-                    "{scheme:?}, held {held}, {what}: {error:e} of {scale:e}"
+                    "{scheme}, held {held}, {what}: {error:e} of {scale:e}"
                 );
             };
             close("x", &solutions[0].0, &solutions[1].0);

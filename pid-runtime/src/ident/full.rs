@@ -12,14 +12,10 @@ use crate::solver::kkt::Kkt;
 use crate::solver::kkt::sparse::SparseKkt;
 use crate::solver::kkt::structured::StructuredKkt;
 use crate::solver::{Solution, ip};
-use crate::transcribe::{
-    Curvature, ExplicitForm, FullDiscretization, ResidualFit, Scheme, Setup, Track,
-};
+use crate::transcribe::{Curvature, ExplicitForm, FullDiscretization, ResidualFit, Setup, Track};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// Steps per segment of the condensing.
-const SEGMENT: usize = 10;
 /// Most Gauss-Newton iterations before the exact Hessian takes over.
 const APPROACH: usize = 60;
 
@@ -53,7 +49,7 @@ pub(super) fn identify(
     }
     weigh(&mut tracks, &records, model.dims().nq, settings.weighting);
     let explicit = ExplicitForm::new(model);
-    let solved_form = settings.scheme == Scheme::ExplicitEuler;
+    let solved_form = settings.scheme.explicit();
     let form: &dyn Hessian = if solved_form { &explicit } else { model };
     let setup = Setup {
         scheme: settings.scheme,
@@ -66,11 +62,12 @@ pub(super) fn identify(
         },
         hold_initial: held,
         linear_inputs: dataset.input_hold == InputHold::Linear,
+        substeps: settings.substeps,
         lower: lower.clone(),
         upper: upper.clone(),
     };
     let mut problem = FullDiscretization::new(form, &tracks, setup);
-    let samples = problem.layout().nodes();
+    let samples = problem.samples();
     let all = super::starts(start, &lower, &upper, settings.starts, settings.seed);
     let count = all.len();
     let mut runs: Vec<Run> = Vec::new();
@@ -126,7 +123,7 @@ fn system(problem: &FullDiscretization<'_>) -> Box<dyn Kkt> {
         Box::new(StructuredKkt::new(
             problem.layout().clone(),
             &fixed,
-            SEGMENT,
+            problem.segment_steps(),
         ))
     }
 }
@@ -158,7 +155,7 @@ fn solve(
         }
     }
     let options = crate::solver::Settings {
-        objective_scale: settings.solver.objective_scale * problem.layout().nodes() as f64,
+        objective_scale: settings.solver.objective_scale * problem.samples() as f64,
         ..settings.solver.clone()
     };
     let mut kkt = system(problem);
@@ -228,7 +225,7 @@ fn deviations(problem: &mut FullDiscretization<'_>, solution: &Solution, fixed: 
     let held: Vec<bool> = (0..np)
         .map(|j| fixed[j] || uncertainty::at_bound(parameters[j], setup.lower[j], setup.upper[j]))
         .collect();
-    let mut kkt = StructuredKkt::new(problem.layout().clone(), &held, SEGMENT);
+    let mut kkt = StructuredKkt::new(problem.layout().clone(), &held, problem.segment_steps());
     let mut jacobian = vec![0.0; problem.jacobian_pattern().nnz()];
     let mut hessian = vec![0.0; problem.hessian_pattern().nnz()];
     problem.jacobian(&solution.x, &mut jacobian);

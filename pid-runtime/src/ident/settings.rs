@@ -47,6 +47,8 @@ pub struct Settings {
     pub method: Method,
     /// One-step scheme of the full discretization.
     pub scheme: Scheme,
+    /// Steps of the scheme per sampling interval, at least 1.
+    pub substeps: usize,
     /// Second derivatives for the solver.
     pub curvature: Curvature,
     /// Length of the restart windows.
@@ -74,6 +76,7 @@ impl Default for Settings {
         Self {
             method: Method::FullDiscretization,
             scheme: Scheme::ImplicitMidpoint,
+            substeps: 1,
             curvature: Curvature::Exact,
             horizon: Horizon::Record,
             initial_state: InitialState::Free,

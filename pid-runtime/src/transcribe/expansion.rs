@@ -3,7 +3,7 @@
 //! Built once per problem: for every structural non-zero of the model's Jacobian and Hessian, the entries of the step it
 //! contributes to, with coefficients. Only the powers of the step length change from step to step.
 
-use super::scheme::{Tableau, Term};
+use super::tableau::{Tableau, Term};
 use crate::dynamics::{Dims, Hessian};
 use std::collections::BTreeMap;
 
@@ -130,7 +130,8 @@ impl Expansion {
                         if z1 == z2 && j > i {
                             continue;
                         }
-                        let twice = if z1 != z2 && l1 == l2 { 2.0 } else { 1.0 };
+                        let pair = z1 != z2 || i != j;
+                        let twice = if pair && l1 == l2 { 2.0 } else { 1.0 };
                         let entry = (l1.max(l2), l1.min(l2));
                         hessian.push((k, entry, twice * c1 * c2, p1 + p2));
                         if entry.1 >= first_p {

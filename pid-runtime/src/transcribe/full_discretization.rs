@@ -10,9 +10,9 @@
 //! the implicit residual times h / M_jj, so that all rows are changes of state: nothing is inverted, and the problem is
 //! affine in the inertial parameters.
 
-use super::expansion::{Contribution, Expansion};
-use super::scheme::{Block, Scheme, Tableau, Term};
-use crate::dynamics::{At, Hessian};
+use super::scheme::Scheme;
+use super::step::{Interval, Rule, Scratch};
+use crate::dynamics::Hessian;
 use crate::nlp::{Nlp, SparsePattern};
 use crate::solver::kkt::layout::Layout;
 use rayon::prelude::*;
@@ -51,6 +51,8 @@ pub struct Setup {
     pub hold_initial: bool,
     /// Whether inputs move linearly between samples (otherwise they are held).
     pub linear_inputs: bool,
+    /// Steps per sampling interval, at least 1: the integration grid is the data grid refined by it.
+    pub substeps: usize,
 }
 
 /// Second derivatives given to the solver.
@@ -70,48 +72,23 @@ struct Step {
     x: usize,
     y: usize,
     h: f64,
-    /// Sample index of the inputs at its start.
+    /// Index of the sample at or before its start.
     sample: usize,
-}
-
-/// Powers h^-2 … h^3.
-fn powers(h: f64) -> [f64; 6] {
-    let i = 1.0 / h;
-    [i * i, i, 1.0, h, h * h, h * h * h]
-}
-
-#[inline(always)]
-fn pow(table: &[f64; 6], power: i32) -> f64 {
-    table[(power + 2) as usize]
-}
-
-/// Scratch of one thread.
-struct Scratch {
-    q: Vec<f64>,
-    v: Vec<f64>,
-    a: Vec<f64>,
-    u: Vec<f64>,
-    r: Vec<f64>,
-    jacobian: Vec<f64>,
-    hessian: Vec<f64>,
-    lambda: Vec<f64>,
-    parameter_hessian: Vec<f64>,
-    /// Coefficients for the step length they were made for.
-    h: f64,
-    jacobian_factors: Vec<f64>,
-    hessian_factors: Vec<f64>,
+    /// Where it starts in its sampling interval, and the share it covers.
+    from: f64,
+    share: f64,
 }
 
 /// The program; see the module's documentation.
 pub struct FullDiscretization<'m> {
-    model: &'m dyn Hessian,
-    tableau: Tableau,
-    expansion: Expansion,
+    rule: Rule<'m>,
     layout: Layout,
     setup: Setup,
     steps: Vec<Step>,
-    /// Position of the state of each node among the variables.
+    /// Position of the state of each node among the variables, and whether it is one of the samples.
     nodes: Vec<usize>,
+    sampled: Vec<bool>,
+    /// Node by node; zeros between samples.
     measured: Vec<f64>,
     /// Weight of each entry of `measured`, 0 where nothing was measured, 1/N included.
     weights: Vec<f64>,
@@ -137,63 +114,88 @@ impl<'m> FullDiscretization<'m> {
         let dims = model.dims();
         let (nq, nx) = (dims.nq, 2 * dims.nq);
         assert_eq!(setup.scale.len(), dims.np, "setup fits the model");
-        let tableau = Tableau::new(setup.scheme);
-        let ny = (2 + tableau.stages) * nq;
-        let expansion = Expansion::new(model, &tableau, &setup.scale);
-        let lengths: Vec<usize> = tracks.iter().map(|t| t.t.len() - 1).collect();
+        assert!(setup.substeps > 0, "a sampling interval has steps");
+        let rule = Rule::new(
+            model,
+            setup.scheme,
+            &setup.scale,
+            &setup.inertia,
+            setup.linear_inputs,
+        );
+        let ny = rule.ny();
+        let stages = ny - nx;
+        let lengths: Vec<usize> = tracks
+            .iter()
+            .map(|t| (t.t.len() - 1) * setup.substeps)
+            .collect();
         let layout = Layout {
             nx,
             ny,
             np: dims.np,
             windows: Layout::windows(nx, ny, &lengths, setup.hold_initial),
-            step_jacobian: expansion.step_jacobian.clone(),
-            step_hessian: expansion.step_hessian.clone(),
-            parameter_hessian: expansion.parameter_hessian.clone(),
+            step_jacobian: rule.expansion().step_jacobian.clone(),
+            step_hessian: rule.expansion().step_hessian.clone(),
+            parameter_hessian: rule.expansion().parameter_hessian.clone(),
         };
         let samples: usize = tracks.iter().map(|t| t.t.len()).sum();
-        let (mut steps, mut nodes) = (Vec::new(), Vec::new());
+        let (mut steps, mut nodes, mut sampled) = (Vec::new(), Vec::new(), Vec::new());
         let (mut measured, mut weights, mut u) = (Vec::new(), Vec::new(), Vec::new());
         let mut start = vec![0.0; layout.n()];
+        let mut first_sample = 0;
         for (track, window) in tracks.iter().zip(&layout.windows) {
             assert_eq!(
                 track.measured.len(),
                 nx * track.t.len(),
                 "measured states fit the times"
             );
-            let sample = window.first_node;
-            for k in 0..track.t.len() {
-                let at = layout.state(window, k);
+            for node in 0..=window.steps {
+                let at = layout.state(window, node);
+                let (k, part) = (node / setup.substeps, node % setup.substeps);
+                let from = part as f64 / setup.substeps as f64;
+                let guess = &track.guess[k * nx..];
                 nodes.push(at);
-                start[at..at + nx].copy_from_slice(&track.guess[k * nx..(k + 1) * nx]);
+                sampled.push(part == 0);
+                for i in 0..nx {
+                    start[at + i] = if part == 0 {
+                        guess[i]
+                    } else {
+                        (1.0 - from) * guess[i] + from * guess[nx + i]
+                    };
+                    let value = if part == 0 {
+                        track.measured[k * nx + i]
+                    } else {
+                        f64::NAN
+                    };
+                    let missing = value.is_nan();
+                    measured.push(if missing { 0.0 } else { value });
+                    let weight = track.weights[i] / samples as f64;
+                    weights.push(if missing { 0.0 } else { weight });
+                }
             }
-            let mut h = 0.0_f64;
-            for k in 0..window.steps {
+            let mut interval = 0.0_f64;
+            for node in 0..window.steps {
+                let (k, part) = (node / setup.substeps, node % setup.substeps);
                 // Times written in decimals differ in the last bits: equal steps are made equal.
                 let difference = track.t[k + 1] - track.t[k];
-                if k == 0 || (difference - h).abs() > 1e-9 * h {
-                    h = difference;
+                if node == 0 || (difference - interval).abs() > 1e-9 * interval {
+                    interval = difference;
                 }
-                let (x, y) = (layout.state(window, k), layout.step(window, k));
-                for stage in 0..tableau.stages {
-                    for j in 0..nq {
-                        let slope =
-                            (track.guess[(k + 1) * nx + nq + j] - track.guess[k * nx + nq + j]) / h;
-                        start[y + stage * nq + j] = slope;
-                    }
+                let (x, y) = (layout.state(window, node), layout.step(window, node));
+                for entry in 0..stages {
+                    let j = nq + entry % nq;
+                    let rise = track.guess[(k + 1) * nx + j] - track.guess[k * nx + j];
+                    start[y + entry] = rise / interval;
                 }
                 steps.push(Step {
                     x,
                     y,
-                    h,
-                    sample: sample + k,
+                    h: interval / setup.substeps as f64,
+                    sample: first_sample + k,
+                    from: part as f64 / setup.substeps as f64,
+                    share: 1.0 / setup.substeps as f64,
                 });
             }
-            for (k, value) in track.measured.iter().enumerate() {
-                let missing = value.is_nan();
-                measured.push(if missing { 0.0 } else { *value });
-                let weight = track.weights[k % nx] / samples as f64;
-                weights.push(if missing { 0.0 } else { weight });
-            }
+            first_sample += track.t.len();
             u.extend_from_slice(&track.u);
         }
         let chunk = if steps.len() < PARALLEL_STEPS {
@@ -205,32 +207,18 @@ impl<'m> FullDiscretization<'m> {
                 .max(64)
         };
         let scratch = (0..steps.len().div_ceil(chunk))
-            .map(|_| Scratch {
-                q: vec![0.0; nq],
-                v: vec![0.0; nq],
-                a: vec![0.0; nq],
-                u: vec![0.0; dims.nu],
-                r: vec![0.0; nq],
-                jacobian: vec![0.0; model.jacobian_pattern().nnz()],
-                hessian: vec![0.0; model.hessian_pattern().nnz()],
-                lambda: vec![0.0; nq],
-                parameter_hessian: vec![0.0; expansion.parameter_hessian.len()],
-                h: 0.0,
-                jacobian_factors: Vec::new(),
-                hessian_factors: Vec::new(),
-            })
+            .map(|_| rule.scratch())
             .collect();
         Self {
-            model,
             jacobian_pattern: layout.jacobian_pattern(),
             hessian_pattern: layout.hessian_pattern(),
             parameters: vec![0.0; dims.np],
-            tableau,
-            expansion,
+            rule,
             layout,
             setup,
             steps,
             nodes,
+            sampled,
             measured,
             weights,
             start,
@@ -247,7 +235,22 @@ impl<'m> FullDiscretization<'m> {
 
     /// The model.
     pub fn model(&self) -> &'m dyn Hessian {
-        self.model
+        self.rule.model()
+    }
+
+    /// Steps to condense at a time: few for explicit schemes of many stages, whose steps may grow a stiff motion by their
+    /// polynomial of that degree, so that rounding errors stay bounded.
+    pub fn segment_steps(&self) -> usize {
+        match self.setup.scheme {
+            Scheme::Heun => 4,
+            Scheme::RungeKutta4 | Scheme::DormandPrince => 3,
+            _ => 10,
+        }
+    }
+
+    /// Number of samples in all windows; with one step per sample, that of the nodes.
+    pub fn samples(&self) -> usize {
+        self.sampled.iter().filter(|s| **s).count()
     }
 
     /// The setup the program was built with.
@@ -284,11 +287,13 @@ impl<'m> FullDiscretization<'m> {
             .collect()
     }
 
-    /// The states in a point, node by node, windows one after another.
+    /// The states in a point, sample by sample, windows one after another.
     pub fn states(&self, x: &[f64]) -> Vec<f64> {
         self.nodes
             .iter()
-            .flat_map(|&at| &x[at..at + self.layout.nx])
+            .zip(&self.sampled)
+            .filter(|(_, sampled)| **sampled)
+            .flat_map(|(&at, _)| &x[at..at + self.layout.nx])
             .copied()
             .collect()
     }
@@ -299,7 +304,8 @@ impl<'m> FullDiscretization<'m> {
         let nx = self.layout.nx;
         let mut out = Vec::with_capacity(self.measured.len() + nx * self.layout.windows.len());
         for window in &self.layout.windows {
-            for k in window.first_node..=window.first_node + window.steps {
+            let nodes = window.first_node..=window.first_node + window.steps;
+            for k in nodes.filter(|k| self.sampled[*k]) {
                 for i in 0..nx {
                     let (e, at) = (k * nx + i, self.nodes[k] + i);
                     let w = self.weights[e];
@@ -330,177 +336,41 @@ impl<'m> FullDiscretization<'m> {
     }
 }
 
-/// Everything the evaluation of a step reads; split from the scratch so that steps run in parallel.
-struct Context<'a> {
-    model: &'a dyn Hessian,
-    tableau: &'a Tableau,
-    expansion: &'a Expansion,
-    setup: &'a Setup,
-    u: &'a [f64],
-    parameters: &'a [f64],
-    nq: usize,
-    nu: usize,
+/// What the evaluation of a step reads beside the rule; split from the scratch so that steps run in parallel.
+struct Point<'a> {
     x: &'a [f64],
+    u: &'a [f64],
+    nu: usize,
+    nx: usize,
+    ny: usize,
 }
 
-impl Context<'_> {
-    fn combine(&self, terms: &[Term], step: &Step, powers: &[f64; 6], out: &mut [f64]) {
-        out.fill(0.0);
-        let nq = self.nq;
-        for term in terms {
-            let at = match term.block {
-                Block::Q0 => step.x,
-                Block::V0 => step.x + nq,
-                other => step.y + self.tableau.position(other, nq) - 2 * nq,
-            };
-            let c = term.coefficient * pow(powers, term.power);
-            for (o, x) in out.iter_mut().zip(&self.x[at..at + nq]) {
-                *o += c * x;
-            }
-        }
-    }
-
-    /// Arguments of evaluation `e` of a step, into the scratch.
-    fn arguments(&self, e: usize, step: &Step, powers: &[f64; 6], s: &mut Scratch) {
-        let evaluation = &self.tableau.evaluations[e];
-        self.combine(&evaluation.q, step, powers, &mut s.q);
-        self.combine(&evaluation.v, step, powers, &mut s.v);
-        self.combine(&evaluation.a, step, powers, &mut s.a);
+impl Point<'_> {
+    /// States at the start and unknowns of a step, and its interval.
+    fn of(&self, step: &Step) -> (&[f64], &[f64], Interval<'_>) {
         let u0 = &self.u[step.sample * self.nu..][..self.nu];
-        if self.setup.linear_inputs && evaluation.u > 0.0 {
-            let u1 = &self.u[(step.sample + 1) * self.nu..][..self.nu];
-            for ((out, a), b) in s.u.iter_mut().zip(u0).zip(u1) {
-                *out = (1.0 - evaluation.u) * a + evaluation.u * b;
-            }
-        } else {
-            s.u.copy_from_slice(u0);
-        }
-    }
-
-    fn row_scale(&self, j: usize, h: f64) -> f64 {
-        h / self.setup.inertia[j]
-    }
-
-    fn constraints(&self, step: &Step, s: &mut Scratch, c: &mut [f64]) {
-        let nq = self.nq;
-        let powers = powers(step.h);
-        let (linear, dynamic) = c.split_at_mut(self.tableau.linear.len() * nq);
-        for (terms, out) in self.tableau.linear.iter().zip(linear.chunks_exact_mut(nq)) {
-            self.combine(terms, step, &powers, out);
-        }
-        for (e, out) in dynamic.chunks_exact_mut(nq).enumerate() {
-            self.arguments(e, step, &powers, s);
-            let at = At {
-                q: &s.q,
-                v: &s.v,
-                a: &s.a,
-                u: &s.u,
-                p: self.parameters,
-            };
-            self.model.residual(&at, &mut s.r);
-            for j in 0..nq {
-                out[j] = self.row_scale(j, step.h) * s.r[j];
-            }
-        }
-    }
-
-    /// Fills the factors of all contributions for a step length.
-    fn prepare(&self, h: f64, s: &mut Scratch) {
-        if s.h == h && !s.jacobian_factors.is_empty() {
-            return;
-        }
-        s.h = h;
-        let powers = powers(h);
-        let factor = |c: &Contribution| c.coefficient * pow(&powers, c.power);
-        s.jacobian_factors.clear();
-        s.hessian_factors.clear();
-        let rows = self.model.jacobian_pattern().rows;
-        for map in &self.expansion.evaluations {
-            s.jacobian_factors.extend(
-                map.jacobian
-                    .iter()
-                    .map(|c| factor(c) * self.row_scale(rows[c.source as usize] as usize, h)),
-            );
-            s.hessian_factors.extend(map.hessian.iter().map(factor));
-            s.hessian_factors
-                .extend(map.parameter_hessian.iter().map(factor));
-        }
-    }
-
-    fn jacobian(&self, step: &Step, s: &mut Scratch, values: &mut [f64]) {
-        self.prepare(step.h, s);
-        let powers = powers(step.h);
-        values.fill(0.0);
-        for &(entry, coefficient, power) in &self.expansion.linear {
-            values[entry as usize] = coefficient * pow(&powers, power);
-        }
-        let mut first = 0;
-        for (e, map) in self.expansion.evaluations.iter().enumerate() {
-            self.arguments(e, step, &powers, s);
-            let at = At {
-                q: &s.q,
-                v: &s.v,
-                a: &s.a,
-                u: &s.u,
-                p: self.parameters,
-            };
-            self.model.residual_jacobian(&at, &mut s.r, &mut s.jacobian);
-            let factors = &s.jacobian_factors[first..first + map.jacobian.len()];
-            for (c, factor) in map.jacobian.iter().zip(factors) {
-                values[c.entry as usize] += factor * s.jacobian[c.source as usize];
-            }
-            first += map.jacobian.len();
-        }
-    }
-
-    /// Adds the step's part of Hess(λᵀc) to `values` and to the scratch's parameter entries.
-    fn hessian(&self, step: &Step, lambda: &[f64], s: &mut Scratch, values: &mut [f64]) {
-        self.prepare(step.h, s);
-        let nq = self.nq;
-        let powers = powers(step.h);
-        values.fill(0.0);
-        let dynamic = &lambda[self.tableau.linear.len() * nq..];
-        let mut first = 0;
-        for (e, map) in self.expansion.evaluations.iter().enumerate() {
-            self.arguments(e, step, &powers, s);
-            for j in 0..nq {
-                s.lambda[j] = dynamic[e * nq + j] * self.row_scale(j, step.h);
-            }
-            let at = At {
-                q: &s.q,
-                v: &s.v,
-                a: &s.a,
-                u: &s.u,
-                p: self.parameters,
-            };
-            self.model.residual_hessian(&at, &s.lambda, &mut s.hessian);
-            let factors = &s.hessian_factors[first..first + map.hessian.len()];
-            for (c, factor) in map.hessian.iter().zip(factors) {
-                values[c.entry as usize] += factor * s.hessian[c.source as usize];
-            }
-            first += map.hessian.len();
-            let factors = &s.hessian_factors[first..first + map.parameter_hessian.len()];
-            for (c, factor) in map.parameter_hessian.iter().zip(factors) {
-                s.parameter_hessian[c.entry as usize] += factor * s.hessian[c.source as usize];
-            }
-            first += map.parameter_hessian.len();
-        }
+        let u1 = &self.u[(step.sample + 1) * self.nu..][..self.nu];
+        let interval = Interval {
+            h: step.h,
+            u0,
+            u1,
+            from: step.from,
+            share: step.share,
+        };
+        let (x, y) = (&self.x[step.x..][..self.nx], &self.x[step.y..][..self.ny]);
+        (x, y, interval)
     }
 }
 
-/// The shared part of the program, as a [`Context`] at the point `$x`.
-macro_rules! context {
+/// The shared part of the program, as a [`Point`] at `$x`.
+macro_rules! point {
     ($self:ident, $x:expr) => {
-        Context {
-            model: $self.model,
-            tableau: &$self.tableau,
-            expansion: &$self.expansion,
-            setup: &$self.setup,
-            u: &$self.u,
-            parameters: &$self.parameters,
-            nq: $self.layout.nx / 2,
-            nu: $self.model.dims().nu,
+        Point {
             x: $x,
+            u: &$self.u,
+            nu: $self.rule.model().dims().nu,
+            nx: $self.layout.nx,
+            ny: $self.layout.ny,
         }
     };
 }
@@ -592,7 +462,7 @@ impl Nlp for FullDiscretization<'_> {
 
     fn constraints(&mut self, x: &[f64], c: &mut [f64]) {
         self.load_parameters(x);
-        let context = context!(self, x);
+        let (point, rule, p) = (point!(self, x), &self.rule, &self.parameters);
         for_steps(
             &self.steps,
             self.chunk,
@@ -600,7 +470,8 @@ impl Nlp for FullDiscretization<'_> {
             c,
             self.layout.ny,
             |_, step, s, c| {
-                context.constraints(step, s, c);
+                let (x, y, interval) = point.of(step);
+                rule.constraints(x, y, p, &interval, s, c);
             },
         );
     }
@@ -611,7 +482,7 @@ impl Nlp for FullDiscretization<'_> {
 
     fn jacobian(&mut self, x: &[f64], values: &mut [f64]) {
         self.load_parameters(x);
-        let context = context!(self, x);
+        let (point, rule, p) = (point!(self, x), &self.rule, &self.parameters);
         let size = self.layout.step_jacobian.len();
         for_steps(
             &self.steps,
@@ -620,7 +491,8 @@ impl Nlp for FullDiscretization<'_> {
             values,
             size,
             |_, step, s, out| {
-                context.jacobian(step, s, out);
+                let (x, y, interval) = point.of(step);
+                rule.jacobian(x, y, p, &interval, s, out);
             },
         );
     }
@@ -641,7 +513,7 @@ impl Nlp for FullDiscretization<'_> {
             return;
         }
         self.load_parameters(x);
-        let context = context!(self, x);
+        let (point, rule, p) = (point!(self, x), &self.rule, &self.parameters);
         let ny = self.layout.ny;
         self.scratch
             .iter_mut()
@@ -654,7 +526,9 @@ impl Nlp for FullDiscretization<'_> {
             steps,
             size,
             |k, step, s, out| {
-                context.hessian(step, &lambda[k * ny..(k + 1) * ny], s, out);
+                let (x, y, interval) = point.of(step);
+                let lambda = &lambda[k * ny..(k + 1) * ny];
+                rule.hessian(x, y, p, &interval, lambda, s, out);
             },
         );
         for scratch in &self.scratch {

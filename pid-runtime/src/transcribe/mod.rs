@@ -1,12 +1,15 @@
 //! Identification problems as sparse nonlinear programs.
 
+mod butcher;
 mod expansion;
 mod explicit_form;
 mod full_discretization;
 mod residual_fit;
 mod scheme;
+mod step;
+mod tableau;
 
 pub use explicit_form::ExplicitForm;
 pub use full_discretization::{Curvature, FullDiscretization, Setup, Track};
 pub use residual_fit::ResidualFit;
-pub use scheme::Scheme;
+pub use scheme::{Scheme, SchemeError, Stages};

@@ -1,165 +1,235 @@
-//! One-step schemes, written so that every evaluation of the residual is an affine map of a step's unknowns.
-//!
-//! Because `q' = v` is linear, any Runge-Kutta scheme of the implicit residual can take its stage accelerations as
-//! unknowns; positions, velocities and accelerations of each evaluation are then linear combinations of the blocks
-//! (q_k, v_k, s, q_{k+1}, v_{k+1}) with coefficients that are powers of the step. No mass matrix is inverted.
+//! One-step schemes: their names, orders and what they do with the inputs.
 
+use super::butcher::Butcher;
 use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
 
 /// A one-step scheme for `M a + b = f_L`, `q' = v`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+///
+/// # Inputs
+/// A stage at the share `c` of the way reads the input of its sampling interval: with a zero-order hold the value at the
+/// start of the interval, also at `c = 1`; with linear inputs the value between the two samples at `c`. No stage ever reads
+/// an input from beyond its own sampling interval.
+///
+/// # Names
+/// In files and on the command line: `explicit-euler`, `heun`, `rk4`, `dormand-prince`, `trapezoidal`, `implicit-midpoint`,
+/// `hermite-simpson`, `gauss-legendre-S`, `radau-S` with the number of stages S (1 to 6); `euler` and `midpoint` are read too.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
 #[non_exhaustive]
 pub enum Scheme {
     /// Explicit Euler, order 1: the paper's setting.
     ExplicitEuler,
+    /// Heun's method (explicit trapezoidal rule), order 2.
+    Heun,
+    /// The classical explicit Runge-Kutta method, order 4.
+    RungeKutta4,
+    /// The explicit method of order 5 of J. R. Dormand and P. J. Prince (1980), with fixed steps.
+    DormandPrince,
     /// Trapezoidal rule, order 2; inputs of a zero-order hold keep their value to the end of the step.
     Trapezoidal,
     /// Implicit midpoint rule, order 2.
     ImplicitMidpoint,
+    /// Hermite-Simpson collocation (Lobatto IIIA with three stages), order 4.
+    HermiteSimpson,
+    /// Gauss-Legendre collocation, order 2 S.
+    GaussLegendre(Stages),
+    /// Radau IIA collocation, order 2 S − 1, L-stable.
+    Radau(Stages),
 }
+
+/// Number of stages of a collocation scheme, 1 to [`Stages::MOST`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Stages(u8);
+
+impl Stages {
+    /// The largest number of stages: order 12 of Gauss-Legendre; beyond it rounding eats the gain.
+    pub const MOST: usize = 6;
+
+    /// So many stages.
+    ///
+    /// # Errors
+    /// [`SchemeError::Stages`] if `count` is not between 1 and [`Stages::MOST`].
+    pub fn new(count: usize) -> Result<Self, SchemeError> {
+        match u8::try_from(count) {
+            Ok(n) if n >= 1 && count <= Self::MOST => Ok(Self(n)),
+            _ => Err(SchemeError::Stages { found: count }),
+        }
+    }
+
+    /// Their number.
+    pub fn count(self) -> usize {
+        usize::from(self.0)
+    }
+}
+
+/// A name that is no scheme.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SchemeError {
+    /// No such name.
+    #[error(
+        "`{found}` is not a scheme\n  help: choose one of {}, gauss-legendre-S or radau-S with S stages (1 to {})",
+        PLAIN.map(|(_, name)| name).join(", "),
+        Stages::MOST
+    )]
+    Unknown {
+        /// What was given.
+        found: String,
+    },
+    /// A number of stages out of range.
+    #[error(
+        "collocation with {found} stages is not available\n  help: choose 1 to {} stages",
+        Stages::MOST
+    )]
+    Stages {
+        /// What was given.
+        found: usize,
+    },
+}
+
+/// Schemes without a number of stages, with their names.
+const PLAIN: [(Scheme, &str); 7] = [
+    (Scheme::ExplicitEuler, "explicit-euler"),
+    (Scheme::Heun, "heun"),
+    (Scheme::RungeKutta4, "rk4"),
+    (Scheme::DormandPrince, "dormand-prince"),
+    (Scheme::Trapezoidal, "trapezoidal"),
+    (Scheme::ImplicitMidpoint, "implicit-midpoint"),
+    (Scheme::HermiteSimpson, "hermite-simpson"),
+];
 
 impl Scheme {
     /// Order of convergence.
     pub fn order(self) -> u32 {
         match self {
             Self::ExplicitEuler => 1,
-            Self::Trapezoidal | Self::ImplicitMidpoint => 2,
+            Self::Heun | Self::Trapezoidal | Self::ImplicitMidpoint => 2,
+            Self::RungeKutta4 | Self::HermiteSimpson => 4,
+            Self::DormandPrince => 5,
+            Self::GaussLegendre(s) => 2 * u32::from(s.0),
+            Self::Radau(s) => 2 * u32::from(s.0) - 1,
         }
+    }
+
+    /// Whether every stage follows from the ones before it: cheap steps, bounded stability.
+    pub fn explicit(self) -> bool {
+        matches!(
+            self,
+            Self::ExplicitEuler | Self::Heun | Self::RungeKutta4 | Self::DormandPrince
+        )
     }
 
     /// Name for people.
-    pub fn label(self) -> &'static str {
+    pub fn label(self) -> String {
         match self {
-            Self::ExplicitEuler => "explicit Euler",
-            Self::Trapezoidal => "trapezoidal rule",
-            Self::ImplicitMidpoint => "implicit midpoint rule",
+            Self::ExplicitEuler => "explicit Euler".to_owned(),
+            Self::Heun => "Heun's method".to_owned(),
+            Self::RungeKutta4 => "Runge-Kutta method of order 4".to_owned(),
+            Self::DormandPrince => "Dormand-Prince method of order 5".to_owned(),
+            Self::Trapezoidal => "trapezoidal rule".to_owned(),
+            Self::ImplicitMidpoint => "implicit midpoint rule".to_owned(),
+            Self::HermiteSimpson => "Hermite-Simpson collocation".to_owned(),
+            Self::GaussLegendre(s) => format!("Gauss-Legendre collocation with {} stages", s.0),
+            Self::Radau(s) => format!("Radau collocation with {} stages", s.0),
+        }
+    }
+
+    /// Its coefficients.
+    pub(super) fn butcher(self) -> Butcher {
+        match self {
+            Self::ExplicitEuler => Butcher::explicit_euler(),
+            Self::Heun => Butcher::heun(),
+            Self::RungeKutta4 => Butcher::rk4(),
+            Self::DormandPrince => Butcher::dormand_prince(),
+            Self::Trapezoidal => Butcher::trapezoidal(),
+            Self::ImplicitMidpoint => Butcher::gauss_legendre(1),
+            Self::HermiteSimpson => Butcher::hermite_simpson(),
+            Self::GaussLegendre(s) => Butcher::gauss_legendre(s.count()),
+            Self::Radau(s) => Butcher::radau(s.count()),
         }
     }
 }
 
-/// A block of `nq` unknowns of a step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Block {
-    /// Coordinates at the start of the step.
-    Q0,
-    /// Velocities at the start of the step.
-    V0,
-    /// Accelerations of a stage.
-    Stage(usize),
-    /// Coordinates at the end of the step.
-    Q1,
-    /// Velocities at the end of the step.
-    V1,
-}
-
-/// `coefficient · h^power · block`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Term {
-    pub(super) block: Block,
-    pub(super) coefficient: f64,
-    pub(super) power: i32,
-}
-
-const fn term(coefficient: f64, power: i32, block: Block) -> Term {
-    Term {
-        block,
-        coefficient,
-        power,
+impl fmt::Display for Scheme {
+    /// The name in files.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::GaussLegendre(s) => write!(f, "gauss-legendre-{}", s.0),
+            Self::Radau(s) => write!(f, "radau-{}", s.0),
+            plain => {
+                let named = PLAIN.iter().find(|(scheme, _)| scheme == plain);
+                f.write_str(named.map_or("", |(_, name)| name))
+            }
+        }
     }
 }
 
-/// One evaluation of the residual.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Evaluation {
-    /// Coordinates as a combination of blocks.
-    pub(super) q: Vec<Term>,
-    /// Velocities.
-    pub(super) v: Vec<Term>,
-    /// Accelerations.
-    pub(super) a: Vec<Term>,
-    /// Share of the way from the input at the start of the step to that at its end.
-    pub(super) u: f64,
+impl FromStr for Scheme {
+    type Err = SchemeError;
+
+    fn from_str(text: &str) -> Result<Self, SchemeError> {
+        if let Some((scheme, _)) = PLAIN.iter().find(|(_, name)| *name == text) {
+            return Ok(*scheme);
+        }
+        match text {
+            "euler" => return Ok(Self::ExplicitEuler),
+            "midpoint" => return Ok(Self::ImplicitMidpoint),
+            _ => {}
+        }
+        let stages = |rest: &str| rest.parse::<usize>().ok();
+        if let Some(count) = text.strip_prefix("gauss-legendre-").and_then(stages) {
+            return Stages::new(count).map(Self::GaussLegendre);
+        }
+        if let Some(count) = text.strip_prefix("radau-").and_then(stages) {
+            return Stages::new(count).map(Self::Radau);
+        }
+        Err(SchemeError::Unknown {
+            found: text.to_owned(),
+        })
+    }
 }
 
-/// A scheme's rows: `linear` ones are combinations of blocks that vanish, then one residual per evaluation.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Tableau {
-    /// Number of stage blocks among the unknowns.
-    pub(super) stages: usize,
-    pub(super) linear: Vec<Vec<Term>>,
-    pub(super) evaluations: Vec<Evaluation>,
+impl From<Scheme> for String {
+    fn from(scheme: Scheme) -> Self {
+        scheme.to_string()
+    }
 }
 
-impl Tableau {
-    pub(super) fn new(scheme: Scheme) -> Self {
-        use Block::{Q0, Q1, Stage, V0, V1};
-        let slope = vec![term(1.0, -1, V1), term(-1.0, -1, V0)];
-        match scheme {
-            Scheme::ExplicitEuler => Self {
-                stages: 0,
-                linear: vec![vec![term(1.0, 0, Q1), term(-1.0, 0, Q0), term(-1.0, 1, V0)]],
-                evaluations: vec![Evaluation {
-                    q: vec![term(1.0, 0, Q0)],
-                    v: vec![term(1.0, 0, V0)],
-                    a: slope,
-                    u: 0.0,
-                }],
-            },
-            Scheme::ImplicitMidpoint => Self {
-                stages: 0,
-                linear: vec![vec![
-                    term(1.0, 0, Q1),
-                    term(-1.0, 0, Q0),
-                    term(-0.5, 1, V0),
-                    term(-0.5, 1, V1),
-                ]],
-                evaluations: vec![Evaluation {
-                    q: vec![term(0.5, 0, Q0), term(0.5, 0, Q1)],
-                    v: vec![term(0.5, 0, V0), term(0.5, 0, V1)],
-                    a: slope,
-                    u: 0.5,
-                }],
-            },
-            // v1 = v0 + h/2 (s + a_end) gives a_end = 2 (v1 − v0)/h − s.
-            Scheme::Trapezoidal => Self {
-                stages: 1,
-                linear: vec![vec![
-                    term(1.0, 0, Q1),
-                    term(-1.0, 0, Q0),
-                    term(-0.5, 1, V0),
-                    term(-0.5, 1, V1),
-                ]],
-                evaluations: vec![
-                    Evaluation {
-                        q: vec![term(1.0, 0, Q0)],
-                        v: vec![term(1.0, 0, V0)],
-                        a: vec![term(1.0, 0, Stage(0))],
-                        u: 0.0,
-                    },
-                    Evaluation {
-                        q: vec![term(1.0, 0, Q1)],
-                        v: vec![term(1.0, 0, V1)],
-                        a: vec![
-                            term(2.0, -1, V1),
-                            term(-2.0, -1, V0),
-                            term(-1.0, 0, Stage(0)),
-                        ],
-                        u: 1.0,
-                    },
-                ],
-            },
+impl TryFrom<String> for Scheme {
+    type Error = SchemeError;
+
+    fn try_from(text: String) -> Result<Self, SchemeError> {
+        text.parse()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_back() {
+        let staged = (1..=Stages::MOST).flat_map(|s| {
+            let stages = Stages::new(s).unwrap();
+            [Scheme::GaussLegendre(stages), Scheme::Radau(stages)]
+        });
+        for scheme in PLAIN.iter().map(|(scheme, _)| *scheme).chain(staged) {
+            assert_eq!(scheme.to_string().parse(), Ok(scheme));
         }
     }
 
-    /// First local position of a block; local order is (q_k, v_k, stages, q_{k+1}, v_{k+1}, p).
-    pub(super) fn position(&self, block: Block, nq: usize) -> usize {
-        match block {
-            Block::Q0 => 0,
-            Block::V0 => nq,
-            Block::Stage(i) => (2 + i) * nq,
-            Block::Q1 => (2 + self.stages) * nq,
-            Block::V1 => (3 + self.stages) * nq,
+    #[test]
+    fn other_names_are_refused_with_the_choice() {
+        let error = "leapfrog".parse::<Scheme>().unwrap_err().to_string();
+        assert!(
+            error.contains("`leapfrog`") && error.contains("explicit-euler, heun"),
+            "{error}"
+        );
+        for count in [0, 7] {
+            let error = format!("radau-{count}").parse::<Scheme>().unwrap_err();
+            assert_eq!(error, SchemeError::Stages { found: count });
         }
     }
 }

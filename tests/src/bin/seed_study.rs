@@ -1,7 +1,7 @@
 //! Objective, iterations and time of the two-link problem for every start of a table, and how the time grows with the record.
 //!
 //! ```text
-//! seed_study [--scheme euler|trapezoidal|midpoint] [FOLDER]      FOLDER holds data/seed_two_link and bench/
+//! seed_study [--scheme NAME] [FOLDER]      FOLDER holds data/seed_two_link and bench/
 //! seed_study --scaling [FOLDER]                                  301 … 10001 samples over 6 s, trapezoidal rule
 //! ```
 #![allow(clippy::print_stdout, reason = "a command that prints a table")]
@@ -24,12 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         match arg.as_str() {
             "--scaling" => scaling = true,
             "--scheme" => {
-                scheme = match args.next().as_deref() {
-                    Some("euler") => Scheme::ExplicitEuler,
-                    Some("trapezoidal") => Scheme::Trapezoidal,
-                    Some("midpoint") => Scheme::ImplicitMidpoint,
-                    _ => return Err("--scheme takes euler, trapezoidal or midpoint".into()),
-                }
+                scheme = args.next().ok_or("--scheme takes a name")?.parse()?;
             }
             other if other.starts_with('-') => {
                 return Err(format!("unknown option {other}; see the head of this file").into());
