@@ -43,6 +43,7 @@ fn problem(samples: usize) -> FullDiscretization<'static> {
         hold_initial: false,
         linear_inputs: false,
         substeps: 1,
+        output: None,
     };
     FullDiscretization::new(&TwoLink, &[track], setup)
 }

@@ -63,6 +63,7 @@ pub(super) fn identify(
         hold_initial: held,
         linear_inputs: dataset.input_hold == InputHold::Linear,
         substeps: settings.substeps,
+        output: None,
         lower: lower.clone(),
         upper: upper.clone(),
     };

@@ -189,7 +189,6 @@ impl Butcher {
     }
 
     /// Whether every stage follows from the ones before it.
-    #[cfg(test)]
     pub(super) fn explicit(&self) -> bool {
         let s = self.stages();
         (0..s).all(|i| self.a[i * s + i..(i + 1) * s].iter().all(|&a| a == 0.0))

@@ -10,6 +10,7 @@
 //! the implicit residual times h / M_jj, so that all rows are changes of state: nothing is inverted, and the problem is
 //! affine in the inertial parameters.
 
+use super::fit::{Fit, FitScratch, Output};
 use super::scheme::Scheme;
 use super::step::{Interval, Rule, Scratch};
 use crate::dynamics::Hessian;
@@ -22,14 +23,26 @@ use rayon::prelude::*;
 pub struct Track {
     /// Times, s, strictly increasing; at least two.
     pub t: Vec<f64>,
-    /// Measured states (q, v) sample by sample, length `2 nq` each; NaN where nothing was measured.
+    /// Measured states (q, v) sample by sample, length `2 nq` each, or measured outputs; NaN where nothing was measured.
     pub measured: Vec<f64>,
     /// States to start from, same layout, finite. Held initial states take their value from here.
     pub guess: Vec<f64>,
     /// Inputs sample by sample, `nu` each.
     pub u: Vec<f64>,
-    /// Weight per channel of the state in this window, length `2 nq`; 1 each is the paper's objective.
+    /// Weight per channel in this window (length `2 nq`, or that of the output); 1 each is the paper's objective. Or one per
+    /// channel and sample, laid out like `measured`.
     pub weights: Vec<f64>,
+}
+
+impl Track {
+    /// Weight of a channel at a sample.
+    pub(super) fn weight(&self, sample: usize, channel: usize, channels: usize) -> f64 {
+        if self.weights.len() == channels {
+            self.weights[channel]
+        } else {
+            self.weights[sample * channels + channel]
+        }
+    }
 }
 
 /// What is asked of the discretization.
@@ -53,6 +66,8 @@ pub struct Setup {
     pub linear_inputs: bool,
     /// Steps per sampling interval, at least 1: the integration grid is the data grid refined by it.
     pub substeps: usize,
+    /// What is measured; `None` for the state itself.
+    pub output: Option<Output>,
 }
 
 /// Second derivatives given to the solver.
@@ -88,10 +103,9 @@ pub struct FullDiscretization<'m> {
     /// Position of the state of each node among the variables, and whether it is one of the samples.
     nodes: Vec<usize>,
     sampled: Vec<bool>,
-    /// Node by node; zeros between samples.
-    measured: Vec<f64>,
-    /// Weight of each entry of `measured`, 0 where nothing was measured, 1/N included.
-    weights: Vec<f64>,
+    /// Node by node; nothing is measured between samples.
+    fit: Fit,
+    fit_scratch: FitScratch,
     start: Vec<f64>,
     u: Vec<f64>,
     jacobian_pattern: SparsePattern,
@@ -134,18 +148,20 @@ impl<'m> FullDiscretization<'m> {
             np: dims.np,
             windows: Layout::windows(nx, ny, &lengths, setup.hold_initial),
             step_jacobian: rule.expansion().step_jacobian.clone(),
-            step_hessian: rule.expansion().step_hessian.clone(),
-            parameter_hessian: rule.expansion().parameter_hessian.clone(),
+            step_hessian: step_hessian(&rule, nx, dims.np, setup.output.is_some()),
+            parameter_hessian: parameter_hessian(&rule, dims.np, setup.output.is_some()),
         };
+        let mut fit = Fit::new(nx, dims.np, setup.output.clone());
+        let channels = fit.channels();
         let samples: usize = tracks.iter().map(|t| t.t.len()).sum();
         let (mut steps, mut nodes, mut sampled) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut measured, mut weights, mut u) = (Vec::new(), Vec::new(), Vec::new());
+        let mut u = Vec::new();
         let mut start = vec![0.0; layout.n()];
         let mut first_sample = 0;
         for (track, window) in tracks.iter().zip(&layout.windows) {
             assert_eq!(
                 track.measured.len(),
-                nx * track.t.len(),
+                channels * track.t.len(),
                 "measured states fit the times"
             );
             for node in 0..=window.steps {
@@ -161,15 +177,13 @@ impl<'m> FullDiscretization<'m> {
                     } else {
                         (1.0 - from) * guess[i] + from * guess[nx + i]
                     };
-                    let value = if part == 0 {
-                        track.measured[k * nx + i]
-                    } else {
-                        f64::NAN
-                    };
-                    let missing = value.is_nan();
-                    measured.push(if missing { 0.0 } else { value });
-                    let weight = track.weights[i] / samples as f64;
-                    weights.push(if missing { 0.0 } else { weight });
+                }
+                if part == 0 {
+                    let measured = &track.measured[k * channels..(k + 1) * channels];
+                    let weight = |c| track.weight(k, c, channels) / samples as f64;
+                    fit.push(measured.iter().copied(), (0..channels).map(weight));
+                } else {
+                    fit.push_empty();
                 }
             }
             let mut interval = 0.0_f64;
@@ -219,8 +233,8 @@ impl<'m> FullDiscretization<'m> {
             steps,
             nodes,
             sampled,
-            measured,
-            weights,
+            fit_scratch: fit.scratch(),
+            fit,
             start,
             u,
             chunk,
@@ -298,24 +312,23 @@ impl<'m> FullDiscretization<'m> {
             .collect()
     }
 
-    /// Weighted residuals `√w (x − x^d)` sample by sample, and the number of channels; NaN where nothing was measured and in
+    /// Weighted residuals `√w (y − d)` sample by sample, and the number of channels; NaN where nothing was measured and in
     /// a row between two windows.
-    pub fn residuals(&self, x: &[f64]) -> (Vec<f64>, usize) {
-        let nx = self.layout.nx;
-        let mut out = Vec::with_capacity(self.measured.len() + nx * self.layout.windows.len());
+    pub fn residuals(&mut self, x: &[f64]) -> (Vec<f64>, usize) {
+        self.load_parameters(x);
+        let (nx, channels) = (self.layout.nx, self.fit.channels());
+        let mut out = Vec::with_capacity(channels * (self.nodes.len() + self.layout.windows.len()));
         for window in &self.layout.windows {
             let nodes = window.first_node..=window.first_node + window.steps;
             for k in nodes.filter(|k| self.sampled[*k]) {
-                for i in 0..nx {
-                    let (e, at) = (k * nx + i, self.nodes[k] + i);
-                    let w = self.weights[e];
-                    let residual = w.sqrt() * (x[at] - self.measured[e]);
-                    out.push(if w > 0.0 { residual } else { f64::NAN });
-                }
+                let state = &x[self.nodes[k]..self.nodes[k] + nx];
+                let scratch = &mut self.fit_scratch;
+                self.fit
+                    .residual(k, state, &self.parameters, scratch, &mut out);
             }
-            out.extend(std::iter::repeat_n(f64::NAN, nx));
+            out.extend(std::iter::repeat_n(f64::NAN, channels));
         }
-        (out, nx)
+        (out, channels)
     }
 
     /// Number of unknown entries of initial states.
@@ -328,12 +341,92 @@ impl<'m> FullDiscretization<'m> {
         self.setup.curvature = curvature;
     }
 
+    /// Adds σ ∂²ℓ of outputs that are not the state itself, in the entries that [`step_hessian`] and
+    /// [`parameter_hessian`] append for them.
+    fn output_hessian(&mut self, x: &[f64], sigma: f64, steps: &mut [f64], parameters: &mut [f64]) {
+        if self.fit.is_state() {
+            return;
+        }
+        let (nx, np) = (self.layout.nx, self.layout.np);
+        let nz = nx + np;
+        let size = self.layout.step_hessian.len();
+        let block = nx * (nx + 1) / 2 + np * nx;
+        let gauss_newton = self.setup.curvature == Curvature::GaussNewton;
+        let scale = |i: usize| {
+            if i < nx {
+                1.0
+            } else {
+                self.setup.scale[i - nx]
+            }
+        };
+        let between = parameters.len() - np * (np + 1) / 2;
+        let mut local = vec![0.0; nz * nz];
+        for window in &self.layout.windows {
+            for k in 0..=window.steps {
+                let node = window.first_node + k;
+                let at = self.nodes[node];
+                local.fill(0.0);
+                let point = (&x[at..at + nx], self.parameters.as_slice());
+                let scratch = &mut self.fit_scratch;
+                self.fit
+                    .hessian(node, point, sigma, gauss_newton, scratch, &mut local);
+                // A node's block stands in the step after it, that of the last node in the step before it.
+                let (step, shift) = if k < window.steps {
+                    (window.first_step + k, 2 * block)
+                } else {
+                    (window.first_step + k - 1, block)
+                };
+                let mut to = (step + 1) * size - shift;
+                for i in 0..nz {
+                    for j in 0..=i.min(nx - 1) {
+                        steps[to] += local[i * nz + j] * scale(i) * scale(j);
+                        to += 1;
+                    }
+                }
+                let mut to = between;
+                for i in nx..nz {
+                    for j in nx..=i {
+                        parameters[to] += local[i * nz + j] * scale(i) * scale(j);
+                        to += 1;
+                    }
+                }
+            }
+        }
+    }
+
     fn load_parameters(&mut self, x: &[f64]) {
         let p = &x[self.layout.p()..];
         for ((out, p), s) in self.parameters.iter_mut().zip(p).zip(&self.setup.scale) {
             *out = p * s;
         }
     }
+}
+
+/// Entries of a step's Hessian: those of the rule, then, for outputs that are not the state, the lower triangle over (x_k, p)
+/// without the parameters' own part, and that over (x_{k+1}, p).
+fn step_hessian(rule: &Rule<'_>, nx: usize, np: usize, mapped: bool) -> Vec<(u32, u32)> {
+    let mut entries = rule.expansion().step_hessian.clone();
+    if mapped {
+        let (ny, first_p) = (rule.ny(), nx + rule.ny());
+        for first in [0, ny] {
+            let place = |i: usize| if i < nx { first + i } else { first_p + i - nx };
+            for i in 0..nx + np {
+                let columns = 0..=i.min(nx - 1);
+                entries.extend(columns.map(|j| (place(i) as u32, place(j) as u32)));
+            }
+        }
+    }
+    entries
+}
+
+/// Entries between parameters: those of the rule, then, for outputs that are not the state, the lower triangle.
+fn parameter_hessian(rule: &Rule<'_>, np: usize, mapped: bool) -> Vec<(u32, u32)> {
+    let mut entries = rule.expansion().parameter_hessian.clone();
+    if mapped {
+        let triangle = (0..np as u32).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        entries.extend(triangle);
+    }
+    entries
 }
 
 /// What the evaluation of a step reads beside the rule; split from the scratch so that steps run in parallel.
@@ -433,29 +526,35 @@ impl Nlp for FullDiscretization<'_> {
     }
 
     fn objective(&mut self, x: &[f64]) -> f64 {
-        let nx = self.layout.nx;
-        let data = self
-            .measured
-            .chunks_exact(nx)
-            .zip(self.weights.chunks_exact(nx));
-        self.nodes
-            .iter()
-            .zip(data)
-            .map(|(&at, (measured, weights))| {
-                let states = &x[at..at + nx];
-                let terms = states.iter().zip(measured).zip(weights);
-                terms.map(|((x, d), w)| w * (x - d) * (x - d)).sum::<f64>()
-            })
-            .sum()
+        self.load_parameters(x);
+        let (nx, scratch, p) = (self.layout.nx, &mut self.fit_scratch, &self.parameters);
+        let fit = &self.fit;
+        let value = |(k, &at): (usize, &usize)| fit.value(k, &x[at..at + nx], p, scratch);
+        self.nodes.iter().enumerate().map(value).sum()
     }
 
     fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) {
+        self.load_parameters(x);
         gradient.fill(0.0);
-        let nx = self.layout.nx;
+        let (nx, first) = (self.layout.nx, self.layout.p());
+        let scratch = &mut self.fit_scratch;
+        if self.fit.is_state() {
+            for (k, &at) in self.nodes.iter().enumerate() {
+                let (state, out) = (&x[at..at + nx], &mut gradient[at..at + nx]);
+                self.fit
+                    .gradient(k, (state, &self.parameters), 1.0, scratch, out);
+            }
+            return;
+        }
+        let mut local = vec![0.0; nx + self.layout.np];
         for (k, &at) in self.nodes.iter().enumerate() {
-            for i in 0..nx {
-                let e = k * nx + i;
-                gradient[at + i] = 2.0 * self.weights[e] * (x[at + i] - self.measured[e]);
+            local.fill(0.0);
+            let state = &x[at..at + nx];
+            self.fit
+                .gradient(k, (state, &self.parameters), 1.0, scratch, &mut local);
+            gradient[at..at + nx].copy_from_slice(&local[..nx]);
+            for (j, slope) in local[nx..].iter().enumerate() {
+                gradient[first + j] += slope * self.setup.scale[j];
             }
         }
     }
@@ -504,15 +603,22 @@ impl Nlp for FullDiscretization<'_> {
     fn hessian(&mut self, x: &[f64], sigma: f64, lambda: &[f64], values: &mut [f64]) {
         let (steps, rest) = values.split_at_mut(self.layout.node_values());
         let (nodes, parameters) = rest.split_at_mut(self.layout.nodes() * self.layout.nx);
-        for (value, w) in nodes.iter_mut().zip(&self.weights) {
-            *value = 2.0 * sigma * w;
-        }
         parameters.fill(0.0);
+        nodes.fill(0.0);
+        self.load_parameters(x);
+        if self.fit.is_state() {
+            let nx = self.layout.nx;
+            for (k, values) in nodes.chunks_exact_mut(nx).enumerate() {
+                for (value, w) in values.iter_mut().zip(self.fit.weights(k)) {
+                    *value = 2.0 * sigma * w;
+                }
+            }
+        }
         if self.setup.curvature == Curvature::GaussNewton {
             steps.fill(0.0);
+            self.output_hessian(x, sigma, steps, parameters);
             return;
         }
-        self.load_parameters(x);
         let (point, rule, p) = (point!(self, x), &self.rule, &self.parameters);
         let ny = self.layout.ny;
         self.scratch
@@ -536,5 +642,6 @@ impl Nlp for FullDiscretization<'_> {
                 *out += value;
             }
         }
+        self.output_hessian(x, sigma, steps, parameters);
     }
 }

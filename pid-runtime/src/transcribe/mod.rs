@@ -3,13 +3,17 @@
 mod butcher;
 mod expansion;
 mod explicit_form;
+mod fit;
 mod full_discretization;
 mod residual_fit;
 mod scheme;
+mod shooting;
 mod step;
 mod tableau;
 
 pub use explicit_form::ExplicitForm;
+pub use fit::Output;
 pub use full_discretization::{Curvature, FullDiscretization, Setup, Track};
 pub use residual_fit::ResidualFit;
 pub use scheme::{Scheme, SchemeError, Stages};
+pub use shooting::{Adaptive, Shooting, ShootingKkt, Stepping};

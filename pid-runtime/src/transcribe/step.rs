@@ -7,6 +7,7 @@
 //! The rows are the linear combinations of the scheme, then its residuals times h / M_jj, so that all of them are changes of
 //! state. The full discretization takes y as unknowns; shooting solves for it.
 
+use super::butcher::Butcher;
 use super::expansion::{Contribution, Expansion};
 use super::scheme::Scheme;
 use super::tableau::{Block, POWERS, Tableau, Term, pow, powers};
@@ -82,6 +83,11 @@ impl<'m> Rule<'m> {
         &self.expansion
     }
 
+    /// The Runge-Kutta method behind the scheme.
+    pub(super) fn butcher(&self) -> &Butcher {
+        &self.tableau.butcher
+    }
+
     /// Unknowns, and rows, of a step.
     pub(super) fn ny(&self) -> usize {
         self.tableau.unknowns(self.nq)
@@ -129,7 +135,7 @@ impl<'m> Rule<'m> {
     }
 
     /// Inputs at the share `c` of a step.
-    fn inputs(&self, interval: &Interval<'_>, c: f64, out: &mut [f64]) {
+    pub(super) fn inputs(&self, interval: &Interval<'_>, c: f64, out: &mut [f64]) {
         let share = interval.from + c * interval.share;
         if self.linear_inputs && share > 0.0 {
             for ((out, a), b) in out.iter_mut().zip(interval.u0).zip(interval.u1) {

@@ -42,6 +42,8 @@
 //! # Ok::<(), pid_runtime::dynamics::SingularMassMatrix>(())
 //! ```
 
+pub mod functions;
+
 use num_dual::{Dual64, DualNum, HyperDual64};
 
 use crate::dynamics::{At, Dims, Pattern, SingularMassMatrix};
