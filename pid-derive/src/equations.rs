@@ -12,7 +12,7 @@ use std::fmt;
 use pid_symbolic::random::Random;
 use pid_symbolic::{Cost, Graph, Id, Tape, diff};
 
-use super::kinematics::Tree;
+use super::kinematics::{Rates, Tree};
 use super::lagrangian::{self, Energies};
 use super::newton_euler::{self, Motions};
 use super::symbols::{Blanks, Symbols};
@@ -63,8 +63,8 @@ pub struct Equations {
     pub derivation: Derivation,
     /// Operations of r by Euler-Lagrange.
     pub lagrange: Cost,
-    /// Operations of r by Newton-Euler.
-    pub newton_euler: Cost,
+    /// Operations of r by Newton-Euler; there is none of a bare Lagrangian.
+    pub newton_euler: Option<Cost>,
 }
 
 /// Both derivations of `M a + b`, not yet compared.
@@ -74,25 +74,47 @@ pub struct Derivations {
     pub energies: Energies,
     /// By Euler-Lagrange.
     pub lagrange: Vec<Id>,
-    /// By Newton-Euler.
-    pub newton_euler: Vec<Id>,
+    /// By Newton-Euler, where there are bodies.
+    pub newton_euler: Option<Vec<Id>>,
 }
 
 impl Derivations {
-    /// Derives `M a + b` twice.
-    pub fn new(g: &mut Graph, tree: &Tree, symbols: &Symbols) -> Self {
-        let energies = lagrangian::energies(g, tree, symbols);
-        let lagrange = lagrangian::equations(g, energies, symbols);
+    /// Derives `M a + b` twice; once if the robot is given by its Lagrangian.
+    pub fn new(g: &mut Graph, robot: &Robot, tree: &Tree, symbols: &Symbols) -> Self {
+        let extra = robot.potential.as_ref().map(|u| symbols.expression(g, u));
+        if let Some(given) = &robot.lagrangian {
+            let mut lagrangian = symbols.expression(g, given);
+            if let Some(extra) = extra {
+                lagrangian = g.sub(lagrangian, extra);
+            }
+            return Self {
+                energies: lagrangian::energies_of(g, lagrangian, symbols),
+                lagrange: lagrangian::equations(g, lagrangian, symbols),
+                newton_euler: None,
+            };
+        }
+        let mut energies = lagrangian::energies(g, tree, symbols);
+        if let Some(extra) = extra {
+            energies.potential = g.add(energies.potential, extra);
+        }
+        let lagrangian = g.sub(energies.kinetic, energies.potential);
+        let lagrange = lagrangian::equations(g, lagrangian, symbols);
         let motions = Motions {
             v: symbols.v.clone(),
             a: symbols.a.clone(),
             gravity: tree.gravity,
         };
-        let newton_euler = newton_euler::equations(g, tree, &motions);
+        let mut newton_euler = newton_euler::equations(g, tree, &motions);
+        if let Some(extra) = extra {
+            let slope = diff::gradient(g, extra, &symbols.q);
+            for (force, slope) in newton_euler.iter_mut().zip(slope) {
+                *force = g.add(*force, slope);
+            }
+        }
         Self {
             energies,
             lagrange,
-            newton_euler,
+            newton_euler: Some(newton_euler),
         }
     }
 
@@ -105,7 +127,7 @@ impl Derivations {
         let outputs: Vec<Id> = self
             .lagrange
             .iter()
-            .chain(&self.newton_euler)
+            .chain(self.newton_euler.as_ref().unwrap_or(&self.lagrange))
             .copied()
             .collect();
         let tape = Tape::new(g, &outputs);
@@ -151,9 +173,15 @@ impl Derivations {
 pub fn applied_force(g: &mut Graph, robot: &Robot, symbols: &Symbols) -> Vec<Id> {
     let mut forces = vec![g.zero(); robot.nq()];
     for joint in &robot.joints {
-        if let (Some(coord), Some(force)) = (joint.coord, &joint.force) {
+        if let Some(force) = &joint.force {
             let force = symbols.expression(g, force);
-            forces[coord] = g.add(forces[coord], force);
+            Rates::of_joint(g, symbols, joint).add_force(g, force, &mut forces);
+        }
+    }
+    for motor in &robot.motors {
+        if let Some(force) = &motor.force {
+            let force = symbols.expression(g, force);
+            Rates::new(g, symbols, &motor.moves).add_force(g, force, &mut forces);
         }
     }
     forces
@@ -166,7 +194,7 @@ pub fn applied_force(g: &mut Graph, robot: &Robot, symbols: &Symbols) -> Vec<Id>
 pub fn equations(g: &mut Graph, robot: &Robot) -> Result<Equations, Error> {
     let symbols = Symbols::new(g, robot, Blanks::Zero);
     let tree = Tree::new(g, robot, &symbols);
-    let derivations = Derivations::new(g, &tree, &symbols);
+    let derivations = Derivations::new(g, robot, &tree, &symbols);
     derivations.compare(g, robot)?;
 
     let applied_force = applied_force(g, robot, &symbols);
@@ -178,17 +206,17 @@ pub fn equations(g: &mut Graph, robot: &Robot) -> Result<Equations, Error> {
             .collect()
     };
     let by_lagrange = minus_force(g, &derivations.lagrange);
-    let by_newton_euler = minus_force(g, &derivations.newton_euler);
     let lagrange = Cost::of(g, &by_lagrange);
-    let newton_euler = Cost::of(g, &by_newton_euler);
-    let (derivation, inertial, residual) = if lagrange.total() < newton_euler.total() {
-        (Derivation::Lagrange, derivations.lagrange, by_lagrange)
-    } else {
-        (
-            Derivation::NewtonEuler,
-            derivations.newton_euler,
-            by_newton_euler,
-        )
+    let by_newton_euler = derivations.newton_euler.map(|inertial| {
+        let residual = minus_force(g, &inertial);
+        (Cost::of(g, &residual), inertial, residual)
+    });
+    let newton_euler = by_newton_euler.as_ref().map(|(cost, ..)| *cost);
+    let (derivation, inertial, residual) = match by_newton_euler {
+        Some((cost, inertial, residual)) if cost.total() <= lagrange.total() => {
+            (Derivation::NewtonEuler, inertial, residual)
+        }
+        _ => (Derivation::Lagrange, derivations.lagrange, by_lagrange),
     };
 
     let zero = g.zero();
@@ -199,7 +227,10 @@ pub fn equations(g: &mut Graph, robot: &Robot) -> Result<Equations, Error> {
     let gravity = g.substitute(&bias, |_, var| {
         (nq..2 * nq).contains(&(var as usize)).then_some(zero)
     });
-    let mass_matrix = mass_matrix(g, &tree, &symbols, &inertial);
+    let mass_matrix = match robot.lagrangian {
+        None => mass_matrix(g, &tree, &symbols, &inertial),
+        Some(_) => by_derivative(g, &symbols, &inertial),
+    };
     Ok(Equations {
         symbols,
         residual,
@@ -214,15 +245,18 @@ pub fn equations(g: &mut Graph, robot: &Robot) -> Result<Equations, Error> {
     })
 }
 
-/// Lower triangle of M: ∂(M a + b)/∂a, or the forces of unit accelerations, whichever is cheaper.
-fn mass_matrix(g: &mut Graph, tree: &Tree, symbols: &Symbols, inertial: &[Id]) -> Vec<Id> {
+/// Lower triangle of M = ∂(M a + b)/∂a.
+fn by_derivative(g: &mut Graph, symbols: &Symbols, inertial: &[Id]) -> Vec<Id> {
     let rows = diff::jacobian(g, inertial, &symbols.a);
-    let by_derivative: Vec<Id> = rows
-        .iter()
+    rows.iter()
         .enumerate()
         .flat_map(|(i, row)| row[..=i].to_vec())
-        .collect();
+        .collect()
+}
 
+/// Lower triangle of M: ∂(M a + b)/∂a, or the forces of unit accelerations, whichever is cheaper.
+fn mass_matrix(g: &mut Graph, tree: &Tree, symbols: &Symbols, inertial: &[Id]) -> Vec<Id> {
+    let by_derivative = by_derivative(g, symbols, inertial);
     let (zero, one) = (g.zero(), g.one());
     let nq = symbols.q.len();
     let columns: Vec<Vec<Id>> = (0..nq)

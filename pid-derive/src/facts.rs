@@ -23,6 +23,8 @@ pub struct Facts {
     pub unused_params: Vec<usize>,
     /// Inputs that enter no equation.
     pub unused_inputs: Vec<usize>,
+    /// The coordinate whose momentum ∂L/∂v is not linear in the velocities: M would depend on them.
+    pub velocity_in_mass: Option<usize>,
     /// The coordinate at which M is not positive definite, at nominal parameters.
     pub singular_mass: Option<usize>,
     /// Whether `abs` or `sign` occur in the equations.
@@ -36,7 +38,7 @@ pub fn facts(robot: &Robot) -> Facts {
     let mut g = Graph::new();
     let symbols = Symbols::new(&mut g, robot, Blanks::Free);
     let tree = Tree::new(&mut g, robot, &symbols);
-    let derivations = Derivations::new(&mut g, &tree, &symbols);
+    let derivations = Derivations::new(&mut g, robot, &tree, &symbols);
     let force = equations::applied_force(&mut g, robot, &symbols);
     let by = |g: &mut Graph, inertial: &[Id]| -> Vec<Id> {
         inertial
@@ -45,10 +47,9 @@ pub fn facts(robot: &Robot) -> Facts {
             .map(|(&inertial, &force)| g.sub(inertial, force))
             .collect()
     };
-    let residuals = [
-        by(&mut g, &derivations.newton_euler),
-        by(&mut g, &derivations.lagrange),
-    ];
+    let inertial = derivations.newton_euler.as_ref();
+    let inertial = inertial.unwrap_or(&derivations.lagrange);
+    let residuals = [by(&mut g, inertial), by(&mut g, &derivations.lagrange)];
     let costs = [0, 1].map(|k| Cost::of(&g, &residuals[k]));
     let cheaper = usize::from(costs[1].total() < costs[0].total());
     let residual = &residuals[cheaper];
@@ -75,17 +76,35 @@ pub fn facts(robot: &Robot) -> Facts {
         .filter(|&(blank, coord)| enters(coord, np + nu + blank))
         .collect();
 
+    let velocity_in_mass = robot
+        .lagrangian
+        .is_some()
+        .then(|| velocity_in_mass(&mut g, &symbols, inertial))
+        .flatten();
+
     Facts {
         blank_violations,
+        velocity_in_mass,
         unused_params: unused(0, np),
         unused_inputs: unused(np, nu),
-        singular_mass: singular_mass(&mut g, robot, &symbols, &derivations.newton_euler),
+        singular_mass: singular_mass(&mut g, robot, &symbols, inertial),
         nonsmooth: g
             .reachable(residual)
             .into_iter()
             .any(|id| matches!(g.node(id), Node::Call(Function::Abs | Function::Sign, _))),
         residual: costs[cheaper],
     }
+}
+
+/// The first coordinate whose row of ∂(M a + b)/∂a depends on v.
+fn velocity_in_mass(g: &mut Graph, symbols: &Symbols, inertial: &[Id]) -> Option<usize> {
+    let rows = diff::jacobian(g, inertial, &symbols.a);
+    let flat: Vec<Id> = rows.into_iter().flatten().collect();
+    let slopes = diff::jacobian(g, &flat, &symbols.v);
+    let slopes: Vec<Id> = slopes.into_iter().flatten().collect();
+    let nq = symbols.q.len();
+    let enters = pattern::zeros(g, &slopes).iter().position(|zero| !zero)?;
+    Some(enters / (nq * nq))
 }
 
 /// The first coordinate whose pivot of M is not positive at some random q.

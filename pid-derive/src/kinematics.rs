@@ -1,14 +1,14 @@
 //! The tree of moving bodies.
 //!
-//! Links that are joined rigidly are one body: a fixed joint moves the inertia of its child into the body that carries it,
-//! so it costs nothing at run time. What is fixed to the base has no equations and is left out.
+//! Links that are joined rigidly are one body: a fixed or held joint moves the inertia of its child into the body that
+//! carries it, so it costs nothing at run time. A joint that follows others is a function of their coordinates. What is fixed to the base has no equations and is left out.
 
 use pid_symbolic::{Graph, Id};
 
 use super::inertia::Inertia;
 use super::symbols::Symbols;
 use super::vector::{self, Frame, Vector};
-use crate::model::{JointKind, Robot};
+use crate::model::{Affine, Joint, JointKind, Robot};
 
 /// How a body moves relative to its parent. Axes are of unit length, in the frame of the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,8 +22,8 @@ pub enum Motion {
 /// A moving body and the joint that carries it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Body {
-    /// Coordinate of its joint.
-    pub coord: usize,
+    /// How its joint moves with the coordinates.
+    pub rates: Rates,
     /// Position of the parent in [`Tree::bodies`], `None` for the base.
     pub parent: Option<usize>,
     /// Its frame in the frame of the parent, a function of the coordinate.
@@ -36,11 +36,61 @@ pub struct Body {
     pub armature: Option<Id>,
 }
 
+/// Ratios to coordinates: position `Σ ratio·q` (and an offset), velocity `Σ ratio·v`, forces `ratio·f`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rates(pub Vec<(usize, Id)>);
+
+impl Rates {
+    /// `Σ ratio·x`.
+    pub fn of(&self, g: &mut Graph, x: &[Id]) -> Id {
+        let mut sum = g.zero();
+        for &(coord, ratio) in &self.0 {
+            let term = g.mul(ratio, x[coord]);
+            sum = g.add(sum, term);
+        }
+        sum
+    }
+
+    /// Adds the force `f` on what moves so to the forces on the coordinates.
+    pub fn add_force(&self, g: &mut Graph, f: Id, forces: &mut [Id]) {
+        for &(coord, ratio) in &self.0 {
+            let share = g.mul(ratio, f);
+            forces[coord] = g.add(forces[coord], share);
+        }
+    }
+
+    /// Those of an affine combination.
+    pub fn new(g: &mut Graph, symbols: &Symbols, affine: &Affine) -> Self {
+        let term = |(coord, ratio): &(usize, _)| (*coord, symbols.expression(g, ratio));
+        Self(affine.terms.iter().map(term).collect())
+    }
+
+    /// Those of a joint; empty if it does not move.
+    pub fn of_joint(g: &mut Graph, symbols: &Symbols, joint: &Joint) -> Self {
+        match (joint.coord, &joint.follows) {
+            (Some(coord), _) => Self(vec![(coord, g.one())]),
+            (None, Some(affine)) => Self::new(g, symbols, affine),
+            (None, None) => Self(Vec::new()),
+        }
+    }
+}
+
+/// The inertia of a drive that moves several joints.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rotor {
+    /// How it moves with the coordinates.
+    pub rates: Rates,
+    /// Its inertia.
+    pub armature: Id,
+}
+
 /// Moving bodies, parents before children, and gravity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tree {
     /// The bodies.
     pub bodies: Vec<Body>,
+    /// Drives that move several joints.
+    pub rotors: Vec<Rotor>,
     /// Gravity in the base frame.
     pub gravity: Vector,
 }
@@ -67,39 +117,44 @@ impl Tree {
             let at_zero = parent_frame.then(g, &placed);
             let link = Inertia::of_link(g, symbols, &robot.links[joint.child].inertial);
 
+            let rates = Rates::of_joint(g, symbols, joint);
+            let mut position = rates.of(g, &symbols.q);
+            if let (None, Some(affine)) = (joint.coord, &joint.follows) {
+                let offset = symbols.expression(g, &affine.offset);
+                position = g.add(position, offset);
+            }
             let (motion, frame) = match joint.kind {
-                JointKind::Fixed => {
-                    if let Some(body) = parent {
-                        let seen = link.seen_from_parent(g, &at_zero);
-                        bodies[body].inertia = bodies[body].inertia.plus(g, &seen);
-                    }
-                    carrier[joint.child] = Some((parent, at_zero));
-                    continue;
-                }
+                JointKind::Fixed | JointKind::Angle | JointKind::Length => (None, at_zero),
                 JointKind::Revolute(axis) => {
-                    let q = symbols.q[joint.coord.expect("a moving joint has a coordinate")];
                     let turn = Frame {
-                        rotation: vector::rotation(g, axis, q),
+                        rotation: vector::rotation(g, axis, position),
                         origin: vector::zero(g),
                     };
                     (
-                        Motion::Revolute(vector::constant(g, axis)),
+                        Some(Motion::Revolute(vector::constant(g, axis))),
                         at_zero.then(g, &turn),
                     )
                 }
                 JointKind::Prismatic(axis) => {
-                    let q = symbols.q[joint.coord.expect("a moving joint has a coordinate")];
                     let axis = vector::constant(g, axis);
                     let slide = Frame {
                         rotation: vector::identity(g),
-                        origin: vector::scale(g, q, axis),
+                        origin: vector::scale(g, position, axis),
                     };
-                    (Motion::Prismatic(axis), at_zero.then(g, &slide))
+                    (Some(Motion::Prismatic(axis)), at_zero.then(g, &slide))
                 }
+            };
+            let Some(motion) = motion.filter(|_| !rates.0.is_empty()) else {
+                if let Some(body) = parent {
+                    let seen = link.seen_from_parent(g, &frame);
+                    bodies[body].inertia = bodies[body].inertia.plus(g, &seen);
+                }
+                carrier[joint.child] = Some((parent, frame));
+                continue;
             };
             carrier[joint.child] = Some((Some(bodies.len()), base));
             bodies.push(Body {
-                coord: joint.coord.expect("a moving joint has a coordinate"),
+                rates,
                 parent,
                 frame,
                 motion,
@@ -110,8 +165,19 @@ impl Tree {
                     .map(|armature| symbols.expression(g, armature)),
             });
         }
+        let rotors = robot
+            .motors
+            .iter()
+            .filter_map(|motor| {
+                Some(Rotor {
+                    armature: symbols.expression(g, motor.armature.as_ref()?),
+                    rates: Rates::new(g, symbols, &motor.moves),
+                })
+            })
+            .collect();
         Self {
             bodies,
+            rotors,
             gravity: symbols.vector(g, &robot.gravity),
         }
     }

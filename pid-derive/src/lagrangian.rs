@@ -39,7 +39,7 @@ pub fn energies(g: &mut Graph, tree: &Tree, symbols: &Symbols) -> Energies {
         let at_origin = vector::add(g, of_parent_v, carried);
         let mut v = vector::apply_transposed(g, &body.frame.rotation, at_origin);
         let mut w = vector::apply_transposed(g, &body.frame.rotation, of_parent_w);
-        let rate = symbols.v[body.coord];
+        let rate = body.rates.of(g, &symbols.v);
         match body.motion {
             Motion::Revolute(axis) => {
                 let own = vector::scale(g, rate, axis);
@@ -62,17 +62,55 @@ pub fn energies(g: &mut Graph, tree: &Tree, symbols: &Symbols) -> Energies {
         let mixed = vector::dot(g, v, lever);
         own = g.add(own, mixed);
         if let Some(armature) = body.armature {
-            let square = g.mul(rate, rate);
-            let rotor = g.mul(armature, square);
-            let rotor = g.mul(half, rotor);
+            let rotor = spinning(g, armature, rate);
             own = g.add(own, rotor);
         }
+        kinetic = g.add(kinetic, own);
+    }
+    for rotor in &tree.rotors {
+        let rate = rotor.rates.of(g, &symbols.v);
+        let own = spinning(g, rotor.armature, rate);
         kinetic = g.add(kinetic, own);
     }
     Energies {
         kinetic,
         potential: potential(g, tree),
     }
+}
+
+/// `½ J w²`.
+fn spinning(g: &mut Graph, inertia: Id, rate: Id) -> Id {
+    let square = g.mul(rate, rate);
+    let twice = g.mul(inertia, square);
+    let half = g.constant(0.5);
+    g.mul(half, twice)
+}
+
+/// Energies of a Lagrangian that is quadratic in the velocities: `T = ½ v·(∂L/∂v − ∂L/∂v|₀)`, `U = −L|₀`, both at v = 0
+/// where marked. T + U is conserved without applied forces; terms linear in v (gyroscopic) do no work and are in neither.
+pub fn energies_of(g: &mut Graph, lagrangian: Id, symbols: &Symbols) -> Energies {
+    let momentum = diff::gradient(g, lagrangian, &symbols.v);
+    let at_rest = at_rest(g, &momentum, symbols);
+    let mut twice = g.zero();
+    for ((&p, &p0), &v) in momentum.iter().zip(&at_rest).zip(&symbols.v) {
+        let moving = g.sub(p, p0);
+        let term = g.mul(v, moving);
+        twice = g.add(twice, term);
+    }
+    let half = g.constant(0.5);
+    let resting = self::at_rest(g, &[lagrangian], symbols)[0];
+    Energies {
+        kinetic: g.mul(half, twice),
+        potential: g.neg(resting),
+    }
+}
+
+fn at_rest(g: &mut Graph, outputs: &[Id], symbols: &Symbols) -> Vec<Id> {
+    let zero = g.zero();
+    let nq = symbols.q.len();
+    g.substitute(outputs, |_, var| {
+        (nq..2 * nq).contains(&(var as usize)).then_some(zero)
+    })
 }
 
 /// U = −g·h, h the first moment of all bodies in the base frame, gathered from the tips inwards.
@@ -103,10 +141,9 @@ fn potential(g: &mut Graph, tree: &Tree) -> Id {
     g.neg(work)
 }
 
-/// `M a + b` by Euler-Lagrange, one expression per coordinate.
-pub fn equations(g: &mut Graph, energies: Energies, symbols: &Symbols) -> Vec<Id> {
-    let momentum = diff::gradient(g, energies.kinetic, &symbols.v);
-    let lagrangian = g.sub(energies.kinetic, energies.potential);
+/// `d/dt ∂L/∂v − ∂L/∂q`, which is `M a + b`, one expression per coordinate.
+pub fn equations(g: &mut Graph, lagrangian: Id, symbols: &Symbols) -> Vec<Id> {
+    let momentum = diff::gradient(g, lagrangian, &symbols.v);
     let of_position = diff::gradient(g, lagrangian, &symbols.q);
     let along: Vec<(Id, Id)> = symbols
         .q

@@ -22,6 +22,13 @@ pub struct Robot {
     pub joints: Vec<Joint>,
     /// Indices into `joints` so that every joint comes after the joint that carries its parent link.
     pub order: Vec<usize>,
+    /// Drives that move several joints at once.
+    pub motors: Vec<Motor>,
+    /// Potential energy U_e(q, p) beside that of gravity, J.
+    pub potential: Option<Expr>,
+    /// A Lagrangian L(q, v, p) in place of links, J; all joints are then of the kinds [`JointKind::Angle`] and
+    /// [`JointKind::Length`], and `order` is empty.
+    pub lagrangian: Option<Expr>,
     /// Number of entries written `_`; [`Expr::Blank`] refers to them.
     pub blanks: Vec<Blank>,
     /// What the user asked to be emitted.
@@ -29,7 +36,7 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// Number of moving joints, which is the number of coordinates.
+    /// Number of coordinates: of joints that move on their own.
     pub fn nq(&self) -> usize {
         self.joints.iter().filter(|j| j.coord.is_some()).count()
     }
@@ -158,8 +165,10 @@ pub struct Joint {
     pub docs: Vec<String>,
     /// What moves.
     pub kind: JointKind,
-    /// Index of the coordinate of a moving joint: the moving joints in declaration order.
+    /// Index of the coordinate of a joint that moves on its own: these joints in declaration order.
     pub coord: Option<usize>,
+    /// How a joint of moving kind without a coordinate moves: with other joints, or, without terms, held at a value.
+    pub follows: Option<Affine>,
     /// Parent link, `None` for the base.
     pub parent: Option<usize>,
     /// Child link.
@@ -176,6 +185,39 @@ pub struct Joint {
     pub force: Option<Expr>,
 }
 
+/// `Σ ratio·q + offset`: the position of a joint or drive that moves with coordinates.
+///
+/// Its velocity is `Σ ratio·v`, and a force f on it is a force `ratio·f` on each of the coordinates (equal power).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Affine {
+    /// Coordinates with their ratios; each coordinate once.
+    pub terms: Vec<(usize, Expr)>,
+    /// Position at zero coordinates, rad or m.
+    pub offset: Expr,
+}
+
+/// A drive that moves several joints at once, w = Σ ratio·v: a coupled wrist, a differential.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motor {
+    /// Name as declared.
+    pub name: String,
+    /// The user's `///` lines.
+    pub docs: Vec<String>,
+    /// How it moves with the coordinates.
+    pub moves: Affine,
+    /// Inertia (kg·m²) or mass (kg) of the drive: adds `ratioᵢ·ratioⱼ·armature` to M.
+    pub armature: Option<Expr>,
+    /// Force of the drive, N·m or N: adds `ratio·force` to f_L.
+    pub force: Option<Expr>,
+}
+
+impl JointKind {
+    /// Whether positions of the joint are lengths; angles otherwise.
+    pub fn is_length(self) -> bool {
+        matches!(self, Self::Prismatic(_) | Self::Length)
+    }
+}
+
 /// Kind of a joint. Axes are of unit length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum JointKind {
@@ -185,6 +227,10 @@ pub enum JointKind {
     Prismatic([f64; 3]),
     /// No motion.
     Fixed,
+    /// A coordinate of a Lagrangian, an angle.
+    Angle,
+    /// A coordinate of a Lagrangian, a length.
+    Length,
 }
 
 /// An entry written `_`: the user says it does not enter the equations, [`facts`](mod@crate::facts) prove it.

@@ -47,7 +47,7 @@ pub fn equations(g: &mut Graph, tree: &Tree, motions: &Motions) -> Vec<Id> {
         let mut acceleration = vector::apply_transposed(g, &body.frame.rotation, at_origin);
         let mut w = vector::apply_transposed(g, &body.frame.rotation, w_p);
         let mut dw = vector::apply_transposed(g, &body.frame.rotation, dw_p);
-        let (rate, rate_of_rate) = (motions.v[body.coord], motions.a[body.coord]);
+        let (rate, rate_of_rate) = (body.rates.of(g, &motions.v), body.rates.of(g, &motions.a));
         match body.motion {
             Motion::Revolute(axis) => {
                 let own = vector::scale(g, rate, axis);
@@ -86,7 +86,7 @@ pub fn equations(g: &mut Graph, tree: &Tree, motions: &Motions) -> Vec<Id> {
     }
 
     let zero = g.zero();
-    let mut forces = vec![zero; tree.bodies.len()];
+    let mut forces = vec![zero; motions.v.len()];
     for index in (0..tree.bodies.len()).rev() {
         let body = &tree.bodies[index];
         let (force, moment) = wrenches[index];
@@ -95,10 +95,11 @@ pub fn equations(g: &mut Graph, tree: &Tree, motions: &Motions) -> Vec<Id> {
             Motion::Prismatic(axis) => vector::dot(g, axis, force),
         };
         if let Some(armature) = body.armature {
-            let rotor = g.mul(armature, motions.a[body.coord]);
+            let acceleration = body.rates.of(g, &motions.a);
+            let rotor = g.mul(armature, acceleration);
             felt = g.add(felt, rotor);
         }
-        forces[body.coord] = felt;
+        body.rates.add_force(g, felt, &mut forces);
         if let Some(parent) = body.parent {
             let force = vector::apply(g, &body.frame.rotation, force);
             let moment = vector::apply(g, &body.frame.rotation, moment);
@@ -110,6 +111,11 @@ pub fn equations(g: &mut Graph, tree: &Tree, motions: &Motions) -> Vec<Id> {
                 vector::add(g, at_parent_n, moment),
             );
         }
+    }
+    for rotor in &tree.rotors {
+        let acceleration = rotor.rates.of(g, &motions.a);
+        let felt = g.mul(rotor.armature, acceleration);
+        rotor.rates.add_force(g, felt, &mut forces);
     }
     forces
 }

@@ -66,6 +66,9 @@ pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) ->
         links,
         joints: joints.into_iter().collect::<Option<_>>()?,
         order: Vec::new(),
+        motors: Vec::new(),
+        potential: None,
+        lagrangian: None,
         blanks,
         emit: super::emit(ast),
     };
@@ -339,6 +342,7 @@ impl Builder<'_, '_> {
             docs: d.docs.clone(),
             kind: kind?,
             coord: s.coord,
+            follows: None,
             parent: None,
             child: 0,
             origin: origin?,

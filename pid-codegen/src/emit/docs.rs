@@ -87,6 +87,8 @@ fn kind(joint: &Joint) -> String {
         JointKind::Revolute(axis) => format!("revolute about {}", about(axis)),
         JointKind::Prismatic(axis) => format!("prismatic along {}", about(axis)),
         JointKind::Fixed => "fixed".to_owned(),
+        JointKind::Angle => "an angle".to_owned(),
+        JointKind::Length => "a length".to_owned(),
     }
 }
 
@@ -165,11 +167,14 @@ pub fn robot(
         }
     }
     line(String::new());
-    line(format!(
-        "Equations by {} (r: {} operations by Euler-Lagrange, {} by Newton-Euler; both agree).",
-        equations.derivation,
-        equations.lagrange.total(),
-        equations.newton_euler.total()
-    ));
+    line(match equations.newton_euler {
+        Some(newton_euler) => format!(
+            "Equations by {} (r: {} operations by Euler-Lagrange, {} by Newton-Euler; both agree).",
+            equations.derivation,
+            equations.lagrange.total(),
+            newton_euler.total()
+        ),
+        None => "Equations by Euler-Lagrange from the Lagrangian as declared.".to_owned(),
+    });
     lines
 }

@@ -87,6 +87,7 @@ fn skeleton(ast: &Ast, symbols: &Symbols<'_>) -> Robot {
                 docs: j.decl.docs.clone(),
                 kind: JointKind::Fixed,
                 coord: j.coord,
+                follows: None,
                 parent: None,
                 child: 0,
                 origin: zero(),
@@ -97,6 +98,9 @@ fn skeleton(ast: &Ast, symbols: &Symbols<'_>) -> Robot {
             })
             .collect(),
         order: Vec::new(),
+        motors: Vec::new(),
+        potential: None,
+        lagrangian: None,
         blanks: Vec::new(),
         emit: Emit {
             first_derivatives: true,

@@ -8,7 +8,7 @@ use super::functions::{Function, Layout, Part, Scalar, number};
 use super::types::derived;
 use super::{Names, docs};
 use pid_derive::Equations;
-use pid_derive::model::{Joint, JointKind, Robot};
+use pid_derive::model::{Joint, Robot};
 
 /// The functions behind all values.
 #[derive(Debug, Clone)]
@@ -151,7 +151,7 @@ fn infos(robot: &Robot) -> TokenStream {
     moving.sort_by_key(|joint| joint.coord);
     let joints = moving.into_iter().map(|joint| {
         let name = text(&joint.name);
-        let prismatic = matches!(joint.kind, JointKind::Prismatic(_));
+        let prismatic = joint.kind.is_length();
         let limits = match joint.limits {
             None => quote!(::core::option::Option::None),
             Some((lower, upper)) => {

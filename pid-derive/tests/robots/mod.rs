@@ -58,6 +58,9 @@ impl Builder {
             links: Vec::new(),
             joints: Vec::new(),
             order: Vec::new(),
+            motors: Vec::new(),
+            potential: None,
+            lagrangian: None,
             blanks: Vec::new(),
             emit: Emit {
                 first_derivatives: true,
@@ -127,6 +130,7 @@ impl Builder {
             docs: Vec::new(),
             kind,
             coord,
+            follows: None,
             parent,
             child,
             origin: nums([0.0; 3]),
