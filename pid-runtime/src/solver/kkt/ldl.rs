@@ -36,6 +36,7 @@ pub struct SparseLdl {
     symbolic: SymbolicCholesky<usize>,
     factor: Vec<f64>,
     memory: MemBuffer,
+    rows: Vec<f64>,
 }
 
 impl SparseLdl {
@@ -88,6 +89,7 @@ impl SparseLdl {
             symbolic,
             factor,
             memory: MemBuffer::new(numeric),
+            rows: Vec::new(),
         }
     }
 
@@ -176,6 +178,72 @@ impl SparseLdl {
         }
     }
 
+    /// Solves in place for `width` right-hand sides stored row by row (n × width): every entry of the factor meets a
+    /// contiguous row.
+    pub fn solve_rows(&mut self, rhs: &mut [f64], width: usize) {
+        let n = self.n;
+        self.rows.clear();
+        self.rows.resize(n * width, 0.0);
+        // faer orders the matrix by a permutation with x_new[i] = x[forward[i]].
+        let permutation = self.symbolic.perm();
+        let place = |i: usize| permutation.map_or(i, |p| p.arrays().0[i]);
+        let x = &mut self.rows;
+        for i in 0..n {
+            let from = place(i) * width;
+            x[i * width..(i + 1) * width].copy_from_slice(&rhs[from..from + width]);
+        }
+        let SymbolicCholeskyRaw::Simplicial(pattern) = self.symbolic.raw() else {
+            unreachable!("simplicial was forced")
+        };
+        let (col_ptr, row_idx) = (pattern.col_ptr(), pattern.row_idx());
+        for j in 0..n {
+            let (above, below) = x.split_at_mut((j + 1) * width);
+            let row = &above[j * width..];
+            for k in col_ptr[j] + 1..col_ptr[j + 1] {
+                let at = (row_idx[k] - j - 1) * width;
+                let l = self.factor[k];
+                for (b, a) in below[at..at + width].iter_mut().zip(row) {
+                    *b -= l * a;
+                }
+            }
+        }
+        for j in (0..n).rev() {
+            let (above, below) = x.split_at_mut((j + 1) * width);
+            let row = &mut above[j * width..];
+            let inverse = 1.0 / self.factor[col_ptr[j]];
+            row.iter_mut().for_each(|x| *x *= inverse);
+            for k in col_ptr[j] + 1..col_ptr[j + 1] {
+                let at = (row_idx[k] - j - 1) * width;
+                let l = self.factor[k];
+                for (a, b) in row.iter_mut().zip(&below[at..at + width]) {
+                    *a -= l * b;
+                }
+            }
+        }
+        for i in 0..n {
+            let to = place(i) * width;
+            rhs[to..to + width].copy_from_slice(&x[i * width..(i + 1) * width]);
+        }
+    }
+
+    /// `Y += A X` for X stored row by row, n × width.
+    pub fn multiply_add_rows(&self, x: &[f64], y: &mut [f64], width: usize) {
+        let row = |i: usize| i * width..(i + 1) * width;
+        for c in 0..self.n {
+            for k in self.col_ptr[c]..self.col_ptr[c + 1] {
+                let (r, a) = (self.row_idx[k], self.values[k]);
+                for (y, x) in y[row(r)].iter_mut().zip(&x[row(c)]) {
+                    *y += a * x;
+                }
+                if r != c {
+                    for (y, x) in y[row(c)].iter_mut().zip(&x[row(r)]) {
+                        *y += a * x;
+                    }
+                }
+            }
+        }
+    }
+
     /// `y += A x` with the current values.
     pub fn multiply_add(&self, x: &[f64], y: &mut [f64]) {
         for c in 0..self.n {
@@ -217,6 +285,38 @@ mod tests {
         ldl.solve(&mut rhs, 2);
         for (a, b) in x.iter().zip(&rhs) {
             assert!((a - b).abs() < 1e-14, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn right_hand_sides_by_rows_give_what_columns_give() {
+        // A ring with two chords, so that the ordering moves something and the factor fills.
+        let n = 9;
+        let mut triplets: Vec<(u32, u32)> = (1..n as u32).map(|i| (i, i - 1)).collect();
+        triplets.extend([(8, 0), (6, 2), (7, 1)]);
+        let mut ldl = SparseLdl::new(n, &triplets);
+        for k in 0..triplets.len() {
+            ldl.add(k, 0.3 + 0.1 * k as f64);
+        }
+        for i in 0..n {
+            ldl.add_diagonal(i, if i % 3 == 0 { -4.0 } else { 5.0 });
+        }
+        ldl.factorise();
+        let width = 3;
+        let x: Vec<f64> = (0..n * width).map(|k| (k as f64).sin()).collect();
+        let mut rows = vec![0.0; n * width];
+        ldl.multiply_add_rows(&x, &mut rows, width);
+        for c in 0..width {
+            let column: Vec<f64> = x.iter().skip(c).step_by(width).copied().collect();
+            let mut product = vec![0.0; n];
+            ldl.multiply_add(&column, &mut product);
+            for i in 0..n {
+                assert!((rows[i * width + c] - product[i]).abs() < 1e-14);
+            }
+        }
+        ldl.solve_rows(&mut rows, width);
+        for (a, b) in x.iter().zip(&rows) {
+            assert!((a - b).abs() < 1e-13, "{a} {b}");
         }
     }
 }

@@ -10,6 +10,7 @@
 //! The last step replaces repeated trial factorizations by one symmetric eigenvalue problem of the size of p and moves only
 //! directions of wrong curvature (reflection: Y. Dauphin et al. 2014, "saddle-free Newton"; here on the reduced Hessian).
 
+mod plan;
 mod segment;
 
 use super::layout::Layout;
@@ -17,8 +18,9 @@ use super::ldl::SparseLdl;
 use super::{Kkt, KktError, KktValues, Regularisation};
 use crate::nlp::SparsePattern;
 use faer::{Mat, Side};
+use plan::{Plan, Sizes};
 use rayon::prelude::*;
-use segment::{Segment, Sizes};
+use segment::Segment;
 
 /// Static regularisation of the links in the coarse factorization; refinement removes its effect.
 const STATIC: f64 = 1e-9;
@@ -33,6 +35,7 @@ const PARALLEL_STEPS: usize = 1500;
 /// Segmented condensing; see the module's documentation.
 pub struct StructuredKkt {
     layout: Layout,
+    plan: Plan,
     sizes: Sizes,
     /// Position of each parameter among the free ones.
     columns: Vec<Option<u32>>,
@@ -41,11 +44,17 @@ pub struct StructuredKkt {
     start_at: Vec<Option<usize>>,
     link_at: Vec<Option<usize>>,
     links: usize,
-    coarse_n: usize,
     ldl: SparseLdl,
-    /// K_xx⁻¹ K_xp and K_xp, column-major, coarse_n × np.
+    /// Which coarse rows are links.
+    link_rows: Vec<bool>,
+    /// K_xx⁻¹ K_xp and K_xp, row by row, coarse_n × wp; and what refinement works on.
     z: Vec<f64>,
     kxp: Vec<f64>,
+    correction: Vec<f64>,
+    /// K_px K_xx⁻¹ K_xp, np × wp.
+    product: Vec<f64>,
+    /// `np`, rounded up for vector units.
+    wp: usize,
     /// Reduced Hessian as computed, then its modification, then eigenvectors and eigenvalues; np × np.
     reduced: Mat<f64>,
     modification: Mat<f64>,
@@ -62,6 +71,11 @@ pub struct StructuredKkt {
     residual_c: Vec<f64>,
     step_x: Vec<f64>,
     step_c: Vec<f64>,
+    /// Per solve: parameters' right-hand side and step, coarse right-hand side, a state and a zero state.
+    rp: Vec<f64>,
+    dp: Vec<f64>,
+    rhs: Vec<f64>,
+    states: Vec<f64>,
     coarse: Vec<f64>,
     coarse_correction: Vec<f64>,
 }
@@ -77,12 +91,9 @@ impl StructuredKkt {
             np += u32::from(!fixed);
         }
         let np = np as usize;
-        let sizes = Sizes {
-            nx: layout.nx,
-            ny: layout.ny,
-            np,
-            w: (layout.nx + np).next_multiple_of(4),
-        };
+        let plan = Plan::new(&layout, &columns, np);
+        let sizes = plan.sizes;
+        let wp = np.next_multiple_of(4);
         let mut segments = Vec::new();
         let (mut start_at, mut link_at) = (Vec::new(), Vec::new());
         let (mut coarse_n, mut links) = (0, 0);
@@ -90,7 +101,7 @@ impl StructuredKkt {
             let count = window.steps.div_ceil(segment_steps.max(1)).max(1);
             for s in 0..count {
                 let (from, to) = (s * window.steps / count, (s + 1) * window.steps / count);
-                segments.push(Segment::new(sizes, window, from, to - from));
+                segments.push(Segment::new(&plan, window, from, to - from));
                 let held = s == 0 && window.held;
                 start_at.push((!held).then_some(coarse_n));
                 coarse_n += if held { 0 } else { layout.nx };
@@ -103,17 +114,26 @@ impl StructuredKkt {
         let (hessian_pattern, jacobian_pattern) =
             (layout.hessian_pattern(), layout.jacobian_pattern());
         let (n, m) = (layout.n(), layout.m());
+        let mut link_rows = vec![false; coarse_n];
+        for link in link_at.iter().flatten() {
+            let link: usize = *link;
+            link_rows[link..link + layout.nx].fill(true);
+        }
         let mut kkt = Self {
+            plan,
             sizes,
             columns,
             segments,
             start_at,
             link_at,
             links,
-            coarse_n,
             ldl: SparseLdl::new(0, &[]),
-            z: vec![0.0; coarse_n * np],
-            kxp: vec![0.0; coarse_n * np],
+            link_rows,
+            z: vec![0.0; coarse_n * wp],
+            kxp: vec![0.0; coarse_n * wp],
+            correction: vec![0.0; coarse_n * wp],
+            product: vec![0.0; np * wp],
+            wp,
             reduced: Mat::zeros(np, np),
             modification: Mat::zeros(np, np),
             vectors: Mat::zeros(np, np),
@@ -129,6 +149,10 @@ impl StructuredKkt {
             residual_c: vec![0.0; m],
             step_x: vec![0.0; n],
             step_c: vec![0.0; m],
+            rp: vec![0.0; np],
+            dp: vec![0.0; np],
+            rhs: vec![0.0; coarse_n],
+            states: vec![0.0; 2 * layout.nx],
             coarse: vec![0.0; coarse_n],
             coarse_correction: vec![0.0; coarse_n],
             layout,
@@ -169,15 +193,15 @@ impl StructuredKkt {
             jacobian: &self.jacobian,
             sigma: &self.sigma,
         };
-        let (sizes, layout, columns) = (self.sizes, &self.layout, &self.columns);
+        let (plan, layout) = (&self.plan, &self.layout);
         if layout.steps() < PARALLEL_STEPS {
             self.segments
                 .iter_mut()
-                .try_for_each(|s| s.condense(sizes, layout, columns, &values))
+                .try_for_each(|s| s.condense(plan, layout, &values))
         } else {
             self.segments
                 .par_iter_mut()
-                .try_for_each(|s| s.condense(sizes, layout, columns, &values))
+                .try_for_each(|s| s.condense(plan, layout, &values))
         }
     }
 
@@ -227,46 +251,36 @@ impl StructuredKkt {
         Ok((delta, tried))
     }
 
-    /// Solves with the coarse matrix without its static regularisation: one step of refinement, the solution as a whole is
-    /// refined later.
+    /// Solves with the coarse matrix without its static regularisation, for `width` right-hand sides row by row: one step of
+    /// refinement, the solution as a whole is refined later.
     fn coarse_solve(
         ldl: &mut SparseLdl,
         link_rows: &[bool],
         rhs: &[f64],
         x: &mut [f64],
         r: &mut [f64],
+        width: usize,
     ) {
-        let n = rhs.len();
         x.copy_from_slice(rhs);
-        ldl.solve(x, 1);
+        ldl.solve_rows(x, width);
         r.fill(0.0);
-        ldl.multiply_add(x, r);
-        for i in 0..n {
-            let without = if link_rows[i] {
-                r[i] + STATIC * x[i]
-            } else {
-                r[i]
-            };
-            r[i] = rhs[i] - without;
+        ldl.multiply_add_rows(x, r, width);
+        for (i, link) in link_rows.iter().enumerate() {
+            let shift = if *link { STATIC } else { 0.0 };
+            for k in i * width..(i + 1) * width {
+                r[k] = rhs[k] - (r[k] + shift * x[k]);
+            }
         }
-        ldl.solve(r, 1);
-        for i in 0..n {
-            x[i] += r[i];
+        ldl.solve_rows(r, width);
+        for (x, r) in x.iter_mut().zip(r) {
+            *x += *r;
         }
-    }
-
-    fn link_rows(&self) -> Vec<bool> {
-        let mut rows = vec![false; self.coarse_n];
-        for link in self.link_at.iter().flatten() {
-            rows[*link..link + self.sizes.nx].fill(true);
-        }
-        rows
     }
 
     /// Schur complement of the coarse matrix in the free parameters.
     fn reduce_to_parameters(&mut self) {
         let Sizes { nx, np, w, .. } = self.sizes;
-        let n = self.coarse_n;
+        let wp = self.wp;
         self.reduced.fill(0.0);
         for (s, segment) in self.segments.iter().enumerate() {
             for i in 0..np {
@@ -275,14 +289,13 @@ impl StructuredKkt {
                 }
             }
             for i in 0..nx {
-                if let Some(x) = self.start_at[s] {
-                    for j in 0..np {
-                        self.kxp[j * n + x + i] = segment.v[i * w + nx + j];
-                    }
-                }
-                if let Some(link) = self.link_at[s] {
-                    for j in 0..np {
-                        self.kxp[j * n + link + i] = segment.c[i * w + nx + j];
+                for (at, rows) in [
+                    (self.start_at[s], &segment.v),
+                    (self.link_at[s], &segment.c),
+                ] {
+                    if let Some(at) = at {
+                        self.kxp[(at + i) * wp..(at + i) * wp + np]
+                            .copy_from_slice(&rows[i * w + nx..i * w + nx + np]);
                     }
                 }
             }
@@ -300,17 +313,30 @@ impl StructuredKkt {
                 self.reduced[(i, i)] += self.sigma[p + j];
             }
         }
-        let links = self.link_rows();
-        for j in 0..np {
-            let rhs = &self.kxp[j * n..(j + 1) * n];
-            let x = &mut self.z[j * n..(j + 1) * n];
-            Self::coarse_solve(&mut self.ldl, &links, rhs, x, &mut self.coarse_correction);
+        Self::coarse_solve(
+            &mut self.ldl,
+            &self.link_rows,
+            &self.kxp,
+            &mut self.z,
+            &mut self.correction,
+            wp,
+        );
+        self.product.fill(0.0);
+        for (k, z) in self
+            .kxp
+            .chunks_exact(wp.max(1))
+            .zip(self.z.chunks_exact(wp.max(1)))
+        {
+            for j in 0..np {
+                let row = &mut self.product[j * wp..(j + 1) * wp];
+                for (out, k) in row.iter_mut().zip(k) {
+                    *out += z[j] * k;
+                }
+            }
         }
         for j in 0..np {
             for i in j..np {
-                let (a, b) = (&self.kxp[i * n..(i + 1) * n], &self.z[j * n..(j + 1) * n]);
-                let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
-                self.reduced[(i, j)] -= dot;
+                self.reduced[(i, j)] -= self.product[j * wp + i];
             }
         }
         for j in 0..np {
@@ -380,13 +406,12 @@ impl StructuredKkt {
                 .for_each(|s| s.reduce(sizes, layout, rx, rc));
         }
         let p_at = layout.p();
-        let mut rp = vec![0.0; np];
+        let (rp, rhs) = (&mut self.rp, &mut self.rhs);
         for (j, column) in self.columns.iter().enumerate() {
             if let Some(i) = column {
                 rp[*i as usize] = rx[p_at + j];
             }
         }
-        let mut rhs = vec![0.0; self.coarse_n];
         for (s, segment) in self.segments.iter().enumerate() {
             for i in 0..np {
                 rp[i] -= segment.p_lin[i];
@@ -400,20 +425,22 @@ impl StructuredKkt {
                 }
             }
         }
-        let links = self.link_rows();
         Self::coarse_solve(
             &mut self.ldl,
-            &links,
-            &rhs,
+            &self.link_rows,
+            rhs,
             &mut self.coarse,
             &mut self.coarse_correction,
+            1,
         );
-        let n = self.coarse_n;
-        for (j, r) in rp.iter_mut().enumerate() {
-            let k = &self.kxp[j * n..(j + 1) * n];
-            *r -= k.iter().zip(&self.coarse).map(|(a, b)| a * b).sum::<f64>();
+        let wp = self.wp;
+        for (c, k) in self.coarse.iter().zip(self.kxp.chunks_exact(wp.max(1))) {
+            for (r, k) in rp.iter_mut().zip(k) {
+                *r -= k * c;
+            }
         }
-        let mut dp = vec![0.0; np];
+        let dp = &mut self.dp;
+        dp.fill(0.0);
         for k in 0..np {
             let projection: f64 = (0..np).map(|i| self.vectors[(i, k)] * rp[i]).sum();
             let coefficient = projection / self.eigenvalues[k];
@@ -421,10 +448,8 @@ impl StructuredKkt {
                 *d += coefficient * self.vectors[(i, k)];
             }
         }
-        for (j, d) in dp.iter().enumerate() {
-            for (c, z) in self.coarse.iter_mut().zip(&self.z[j * n..(j + 1) * n]) {
-                *c -= d * z;
-            }
+        for (c, z) in self.coarse.iter_mut().zip(self.z.chunks_exact(wp.max(1))) {
+            *c -= z.iter().zip(dp.iter()).map(|(z, d)| z * d).sum::<f64>();
         }
         self.step_x.fill(0.0);
         for (j, column) in self.columns.iter().enumerate() {
@@ -432,23 +457,22 @@ impl StructuredKkt {
                 self.step_x[p_at + j] = dp[*i as usize];
             }
         }
-        let zero = vec![0.0; nx];
-        let mut x = vec![0.0; nx];
+        let (x, zero) = self.states.split_at_mut(nx);
         for (s, segment) in self.segments.iter().enumerate() {
             let at = layout.state(&segment.window, segment.start);
             x.fill(0.0);
             if let Some(c) = self.start_at[s] {
                 x.copy_from_slice(&self.coarse[c..c + nx]);
             }
-            self.step_x[at..at + nx].copy_from_slice(&x);
-            let nu = self.link_at[s].map_or(zero.as_slice(), |l| &self.coarse[l..l + nx]);
+            self.step_x[at..at + nx].copy_from_slice(x);
+            let nu = self.link_at[s].map_or(&*zero, |l| &self.coarse[l..l + nx]);
             let y = layout.step(&segment.window, segment.start);
             let row = segment.window.row + segment.start * ny;
             let (dx, dlambda) = (
                 &mut self.step_x[y..y + segment.len * ny],
                 &mut self.step_c[row..row + segment.len * ny],
             );
-            segment.expand(sizes, &mut x, &dp, nu, dx, dlambda);
+            segment.expand(sizes, x, dp, nu, dx, dlambda);
         }
     }
 }

@@ -1,0 +1,253 @@
+//! Where the values of a step go in the condensing.
+//!
+//! A step's unknowns are `y = (s, x')`. Leading rows without parameters that fix one component of x' each (the kinematics
+//! `q' = q + h v …`) are substituted before anything is factorised: they leave the core unknowns `z`, the rest of y, and
+//!
+//! ```text
+//! x'_e = E x + S z + e
+//! ```
+//!
+//! Steps without such rows have z = y.
+
+use super::super::layout::Layout;
+
+/// Sizes shared by all segments, the width of a row of (x, p) coefficients rounded up for vector units.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Sizes {
+    pub(super) nx: usize,
+    pub(super) ny: usize,
+    /// Free parameters.
+    pub(super) np: usize,
+    /// Row length: `nx + np`, rounded up to a multiple of 4.
+    pub(super) w: usize,
+    /// Substituted components of the next state: its first `ne`, by the first `ne` rows.
+    pub(super) ne: usize,
+    /// Core unknowns, `ny − ne`.
+    pub(super) nz: usize,
+}
+
+impl Sizes {
+    /// Stage variables.
+    pub(super) fn ns(&self) -> usize {
+        self.ny - self.nx
+    }
+
+    /// Core position of component `i ≥ ne` of the next state.
+    pub(super) fn core(&self, i: usize) -> usize {
+        self.ns() + i - self.ne
+    }
+}
+
+/// `work[at] += sign · value`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Target {
+    value: u32,
+    at: u32,
+    sign: f64,
+}
+
+/// Adds the values of a step to the workspace.
+pub(super) fn scatter(targets: &[Target], values: &[f64], work: &mut [f64]) {
+    for t in targets {
+        work[t.at as usize] += t.sign * values[t.value as usize];
+    }
+}
+
+/// Offsets of the matrices of one step in its workspace.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Offsets {
+    /// Core rows with respect to z, nz × nz.
+    pub(super) b: usize,
+    /// Core rows with respect to x'_e, nz × ne.
+    pub(super) d: usize,
+    /// Minus the core rows with respect to (x, p), nz × w.
+    pub(super) t: usize,
+    /// Substituted rows with respect to x'_e: its diagonal, ne.
+    pub(super) r: usize,
+    /// Minus the substituted rows with respect to x, ne × nx.
+    pub(super) rx: usize,
+    /// Minus the substituted rows with respect to z, ne × nz.
+    pub(super) rz: usize,
+    /// Hessian: z with z (both triangles), nz × nz.
+    pub(super) m: usize,
+    /// z with (x, p), nz × w.
+    pub(super) n: usize,
+    /// x with (x, p), x with x in both triangles, nx × w.
+    pub(super) q: usize,
+    /// x'_e with z, ne × nz.
+    pub(super) fz: usize,
+    /// x'_e with (x, p), ne × w.
+    pub(super) fx: usize,
+    /// x'_e with x'_e (both triangles), ne × ne.
+    pub(super) fe: usize,
+    /// Length of the workspace.
+    pub(super) len: usize,
+}
+
+/// The plan of one step.
+pub(super) struct Plan {
+    pub(super) sizes: Sizes,
+    pub(super) offsets: Offsets,
+    pub(super) jacobian: Vec<Target>,
+    pub(super) hessian: Vec<Target>,
+}
+
+/// Leading rows free of parameters, each with a component of x' of its own.
+fn substituted_rows(layout: &Layout) -> usize {
+    // The next state follows x and the stages.
+    let (nx, first) = (layout.nx, layout.ny);
+    let mut ne = 0;
+    'rows: while ne < nx && ne < layout.ny {
+        let mut own = false;
+        for &(row, col) in &layout.step_jacobian {
+            let (row, col) = (row as usize, col as usize);
+            // The block of the rows so far must stay diagonal.
+            if row <= ne && col >= first && col <= first + ne && col - first != row {
+                break 'rows;
+            }
+            if row == ne {
+                if col >= nx + layout.ny {
+                    break 'rows;
+                }
+                own |= col == first + ne;
+            }
+        }
+        if !own {
+            break;
+        }
+        ne += 1;
+    }
+    ne
+}
+
+impl Plan {
+    /// `columns[j]` is the position of parameter j among the `np` free ones.
+    pub(super) fn new(layout: &Layout, columns: &[Option<u32>], np: usize) -> Self {
+        let (nx, ny) = (layout.nx, layout.ny);
+        let ne = substituted_rows(layout);
+        let sizes = Sizes {
+            nx,
+            ny,
+            np,
+            w: (nx + np).next_multiple_of(4),
+            ne,
+            nz: ny - ne,
+        };
+        let (nz, w) = (sizes.nz, sizes.w);
+        let mut len = 0;
+        let mut take = |n: usize| {
+            len += n;
+            len - n
+        };
+        let mut o = Offsets {
+            b: take(nz * nz),
+            d: take(nz * ne),
+            t: take(nz * w),
+            r: take(ne),
+            rx: take(ne * nx),
+            rz: take(ne * nz),
+            m: take(nz * nz),
+            n: take(nz * w),
+            q: take(nx * w),
+            fz: take(ne * nz),
+            fx: take(ne * w),
+            fe: take(ne * ne),
+            len: 0,
+        };
+        o.len = len;
+        let variable = |local: usize| Variable::of(local, &sizes, columns);
+
+        let mut jacobian = Vec::new();
+        for (value, &(row, col)) in layout.step_jacobian.iter().enumerate() {
+            let (row, value) = (row as usize, value as u32);
+            let (at, sign) = match (row < ne, variable(col as usize)) {
+                (_, Variable::Held) => continue,
+                (true, Variable::Start(j)) => (o.rx + row * nx + j, -1.0),
+                (true, Variable::Core(j)) => (o.rz + row * nz + j, -1.0),
+                (true, Variable::Substituted(j)) if j == row => (o.r + j, 1.0),
+                // Excluded when the rows were chosen.
+                (true, Variable::Substituted(_) | Variable::Parameter(_)) => continue,
+                (false, Variable::Start(j)) => (o.t + (row - ne) * w + j, -1.0),
+                (false, Variable::Parameter(j)) => (o.t + (row - ne) * w + nx + j, -1.0),
+                (false, Variable::Core(j)) => (o.b + (row - ne) * nz + j, 1.0),
+                (false, Variable::Substituted(j)) => (o.d + (row - ne) * ne + j, 1.0),
+            };
+            let at = at as u32;
+            jacobian.push(Target { value, at, sign });
+        }
+        let mut hessian = Vec::new();
+        for (value, &(row, col)) in layout.step_hessian.iter().enumerate() {
+            let (a, b) = (variable(row as usize), variable(col as usize));
+            let mut add = |at: usize| {
+                hessian.push(Target {
+                    value: value as u32,
+                    at: at as u32,
+                    sign: 1.0,
+                });
+            };
+            use Variable::{Core, Held, Parameter, Start, Substituted};
+            match (a, b) {
+                (Held, _) | (_, Held) | (Parameter(_), Parameter(_)) => {}
+                (Core(i), Core(j)) => {
+                    add(o.m + i * nz + j);
+                    if i != j {
+                        add(o.m + j * nz + i);
+                    }
+                }
+                (Start(i), Start(j)) => {
+                    add(o.q + i * w + j);
+                    if i != j {
+                        add(o.q + j * w + i);
+                    }
+                }
+                (Substituted(i), Substituted(j)) => {
+                    add(o.fe + i * ne + j);
+                    if i != j {
+                        add(o.fe + j * ne + i);
+                    }
+                }
+                (Core(i), Start(j)) | (Start(j), Core(i)) => add(o.n + i * w + j),
+                (Core(i), Parameter(j)) | (Parameter(j), Core(i)) => add(o.n + i * w + nx + j),
+                (Start(i), Parameter(j)) | (Parameter(j), Start(i)) => add(o.q + i * w + nx + j),
+                (Substituted(i), Core(j)) | (Core(j), Substituted(i)) => add(o.fz + i * nz + j),
+                (Substituted(i), Start(j)) | (Start(j), Substituted(i)) => add(o.fx + i * w + j),
+                (Substituted(i), Parameter(j)) | (Parameter(j), Substituted(i)) => {
+                    add(o.fx + i * w + nx + j);
+                }
+            }
+        }
+        Self {
+            sizes,
+            offsets: o,
+            jacobian,
+            hessian,
+        }
+    }
+}
+
+/// What a local position of a step is in the condensing.
+#[derive(Debug, Clone, Copy)]
+enum Variable {
+    Start(usize),
+    Core(usize),
+    Substituted(usize),
+    Parameter(usize),
+    Held,
+}
+
+impl Variable {
+    fn of(local: usize, s: &Sizes, columns: &[Option<u32>]) -> Self {
+        let ns = s.ns();
+        if local < s.nx {
+            Self::Start(local)
+        } else if local < s.nx + ns {
+            Self::Core(local - s.nx)
+        } else if local < s.nx + ns + s.ne {
+            Self::Substituted(local - s.nx - ns)
+        } else if local < s.nx + s.ny {
+            Self::Core(s.core(local - s.nx - ns))
+        } else {
+            columns[local - s.nx - s.ny].map_or(Self::Held, |j| Self::Parameter(j as usize))
+        }
+    }
+}
