@@ -14,6 +14,8 @@
 
 use std::borrow::Cow;
 
+use crate::lanes::{Lane, LanesAt, one_by_one};
+
 /// Sizes of a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Dims {
@@ -147,6 +149,18 @@ pub trait Dynamics: Send + Sync {
     fn kinetic_energy(&self, at: &At<'_>) -> f64;
     /// Potential energy, J. Reads `q`, `p`.
     fn potential_energy(&self, at: &At<'_>) -> f64;
+    /// [`mass_matrix`](Self::mass_matrix) of four nodes; see [`lanes`](crate::lanes).
+    fn mass_matrix_lanes(&self, at: &LanesAt<'_>, m: &mut [Lane]) {
+        one_by_one(at, &[], m, &mut [], |at, _, m, _| self.mass_matrix(at, m));
+    }
+    /// [`applied_force`](Self::applied_force) of four nodes; see [`lanes`](crate::lanes).
+    fn applied_force_lanes(&self, at: &LanesAt<'_>, f: &mut [Lane]) {
+        one_by_one(at, &[], f, &mut [], |at, _, f, _| self.applied_force(at, f));
+    }
+    /// [`residual`](Self::residual) of four nodes; see [`lanes`](crate::lanes).
+    fn residual_lanes(&self, at: &LanesAt<'_>, r: &mut [Lane]) {
+        one_by_one(at, &[], r, &mut [], |at, _, r, _| self.residual(at, r));
+    }
 }
 
 /// Structural non-zeros of a derivative, in the order in which values are written.
@@ -171,6 +185,12 @@ pub trait Jacobian: Dynamics {
     fn jacobian_pattern(&self) -> Pattern<'_>;
     /// The residual and the values of ∂r/∂z at the pattern's entries.
     fn residual_jacobian(&self, at: &At<'_>, r: &mut [f64], values: &mut [f64]);
+    /// [`residual_jacobian`](Self::residual_jacobian) of four nodes; see [`lanes`](crate::lanes).
+    fn residual_jacobian_lanes(&self, at: &LanesAt<'_>, r: &mut [Lane], values: &mut [Lane]) {
+        one_by_one(at, &[], r, values, |at, _, r, values| {
+            self.residual_jacobian(at, r, values);
+        });
+    }
 }
 
 /// Exact second derivatives of λᵀ r.
@@ -179,6 +199,12 @@ pub trait Hessian: Jacobian {
     fn hessian_pattern(&self) -> Pattern<'_>;
     /// The values at the pattern's entries; `lambda` has one entry per residual.
     fn residual_hessian(&self, at: &At<'_>, lambda: &[f64], values: &mut [f64]);
+    /// [`residual_hessian`](Self::residual_hessian) of four nodes, each with its multipliers; see [`lanes`](crate::lanes).
+    fn residual_hessian_lanes(&self, at: &LanesAt<'_>, lambda: &[Lane], values: &mut [Lane]) {
+        one_by_one(at, lambda, values, &mut [], |at, lambda, values, _| {
+            self.residual_hessian(at, lambda, values);
+        });
+    }
 }
 
 /// First derivatives of the inverse dynamics `tau(q, v, a, p)`, dense; as returned by the typed face of a model.

@@ -6,6 +6,7 @@ pub mod gap;
 pub mod generic;
 pub mod ident;
 pub mod integrate;
+pub mod lanes;
 pub mod nlp;
 pub mod report;
 pub mod signal;

@@ -2,6 +2,12 @@
 
 use num_dual::DualNum;
 
+pub use crate::lanes::one_by_one;
+pub use multiversion;
+
+#[cfg(target_arch = "x86_64")]
+pub use crate::lanes::avx2;
+
 /// −1, 0 or 1; NaN for NaN.
 #[inline]
 pub fn sign(x: f64) -> f64 {

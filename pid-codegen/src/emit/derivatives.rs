@@ -8,6 +8,7 @@ use quote::quote;
 use super::Names;
 use super::functions::{Function, Layout, Part, Scalar};
 use super::impls::from_slices;
+use super::lanes::Lanes;
 use super::types::derived;
 use pid_derive::{Derivatives, Equations};
 
@@ -64,7 +65,8 @@ pub fn hessian(g: &Graph, layout: &Layout, derivatives: &Derivatives) -> Body {
 }
 
 /// Typed functions and trait of the first derivatives.
-pub fn jacobian_impls(names: &Names, layout: &Layout, body: &Body) -> TokenStream {
+pub fn jacobian_impls(names: &Names, layout: &Layout, body: &Body, lanes: &Lanes) -> TokenStream {
+    let lanes = lanes.jacobian(layout);
     let robot = &names.robot;
     let params = derived(names, "Params");
     let (nq, np, nu) = (layout.nq, layout.np, layout.nu);
@@ -126,12 +128,14 @@ pub fn jacobian_impls(names: &Names, layout: &Layout, body: &Body) -> TokenStrea
                 r.copy_from_slice(first);
                 values.copy_from_slice(rest);
             }
+            #lanes
         }
     }
 }
 
 /// Typed function and trait of the second derivatives.
-pub fn hessian_impls(names: &Names, layout: &Layout, body: &Body) -> TokenStream {
+pub fn hessian_impls(names: &Names, layout: &Layout, body: &Body, lanes: &Lanes) -> TokenStream {
+    let lanes = lanes.hessian(layout);
     let robot = &names.robot;
     let (params, inputs) = (derived(names, "Params"), derived(names, "Inputs"));
     let (nq, count) = (layout.nq, body.entries.len());
@@ -170,6 +174,7 @@ pub fn hessian_impls(names: &Names, layout: &Layout, body: &Body) -> TokenStream
                 let out: &mut [f64; #count] = ::pid_runtime::__private::exact_mut(values, "values");
                 #slices;
             }
+            #lanes
         }
     }
 }

@@ -80,7 +80,7 @@ impl Layout {
     }
 
     /// Argument and index of a variable.
-    fn locate(&self, var: usize) -> (Part, usize) {
+    pub(super) fn locate(&self, var: usize) -> (Part, usize) {
         let mut index = var;
         for part in Part::ALL {
             if index < self.len(part) {

@@ -5,6 +5,7 @@ use proc_macro2::TokenStream;
 use quote::quote;
 
 use super::functions::{Function, Layout, Part, Scalar, number};
+use super::lanes::Lanes;
 use super::types::derived;
 use super::{Names, docs};
 use pid_derive::Equations;
@@ -122,11 +123,17 @@ pub fn from_slices(
 }
 
 /// Bodies, typed functions and traits of a robot's values.
-pub fn values(robot: &Robot, names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
+pub fn values(
+    robot: &Robot,
+    names: &Names,
+    layout: &Layout,
+    bodies: &Bodies,
+    lanes: &Lanes,
+) -> TokenStream {
     let definitions = bodies.definitions();
     let infos = infos(robot);
     let typed = typed(names, layout, bodies);
-    let slices = slices(robot, names, layout, bodies);
+    let slices = slices(robot, names, layout, bodies, lanes);
     let generic = generic(names, layout, bodies);
     quote!(#infos #definitions #typed #slices #generic)
 }
@@ -289,7 +296,14 @@ fn typed(names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
     }
 }
 
-fn slices(robot: &Robot, names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
+fn slices(
+    robot: &Robot,
+    names: &Names,
+    layout: &Layout,
+    bodies: &Bodies,
+    lanes: &Lanes,
+) -> TokenStream {
+    let lanes = lanes.dynamics(layout);
     let ty = &names.robot;
     let name = &robot.name;
     let (nq, nu, np, nm) = (
@@ -346,6 +360,7 @@ fn slices(robot: &Robot, names: &Names, layout: &Layout, bodies: &Bodies) -> Tok
             fn residual(&self, at: &::pid_runtime::dynamics::At<'_>, r: &mut [f64]) { #residual }
             fn kinetic_energy(&self, at: &::pid_runtime::dynamics::At<'_>) -> f64 { #kinetic_energy }
             fn potential_energy(&self, at: &::pid_runtime::dynamics::At<'_>) -> f64 { #potential_energy }
+            #lanes
         }
     }
 }

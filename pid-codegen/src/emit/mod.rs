@@ -2,6 +2,7 @@
 //!
 //! - [`types`]: parameter struct and enums; [`docs`]: their documentation;
 //! - [`functions`]: straight-line bodies in blocks of bounded size, over `f64` or generic over dual numbers;
+//! - [`lanes`]: the same bodies over four nodes at once;
 //! - [`derivatives`]: patterns and bodies of Jacobian and Hessian;
 //! - [`impls`]: the typed face (inherent functions) and the slice face (traits of `pid-runtime`).
 //!
@@ -13,6 +14,7 @@ pub mod docs;
 pub mod fallback;
 pub mod functions;
 pub mod impls;
+pub mod lanes;
 pub mod types;
 
 use pid_symbolic::Graph;
@@ -71,9 +73,13 @@ pub fn try_model(robot: &Robot, names: &Names) -> Result<TokenStream, pid_derive
         hessian.as_ref(),
     );
     let types = types::types(robot, names, &robot_docs);
-    let values = impls::values(robot, names, &layout, &bodies);
-    let jacobian = jacobian.map(|jacobian| derivatives::jacobian_impls(names, &layout, &jacobian));
-    let hessian = hessian.map(|hessian| derivatives::hessian_impls(names, &layout, &hessian));
+    let lanes = lanes::Lanes::new(&g, &layout, &equations, jacobian.as_ref(), hessian.as_ref());
+    let values = impls::values(robot, names, &layout, &bodies, &lanes);
+    let jacobian =
+        jacobian.map(|jacobian| derivatives::jacobian_impls(names, &layout, &jacobian, &lanes));
+    let hessian =
+        hessian.map(|hessian| derivatives::hessian_impls(names, &layout, &hessian, &lanes));
+    let lanes = lanes.definitions();
     Ok(quote! {
         #types
         #[allow(
@@ -84,10 +90,12 @@ pub fn try_model(robot: &Robot, names: &Names) -> Result<TokenStream, pid_derive
             clippy::similar_names,
             dead_code,
             non_upper_case_globals,
+            unused_imports,
             unused_parens,
             unused_variables
         )]
         const _: () = {
+            #lanes
             #values
             #jacobian
             #hessian
