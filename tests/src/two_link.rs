@@ -12,7 +12,7 @@ use pid_runtime::ident::{InitialState, Method, Settings, Weighting};
 use pid_runtime::integrate::{self, Drive, SimulateError};
 use pid_runtime::transcribe::Scheme;
 
-/// The paper's setting: one window with a free initial state, unit weights, the start taken as it is.
+/// The paper's setting: one window with a free initial state, unit weights; the preparing fits of the defaults.
 pub fn settings(scheme: Scheme) -> Settings {
     Settings {
         method: Method::FullDiscretization,
@@ -20,7 +20,6 @@ pub fn settings(scheme: Scheme) -> Settings {
         horizon: Horizon::Record,
         initial_state: InitialState::Free,
         weighting: Weighting::Unit,
-        prepare: false,
         ..Settings::default()
     }
 }

@@ -14,12 +14,11 @@ fn settings(scheme: Scheme) -> Settings {
     Settings {
         scheme,
         weighting: Weighting::Unit,
-        prepare: false,
         ..Settings::default()
     }
 }
 
-/// Every start of the table as its own identification, exactly as given.
+/// Every start of the table as its own identification.
 fn study(scheme: Scheme) -> Option<(Dataset, Vec<Run>)> {
     let dataset = Dataset::read(&shared("data/seed_two_link")?).expect("readable");
     let table = std::fs::read_to_string(shared("bench/initial_parameters.csv")?).expect("readable");

@@ -1,14 +1,18 @@
 //! Objective, iterations and time of the two-link problem for every start of a table, and how the time grows with the record.
 //!
 //! ```text
-//! seed_study [--scheme NAME] [FOLDER]      FOLDER holds data/seed_two_link and bench/
+//! seed_study [--scheme NAME] [--unprepared] [FOLDER]             FOLDER holds data/seed_two_link and bench/
 //! seed_study --scaling [FOLDER]                                  301 … 10001 samples over 6 s, trapezoidal rule
 //! ```
+//!
+//! `--unprepared` hands the starts to the exact Hessian at once, without the fits that precede it by default (residuals of the
+//! steps, Gauss-Newton). Seconds are of the processor, all threads together.
 #![allow(clippy::print_stdout, reason = "a command that prints a table")]
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use cpu_time::ProcessTime;
 use pid_models::TwoLink;
 use pid_runtime::data::Dataset;
 use pid_runtime::ident::{Run, Settings, identify};
@@ -18,11 +22,13 @@ use pid_tests::two_link;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut scheme = Scheme::ExplicitEuler;
     let mut scaling = false;
+    let mut prepare = true;
     let mut folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared"));
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         match arg.as_str() {
             "--scaling" => scaling = true,
+            "--unprepared" => prepare = false,
             "--scheme" => {
                 scheme = args.next().ok_or("--scheme takes a name")?.parse()?;
             }
@@ -36,16 +42,20 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if scaling {
         growth(&starts[0])
     } else {
-        table(&folder, scheme, &starts)
+        table(&folder, scheme, prepare, &starts)
     }
 }
 
 fn run(
     dataset: &Dataset,
     scheme: Scheme,
+    prepare: bool,
     start: &[f64],
 ) -> Result<Run, pid_runtime::ident::IdentError> {
-    let settings = two_link::settings(scheme);
+    let settings = Settings {
+        prepare,
+        ..two_link::settings(scheme)
+    };
     let found = identify(&TwoLink, dataset, &settings, Some(start), &mut |_| {
         ControlFlow::Continue(())
     })?;
@@ -61,6 +71,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 fn table(
     folder: &Path,
     scheme: Scheme,
+    prepare: bool,
     starts: &[Vec<f64>],
 ) -> Result<(), Box<dyn std::error::Error>> {
     let dataset = Dataset::read(&folder.join("data/seed_two_link"))?;
@@ -68,7 +79,9 @@ fn table(
     println!("start            J  iterations   seconds  violation  status");
     let mut runs = Vec::new();
     for (k, start) in starts.iter().enumerate() {
-        let r = run(&dataset, scheme, start)?;
+        let clock = ProcessTime::now();
+        let mut r = run(&dataset, scheme, prepare, start)?;
+        r.seconds = clock.elapsed().as_secs_f64();
         println!(
             "{k:5} {:12.6e} {:11} {:9.3} {:10.1e}  {}",
             r.objective,
@@ -108,21 +121,19 @@ fn growth(start: &[f64]) -> Result<(), Box<dyn std::error::Error>> {
     println!("samples  iterations            J   seconds  ms/iteration  peak MiB");
     for samples in [301, 1001, 3001, 10_001] {
         let dataset = two_link::simulated(&two_link::truth(), samples)?;
-        // The preparing fits of the defaults: a start as given does not reach the optimum at every length.
-        let settings = Settings {
-            prepare: true,
-            ..two_link::settings(Scheme::Trapezoidal)
-        };
+        let settings = two_link::settings(Scheme::Trapezoidal);
+        let clock = ProcessTime::now();
         let found = identify(&TwoLink, &dataset, &settings, Some(start), &mut |_| {
             ControlFlow::Continue(())
         })?;
         let r = found.best();
+        let seconds = clock.elapsed().as_secs_f64();
         println!(
             "{samples:7} {:11} {:12.4e} {:9.3} {:13.2} {:>9}  {}",
             r.iterations,
             r.objective,
-            r.seconds,
-            1e3 * r.seconds / r.iterations.max(1) as f64,
+            seconds,
+            1e3 * seconds / r.iterations.max(1) as f64,
             peak_memory().map_or_else(|| "-".to_owned(), |m| format!("{m:.0}")),
             r.status.reason()
         );
