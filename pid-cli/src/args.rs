@@ -60,6 +60,12 @@ pub(crate) struct IdentifyArgs {
     /// Steps of the scheme per sampling interval.
     #[arg(long, default_value = "1", value_name = "N", value_parser = at_least_one)]
     pub(crate) substeps: usize,
+    /// Nodes of each window in shooting: 1 is single shooting.
+    #[arg(long, default_value = "1", value_name = "M", value_parser = at_least_one)]
+    pub(crate) nodes: usize,
+    /// Shooting with controlled Dormand-Prince steps of this relative tolerance instead of the scheme.
+    #[arg(long, value_name = "RTOL", value_parser = positive)]
+    pub(crate) adaptive: Option<f64>,
     /// Second derivatives of the Lagrangian.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) hessian: HessianArg,
@@ -85,6 +91,9 @@ pub(crate) struct IdentifyArgs {
     /// Number of starts; the first is the given or nominal one, the others are drawn around it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) starts: Option<u32>,
+    /// Where the other starts are drawn.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) sampling: SamplingArg,
     /// Seed of the drawn starts.
     #[arg(long, default_value_t = 0, value_name = "S")]
     pub(crate) seed: u64,
@@ -126,6 +135,8 @@ pub(crate) enum MethodArg {
     /// States and parameters together, the equations of motion as constraints.
     #[default]
     FullDiscretization,
+    /// States at few nodes and parameters; the motion between the nodes is integrated.
+    Shooting,
     /// Least squares on the equations of motion with states estimated from the data.
     EquationError,
 }
@@ -138,6 +149,16 @@ pub(crate) enum HessianArg {
     Exact,
     /// Without the second derivatives of the equations of motion.
     GaussNewton,
+}
+
+/// Where starts are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum SamplingArg {
+    /// Around the first start.
+    #[default]
+    Around,
+    /// As a Latin hypercube in the bounds.
+    LatinHypercube,
 }
 
 /// Initial state of each window.

@@ -5,13 +5,13 @@ use std::time::Instant;
 
 use pid_runtime::data::{Dataset, Horizon, Role};
 use pid_runtime::ident::{
-    self, ForceError, Identification, InitialState, Method, Run, Settings, Weighting,
+    self, ForceError, Identification, InitialState, Method, Run, Sampling, Settings, Weighting,
 };
 use pid_runtime::report::{CheckRow, Setting, StartRow, Verdict};
 use pid_runtime::solver::{self, Iteration, Status};
-use pid_runtime::transcribe::Curvature;
+use pid_runtime::transcribe::{Adaptive, Curvature};
 
-use crate::args::{HessianArg, IdentifyArgs, InitialArg, MethodArg, WeightsArg};
+use crate::args::{HessianArg, IdentifyArgs, InitialArg, MethodArg, SamplingArg, WeightsArg};
 use crate::assemble::{Fit, assemble};
 use crate::error::CliError;
 use crate::progress::{Interrupt, Progress};
@@ -89,7 +89,8 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
         },
         &progress,
     )?;
-    let extra = force_findings(&identification.force_error);
+    let mut extra = force_findings(&identification.force_error);
+    extra.extend(optima(&identification));
     report.findings.extend(extra);
     if settings.method == Method::FullDiscretization
         && let Some(sentence) = hidden_error(&settings, best, &report)
@@ -109,6 +110,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
     let embedded = args.source.folder.is_none();
     let method = match args.method {
         MethodArg::FullDiscretization => Method::FullDiscretization,
+        MethodArg::Shooting => Method::Shooting,
         MethodArg::EquationError => Method::EquationError,
     };
     let horizon = args.horizon.unwrap_or_else(|| default_horizon(dataset));
@@ -116,6 +118,15 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         method,
         scheme: args.scheme,
         substeps: args.substeps,
+        nodes: args.nodes,
+        adaptive: args.adaptive.map(|rtol| Adaptive {
+            rtol,
+            atol: 1e-2 * rtol,
+        }),
+        sampling: match args.sampling {
+            SamplingArg::Around => Sampling::Around,
+            SamplingArg::LatinHypercube => Sampling::LatinHypercube,
+        },
         curvature: match args.hessian {
             HessianArg::Exact => Curvature::Exact,
             HessianArg::GaussNewton => Curvature::GaussNewton,
@@ -223,8 +234,32 @@ fn in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
             rows.push(Setting::new("samples", found.windows.1));
         }
         _ => {
-            rows.push(Setting::new("method", "full discretization"));
-            rows.push(Setting::new("scheme", settings.scheme.label()));
+            match settings.method {
+                Method::Shooting => {
+                    let nodes = match settings.nodes {
+                        1 => "single shooting".to_owned(),
+                        n => format!("multiple shooting, {n} nodes a window"),
+                    };
+                    rows.push(Setting::new("method", nodes));
+                }
+                _ => rows.push(Setting::new("method", "full discretization")),
+            }
+            match settings
+                .adaptive
+                .filter(|_| settings.method == Method::Shooting)
+            {
+                Some(a) => rows.push(Setting::new(
+                    "integration",
+                    format!(
+                        "Dormand-Prince, controlled steps, relative tolerance {:e}",
+                        a.rtol
+                    ),
+                )),
+                None => rows.push(Setting::new("scheme", settings.scheme.label())),
+            }
+            if settings.substeps > 1 {
+                rows.push(Setting::new("steps per sample", settings.substeps));
+            }
             rows.push(Setting::new(
                 "Hessian",
                 match settings.curvature {
@@ -283,6 +318,32 @@ fn notes(found: &Identification) -> Vec<String> {
         found.correlation_factor.sqrt()
     ));
     notes
+}
+
+/// How many optima the starts reached, and what share each.
+fn optima(found: &Identification) -> Option<String> {
+    if found.runs.len() < 2 || found.optima.is_empty() {
+        return None;
+    }
+    let list: Vec<String> = found
+        .optima
+        .iter()
+        .take(5)
+        .map(|o| format!("J = {:.4e} ({:.0} %)", o.objective, 100.0 * o.share))
+        .collect();
+    let more = found.optima.len().saturating_sub(5);
+    Some(format!(
+        "{} starts reached {} optim{}, told apart by objective and motion, share of the starts in brackets: {}{}.",
+        found.runs.len(),
+        found.optima.len(),
+        if found.optima.len() == 1 { "um" } else { "a" },
+        list.join(", "),
+        if more > 0 {
+            format!(" and {more} more")
+        } else {
+            String::new()
+        }
+    ))
 }
 
 fn force_findings(errors: &[ForceError]) -> Vec<String> {

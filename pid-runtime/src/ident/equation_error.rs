@@ -412,7 +412,14 @@ pub(super) fn identify(
     let samples = Samples::of(dataset, Role::Train, settings)?;
     let mut fit = Fit::new(model, &samples, &lower, &upper, &scale);
     let mut kkt = SparseKkt::new(&fit);
-    let all = super::starts(start, &lower, &upper, settings.starts, settings.seed);
+    let all = super::starts::draw(
+        settings.sampling,
+        start,
+        &lower,
+        &upper,
+        settings.starts,
+        settings.seed,
+    );
     let count = all.len();
     let mut runs: Vec<Run> = Vec::new();
     let mut weights_of_best = fit.weights.clone();
@@ -485,6 +492,7 @@ pub(super) fn identify(
         }
     }
     Ok(Identification {
+        optima: Vec::new(),
         runs,
         best,
         deviations: spread.deviations,

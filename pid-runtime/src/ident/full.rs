@@ -1,9 +1,8 @@
 //! Full discretization over the training windows, from every start.
 
+use super::starts;
 use super::uncertainty::{self, Spread};
-use super::{
-    Callback, IdentError, Identification, InitialState, Progress, Run, Settings, Weighting,
-};
+use super::{Callback, IdentError, Identification, InitialState, Run, Settings, Weighting};
 use crate::data::{Dataset, Experiment, InputHold, Role, windows};
 use crate::dynamics::{At, Hessian};
 use crate::nlp::{Nlp, check_point};
@@ -19,14 +18,25 @@ use std::time::Instant;
 /// Most Gauss-Newton iterations before the exact Hessian takes over.
 const APPROACH: usize = 60;
 
-/// Identifies by full discretization.
-pub(super) fn identify(
+/// Windows of the training records and what is asked of their transcription.
+#[derive(Clone)]
+pub(super) struct Assembled {
+    pub(super) tracks: Vec<Track>,
+    /// For the residual; the solved form has unit inertia.
+    pub(super) setup: Setup,
+    pub(super) lower: Vec<f64>,
+    pub(super) upper: Vec<f64>,
+    pub(super) fixed: Vec<bool>,
+    pub(super) notes: Vec<String>,
+}
+
+/// Cuts the training records into windows and weighs them.
+pub(super) fn assemble(
     model: &dyn Hessian,
     dataset: &Dataset,
     settings: &Settings,
     start: &[f64],
-    callback: &mut Callback<'_>,
-) -> Result<Identification, IdentError> {
+) -> Result<Assembled, IdentError> {
     let (lower, upper, fixed) = super::bounds(model, start);
     let mut tracks = Vec::new();
     let mut records = Vec::new();
@@ -48,18 +58,11 @@ pub(super) fn identify(
         }
     }
     weigh(&mut tracks, &records, model.dims().nq, settings.weighting);
-    let explicit = ExplicitForm::new(model);
-    let solved_form = settings.scheme.explicit();
-    let form: &dyn Hessian = if solved_form { &explicit } else { model };
     let setup = Setup {
         scheme: settings.scheme,
         curvature: settings.curvature,
         scale: super::scales(model),
-        inertia: if solved_form {
-            vec![1.0; model.dims().nq]
-        } else {
-            inertia.mean()
-        },
+        inertia: inertia.mean(),
         hold_initial: held,
         linear_inputs: dataset.input_hold == InputHold::Linear,
         substeps: settings.substeps,
@@ -67,41 +70,72 @@ pub(super) fn identify(
         lower: lower.clone(),
         upper: upper.clone(),
     };
-    let mut problem = FullDiscretization::new(form, &tracks, setup);
-    let samples = problem.samples();
-    let all = super::starts(start, &lower, &upper, settings.starts, settings.seed);
-    let count = all.len();
-    let mut runs: Vec<Run> = Vec::new();
-    let mut best: Option<Solution> = None;
-    for (index, p0) in all.into_iter().enumerate() {
-        let mut stopped = false;
-        let mut report = |phase, iteration: &_| {
-            let news = Progress {
-                start: index,
-                starts: count,
-                phase,
-                iteration,
-            };
-            let flow = callback(&news);
-            stopped |= flow.is_break();
-            flow
-        };
-        let (run, solution) = solve(&mut problem, settings, index, p0, &mut report);
-        runs.push(run);
-        if super::best_of(&runs) == index {
-            best = Some(solution);
-        }
-        if stopped {
-            notes.push(format!("interrupted after start {} of {count}", index + 1));
-            break;
-        }
+    Ok(Assembled {
+        tracks,
+        setup,
+        lower,
+        upper,
+        fixed,
+        notes,
+    })
+}
+
+/// Identifies by full discretization.
+pub(super) fn identify(
+    model: &dyn Hessian,
+    dataset: &Dataset,
+    settings: &Settings,
+    start: &[f64],
+    callback: &mut Callback<'_>,
+) -> Result<Identification, IdentError> {
+    let Assembled {
+        tracks,
+        mut setup,
+        lower,
+        upper,
+        fixed,
+        mut notes,
+    } = assemble(model, dataset, settings, start)?;
+    let explicit = ExplicitForm::new(model);
+    let solved_form = settings.scheme.explicit();
+    let form: &dyn Hessian = if solved_form { &explicit } else { model };
+    if solved_form {
+        setup.inertia = vec![1.0; model.dims().nq];
     }
-    let spread = match &best {
-        Some(solution) => deviations(&mut problem, solution, &fixed),
-        None => Spread::none(model.dims().np),
-    };
+    let all = starts::draw(
+        settings.sampling,
+        start,
+        &lower,
+        &upper,
+        settings.starts,
+        settings.seed,
+    );
+    let count = all.len();
+    let (outcomes, stopped) = starts::run_all(count, callback, |index, report| {
+        let mut problem = FullDiscretization::new(form, &tracks, setup.clone());
+        let start = all[index].clone();
+        let (run, solution) = solve(&mut problem, settings, index, start, report);
+        let motion = problem.states(&solution.x);
+        (run, solution, motion)
+    });
+    if stopped {
+        notes.push(format!(
+            "interrupted after {} of {count} starts",
+            outcomes.len()
+        ));
+    }
+    let (mut runs, mut solutions, mut motions) = (Vec::new(), Vec::new(), Vec::new());
+    for (run, solution, motion) in outcomes {
+        runs.push(run);
+        solutions.push(solution);
+        motions.push(motion);
+    }
+    let best = super::best_of(&runs);
+    let mut problem = FullDiscretization::new(form, &tracks, setup);
+    let spread = deviations(&mut problem, &solutions[best], &fixed);
     Ok(Identification {
-        best: super::best_of(&runs),
+        optima: starts::optima(&runs, &motions, 2 * model.dims().nq),
+        best,
         runs,
         deviations: spread.deviations,
         undetermined: spread.undetermined,
@@ -110,7 +144,7 @@ pub(super) fn identify(
         lower,
         upper,
         size: (problem.n(), problem.m()),
-        windows: (tracks.len(), samples),
+        windows: (tracks.len(), problem.samples()),
         force_error: Vec::new(),
         notes,
     })

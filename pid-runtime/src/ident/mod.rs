@@ -1,9 +1,10 @@
 //! Identification: a model and records in, parameters with their uncertainty out.
 //!
-//! Two estimators stand behind one call, [`identify`]:
+//! Three estimators stand behind one call, [`identify`]:
 //!
 //! * **full discretization** ([`crate::transcribe::FullDiscretization`]): states and parameters together, the scheme's steps as
 //!   constraints, over restart windows of the stated horizon (output error);
+//! * **shooting** ([`crate::transcribe::Shooting`]): states at few nodes, the motion between them integrated;
 //! * **equation error**: least squares on the residual with states estimated from the records (a horizon of one sample).
 //!
 //! Settings reproduce the paper's problem (K. Schäfer et al., Section V-A: explicit Euler, unit weights, one window) exactly; the
@@ -13,10 +14,13 @@ mod equation_error;
 mod error;
 mod full;
 mod settings;
+mod shooting;
+pub mod starts;
 mod uncertainty;
 
 pub use error::IdentError;
 pub use settings::{InitialState, Method, Settings, Weighting};
+pub use starts::{Optimum, Sampling};
 
 use crate::data::{Dataset, Role};
 use crate::dynamics::Hessian;
@@ -70,6 +74,8 @@ pub struct Identification {
     pub runs: Vec<Run>,
     /// Position of the best one: converged first, then the lowest objective.
     pub best: usize,
+    /// The local optima that the starts reached, the lowest objective first; empty for the equation error.
+    pub optima: Vec<Optimum>,
     /// Standard deviations of its parameters; `None` where the data do not determine a parameter by itself, where it lies at
     /// a bound and where it is held.
     pub deviations: Vec<Option<f64>>,
@@ -156,6 +162,7 @@ pub fn identify(
     }
     match settings.method {
         Method::FullDiscretization => full::identify(model, dataset, settings, start, callback),
+        Method::Shooting => shooting::identify(model, dataset, settings, start, callback),
         Method::EquationError => {
             equation_error::identify(model, dataset, settings, start, callback)
         }
@@ -195,34 +202,6 @@ fn scales(model: &dyn Hessian) -> Vec<f64> {
             }
         })
         .collect()
-}
-
-/// Seeded starts: the given one first, then factors 10^U(−0.5, 0.5) on it (and shifts by a third of the range where a range
-/// crosses zero), clipped to the bounds.
-fn starts(start: &[f64], lower: &[f64], upper: &[f64], count: usize, seed: u64) -> Vec<Vec<f64>> {
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0xd1b5_4a32_d192_ed03;
-    let mut uniform = || {
-        // SplitMix64 (Steele, Lea, Flood 2014).
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-    };
-    let mut all = vec![start.to_vec()];
-    for _ in 1..count.max(1) {
-        let drawn = (0..start.len()).map(|k| {
-            let shift = uniform();
-            let value = if lower[k] < 0.0 && upper[k] > 0.0 && upper[k].is_finite() {
-                start[k] + shift * 2.0 / 3.0 * (upper[k] - lower[k]).min(f64::MAX)
-            } else {
-                start[k] * 10f64.powf(shift)
-            };
-            value.max(lower[k]).min(upper[k])
-        });
-        all.push(drawn.collect());
-    }
-    all
 }
 
 /// Position of the best run: converged before not converged, then the lower objective.

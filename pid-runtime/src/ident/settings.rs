@@ -1,8 +1,9 @@
 //! What can be chosen in an identification.
 
+use super::starts::Sampling;
 use crate::data::Horizon;
 use crate::solver;
-use crate::transcribe::{Curvature, Scheme};
+use crate::transcribe::{Adaptive, Curvature, Scheme};
 use serde::{Deserialize, Serialize};
 
 /// The estimator.
@@ -12,6 +13,8 @@ use serde::{Deserialize, Serialize};
 pub enum Method {
     /// States and parameters together, the scheme's steps as constraints.
     FullDiscretization,
+    /// States at few nodes and parameters; the motion between the nodes is integrated.
+    Shooting,
     /// Least squares on the residual with states estimated from the records.
     EquationError,
 }
@@ -49,6 +52,10 @@ pub struct Settings {
     pub scheme: Scheme,
     /// Steps of the scheme per sampling interval, at least 1.
     pub substeps: usize,
+    /// Nodes of each window in shooting: 1 is single shooting; more than samples means one per sample.
+    pub nodes: usize,
+    /// Shooting with controlled Dormand-Prince steps; `None` for equal steps of `scheme`.
+    pub adaptive: Option<Adaptive>,
     /// Second derivatives for the solver.
     pub curvature: Curvature,
     /// Length of the restart windows.
@@ -59,6 +66,8 @@ pub struct Settings {
     pub weighting: Weighting,
     /// Number of starts; the first is the given one.
     pub starts: usize,
+    /// Where the starts after the first one are drawn.
+    pub sampling: Sampling,
     /// Seed of the drawn starts.
     pub seed: u64,
     /// Whether the parameters are first fitted with the states held at the data, which forgets a bad start.
@@ -77,11 +86,14 @@ impl Default for Settings {
             method: Method::FullDiscretization,
             scheme: Scheme::ImplicitMidpoint,
             substeps: 1,
+            nodes: 1,
+            adaptive: None,
             curvature: Curvature::Exact,
             horizon: Horizon::Record,
             initial_state: InitialState::Free,
             weighting: Weighting::Spread,
             starts: 1,
+            sampling: Sampling::Around,
             seed: 0,
             prepare: true,
             cutoff: None,

@@ -1,0 +1,201 @@
+//! Single and multiple shooting over the training windows, from every start.
+
+use super::full::{self, Assembled};
+use super::starts::{self, Report};
+use super::uncertainty::{self, Spread};
+use super::{Callback, IdentError, Identification, Run, Settings};
+use crate::data::Dataset;
+use crate::dynamics::Hessian;
+use crate::nlp::{Nlp, check_point};
+use crate::solver::kkt::sparse::SparseKkt;
+use crate::solver::kkt::{Kkt, KktValues};
+use crate::solver::{Solution, ip};
+use crate::transcribe::{FullDiscretization, ResidualFit, Shooting, ShootingKkt};
+use std::time::Instant;
+
+/// Identifies by shooting.
+pub(super) fn identify(
+    model: &dyn Hessian,
+    dataset: &Dataset,
+    settings: &Settings,
+    start: &[f64],
+    callback: &mut Callback<'_>,
+) -> Result<Identification, IdentError> {
+    let assembled = full::assemble(model, dataset, settings, start)?;
+    let Assembled {
+        lower,
+        upper,
+        fixed,
+        mut notes,
+        ..
+    } = assembled.clone();
+    let problem = || transcribe(model, &assembled, settings);
+    let all = starts::draw(
+        settings.sampling,
+        start,
+        &lower,
+        &upper,
+        settings.starts,
+        settings.seed,
+    );
+    let count = all.len();
+    let (outcomes, stopped) = starts::run_all(count, callback, |index, report| {
+        let mut problem = problem();
+        solve(
+            model,
+            &mut problem,
+            &assembled,
+            settings,
+            index,
+            &all[index],
+            report,
+        )
+    });
+    if stopped {
+        notes.push(format!(
+            "interrupted after {} of {count} starts",
+            outcomes.len()
+        ));
+    }
+    let (mut runs, mut solutions, mut motions) = (Vec::new(), Vec::new(), Vec::new());
+    for (run, solution, motion) in outcomes {
+        runs.push(run);
+        solutions.push(solution);
+        motions.push(motion);
+    }
+    let best = super::best_of(&runs);
+    let mut problem = problem();
+    let spread = deviations(&mut problem, &solutions[best], &fixed);
+    Ok(Identification {
+        optima: starts::optima(&runs, &motions, 2 * model.dims().nq),
+        best,
+        runs,
+        deviations: spread.deviations,
+        undetermined: spread.undetermined,
+        correlation_factor: spread.correlation_factor,
+        fixed,
+        lower,
+        upper,
+        size: (problem.n(), problem.m()),
+        windows: (assembled.tracks.len(), problem.samples()),
+        force_error: Vec::new(),
+        notes,
+    })
+}
+
+fn transcribe<'m>(
+    model: &'m dyn Hessian,
+    assembled: &Assembled,
+    settings: &Settings,
+) -> Shooting<'m> {
+    Shooting::new(
+        model,
+        &assembled.tracks,
+        assembled.setup.clone(),
+        settings.nodes,
+        settings.adaptive,
+    )
+}
+
+/// Solves from one start; its run, the solution and the fitted motion.
+fn solve(
+    model: &dyn Hessian,
+    problem: &mut Shooting<'_>,
+    assembled: &Assembled,
+    settings: &Settings,
+    index: usize,
+    start: &[f64],
+    report: &mut Report<'_>,
+) -> (Run, Solution, Vec<f64>) {
+    let started = Instant::now();
+    let mut x0 = problem.starting_point(start);
+    let mut iterations = 0;
+    if settings.prepare {
+        // Parameters that make the steps fit the data, states held: nothing is integrated.
+        let mut full = FullDiscretization::new(model, &assembled.tracks, assembled.setup.clone());
+        let point = full.starting_point(start);
+        let first = full.layout().p();
+        let options = crate::solver::Settings {
+            tol: 1e-6,
+            max_iterations: 100,
+            ..settings.solver.clone()
+        };
+        let mut fit = ResidualFit::new(&mut full, &point);
+        let mut kkt = SparseKkt::new(&fit);
+        let mut news = |line: &_, _: &[f64]| report("fitting the residual", line);
+        let prepared = ip::solve(&mut fit, &mut kkt, &point[first..], &options, &mut news);
+        iterations += prepared.log.len().saturating_sub(1);
+        if prepared.objective.is_finite() {
+            let at = x0.len() - prepared.x.len();
+            x0[at..].copy_from_slice(&prepared.x);
+        }
+    }
+    let options = crate::solver::Settings {
+        objective_scale: settings.solver.objective_scale * problem.samples() as f64,
+        ..settings.solver.clone()
+    };
+    let mut kkt = ShootingKkt::from(&*problem);
+    let mut news = |line: &_, _: &[f64]| report("solving", line);
+    let solution = ip::solve(problem, &mut kkt, &x0, &options, &mut news);
+    let check = check_point(problem, &solution.x, &solution.lambda);
+    iterations += solution.log.len().saturating_sub(1);
+    let motion = problem.states(&solution.x).unwrap_or_default();
+    let run = Run {
+        index,
+        start: start.to_vec(),
+        parameters: problem.parameters(&solution.x),
+        objective: solution.objective,
+        status: solution.status,
+        iterations,
+        seconds: started.elapsed().as_secs_f64(),
+        check,
+        log: solution.log.clone(),
+    };
+    (run, solution, motion)
+}
+
+/// Standard deviations from the reduced Hessian at the solution.
+fn deviations(problem: &mut Shooting<'_>, solution: &Solution, fixed: &[bool]) -> Spread {
+    let np = fixed.len();
+    if !solution.objective.is_finite() {
+        return Spread::none(np);
+    }
+    let parameters = problem.parameters(&solution.x);
+    let setup = problem.setup().clone();
+    let held: Vec<bool> = (0..np)
+        .map(|j| fixed[j] || uncertainty::at_bound(parameters[j], setup.lower[j], setup.upper[j]))
+        .collect();
+    let mut kkt = ShootingKkt::new(problem, &held);
+    let mut jacobian = vec![0.0; problem.jacobian_pattern().nnz()];
+    let mut hessian = vec![0.0; problem.hessian_pattern().nnz()];
+    problem.jacobian(&solution.x, &mut jacobian);
+    problem.hessian(&solution.x, 1.0, &solution.lambda, &mut hessian);
+    let sigma = vec![0.0; problem.n()];
+    let values = KktValues {
+        hessian: &hessian,
+        jacobian: &jacobian,
+        sigma: &sigma,
+    };
+    if kkt.factorise(values).is_err() {
+        return Spread::none(np);
+    }
+    let (residuals, channels) = problem.residuals(&solution.x);
+    let (reduced, free) = kkt.reduced_hessian();
+    let free_states = if setup.hold_initial {
+        0
+    } else {
+        problem.nodes().len() * 2 * problem.model().dims().nq
+    };
+    let unknowns = free.len() + free_states;
+    uncertainty::from_hessian(
+        reduced,
+        &free,
+        &setup.scale,
+        &setup.lower,
+        &setup.upper,
+        &residuals,
+        channels,
+        unknowns,
+        solution.objective,
+    )
+}
