@@ -63,6 +63,9 @@ pub(crate) struct IdentifyArgs {
     /// Nodes of each window in shooting: 1 is single shooting.
     #[arg(long, default_value = "1", value_name = "M", value_parser = at_least_one)]
     pub(crate) nodes: usize,
+    /// Shooting starts from the solution with a node at every sample.
+    #[arg(long)]
+    pub(crate) lift: bool,
     /// Shooting with controlled Dormand-Prince steps of this relative tolerance instead of the scheme.
     #[arg(long, value_name = "RTOL", value_parser = positive)]
     pub(crate) adaptive: Option<f64>,

@@ -119,6 +119,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         scheme: args.scheme,
         substeps: args.substeps,
         nodes: args.nodes,
+        lift: args.lift,
         adaptive: args.adaptive.map(|rtol| Adaptive {
             rtol,
             atol: 1e-2 * rtol,

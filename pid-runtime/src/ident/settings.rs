@@ -54,6 +54,9 @@ pub struct Settings {
     pub substeps: usize,
     /// Nodes of each window in shooting: 1 is single shooting; more than samples means one per sample.
     pub nodes: usize,
+    /// Whether shooting starts from the solution of the same problem with a node at every sample (equal steps only): bad starts
+    /// then matter as little as there.
+    pub lift: bool,
     /// Shooting with controlled Dormand-Prince steps; `None` for equal steps of `scheme`.
     pub adaptive: Option<Adaptive>,
     /// Second derivatives for the solver.
@@ -87,6 +90,7 @@ impl Default for Settings {
             scheme: Scheme::ImplicitMidpoint,
             substeps: 1,
             nodes: 1,
+            lift: false,
             adaptive: None,
             curvature: Curvature::Exact,
             horizon: Horizon::Record,

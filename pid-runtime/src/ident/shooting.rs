@@ -134,6 +134,37 @@ fn solve(
         objective_scale: settings.solver.objective_scale * problem.samples() as f64,
         ..settings.solver.clone()
     };
+    if settings.lift && settings.adaptive.is_none() {
+        let at = x0.len() - model.dims().np;
+        let mut lifted = Shooting::new(
+            model,
+            &assembled.tracks,
+            assembled.setup.clone(),
+            usize::MAX,
+            None,
+        );
+        let mut from = lifted.starting_point(start);
+        let place = from.len() - model.dims().np;
+        from[place..].copy_from_slice(&x0[at..]);
+        let mut kkt = ShootingKkt::from(&lifted);
+        let mut news = |line: &_, _: &[f64]| report("solving with a node at every sample", line);
+        let solution = ip::solve(&mut lifted, &mut kkt, &from, &options, &mut news);
+        iterations += solution.log.len().saturating_sub(1);
+        if let Some(states) = lifted
+            .states(&solution.x)
+            .filter(|_| solution.objective.is_finite())
+        {
+            let nx = 2 * model.dims().nq;
+            for (x, sample) in problem
+                .node_positions()
+                .into_iter()
+                .zip(problem.node_samples())
+            {
+                x0[x..x + nx].copy_from_slice(&states[sample * nx..(sample + 1) * nx]);
+            }
+            x0[at..].copy_from_slice(&solution.x[place..]);
+        }
+    }
     let mut kkt = ShootingKkt::from(&*problem);
     let mut news = |line: &_, _: &[f64]| report("solving", line);
     let solution = ip::solve(problem, &mut kkt, &x0, &options, &mut news);

@@ -1,6 +1,7 @@
 //! Identification problems as sparse nonlinear programs.
 
 mod butcher;
+mod constrained;
 mod expansion;
 mod explicit_form;
 mod fit;
@@ -11,6 +12,7 @@ mod shooting;
 mod step;
 mod tableau;
 
+pub use constrained::{Constrained, Constraint, ConstraintError, Place, Sense, States};
 pub use explicit_form::ExplicitForm;
 pub use fit::Output;
 pub use full_discretization::{Curvature, FullDiscretization, Setup, Track};

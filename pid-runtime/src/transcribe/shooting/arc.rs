@@ -103,6 +103,11 @@ impl<'m> Arc<'m> {
         }
     }
 
+    /// The sample at its node.
+    pub(super) fn first(&self) -> usize {
+        self.first
+    }
+
     /// Number of steps of the last integration.
     pub(super) fn steps(&self) -> usize {
         self.pieces.len()

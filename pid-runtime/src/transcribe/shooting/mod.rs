@@ -258,6 +258,16 @@ impl<'m> Shooting<'m> {
         self.chains.iter().map(|c| c.nodes).collect()
     }
 
+    /// Positions of the node states among the variables.
+    pub fn node_positions(&self) -> Vec<usize> {
+        self.arcs.iter().map(|arc| arc.x).collect()
+    }
+
+    /// Samples at which the nodes stand, counted over all windows.
+    pub fn node_samples(&self) -> Vec<usize> {
+        self.arcs.iter().map(Arc::first).collect()
+    }
+
     /// Number of integration steps of the last evaluation.
     pub fn steps(&self) -> usize {
         self.arcs.iter().map(Arc::steps).sum()

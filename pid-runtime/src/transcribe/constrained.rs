@@ -1,0 +1,382 @@
+//! Constraints of the user on parameters and states, added to any program.
+//!
+//! ```text
+//! minimise    f(x)
+//! subject to  c(x) = 0
+//!             g_k(x_i, p) + s = 0,     s = 0 for an equality, s ≥ 0 for an inequality g ≤ 0
+//!             lower ≤ x ≤ upper
+//! ```
+//!
+//! A constraint holds for the parameters alone, at one node, or at every node of the program (a path constraint). It is a
+//! function over any dual number ([`crate::generic::functions`]), so its derivatives are exact. The linear system is
+//! [`crate::solver::kkt::sparse::SparseKkt`]: rows across steps break the structure of a discretization.
+
+use super::{FullDiscretization, Shooting};
+use crate::generic::functions::PointFunction;
+use crate::nlp::{Nlp, SparsePattern};
+use std::sync::Arc;
+
+/// A program whose variables contain states and scaled parameters.
+pub trait States: Nlp {
+    /// Length of a state.
+    fn nx(&self) -> usize;
+    /// Positions of the node states among the variables.
+    fn state_positions(&self) -> Vec<usize>;
+    /// Position of the first parameter, and each parameter's value per unit of its variable.
+    fn parameter_scale(&self) -> (usize, &[f64]);
+}
+
+impl States for FullDiscretization<'_> {
+    fn nx(&self) -> usize {
+        self.layout().nx
+    }
+    fn state_positions(&self) -> Vec<usize> {
+        let layout = self.layout();
+        let nodes = |w: usize| (0..=layout.windows[w].steps).map(move |k| (w, k));
+        let all = (0..layout.windows.len()).flat_map(nodes);
+        all.map(|(w, k)| layout.state(&layout.windows[w], k))
+            .collect()
+    }
+    fn parameter_scale(&self) -> (usize, &[f64]) {
+        (self.layout().p(), &self.setup().scale)
+    }
+}
+
+impl States for Shooting<'_> {
+    fn nx(&self) -> usize {
+        2 * self.model().dims().nq
+    }
+    fn state_positions(&self) -> Vec<usize> {
+        self.node_positions()
+    }
+    fn parameter_scale(&self) -> (usize, &[f64]) {
+        (self.n() - self.setup().scale.len(), &self.setup().scale)
+    }
+}
+
+/// Where a constraint holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Place {
+    /// For the parameters; the function sees a state of zeros.
+    Parameters,
+    /// At one node, counted over all windows.
+    Node(usize),
+    /// At every node.
+    EveryNode,
+}
+
+/// What is asked of the values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sense {
+    /// g = 0.
+    Equal,
+    /// g ≤ 0.
+    AtMost,
+}
+
+/// A constraint of the user.
+#[derive(Clone)]
+pub struct Constraint {
+    /// What it is, for messages.
+    pub name: String,
+    /// Where it holds.
+    pub place: Place,
+    /// Equality or inequality.
+    pub sense: Sense,
+    /// g(x, p).
+    pub function: Arc<dyn PointFunction>,
+}
+
+/// A constraint that does not fit its program.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConstraintError {
+    /// A node that is not there.
+    #[error(
+        "constraint `{name}` asks for node {node}, the program has {nodes} nodes\n  help: count nodes from 0 over all windows"
+    )]
+    NoSuchNode {
+        /// Name of the constraint.
+        name: String,
+        /// The node asked for.
+        node: usize,
+        /// Number of nodes.
+        nodes: usize,
+    },
+}
+
+/// One evaluation of a constraint.
+struct Block {
+    constraint: usize,
+    /// Position of the state, `None` for constraints on the parameters.
+    state: Option<usize>,
+    /// First row.
+    row: usize,
+    /// First slack, for inequalities.
+    slack: Option<usize>,
+}
+
+/// A program with constraints added; see the module's documentation.
+pub struct Constrained<P> {
+    inner: P,
+    constraints: Vec<Constraint>,
+    blocks: Vec<Block>,
+    n: usize,
+    m: usize,
+    nx: usize,
+    first_p: usize,
+    scale: Vec<f64>,
+    jacobian_pattern: SparsePattern,
+    hessian_pattern: SparsePattern,
+    zero: Vec<f64>,
+    p: Vec<f64>,
+    g: Vec<f64>,
+    jacobian: Vec<f64>,
+    hessian: Vec<f64>,
+}
+
+impl<P: States> Constrained<P> {
+    /// Adds constraints to a program.
+    ///
+    /// # Errors
+    /// [`ConstraintError`] if a constraint asks for a node that is not there.
+    pub fn new(inner: P, constraints: Vec<Constraint>) -> Result<Self, ConstraintError> {
+        let nodes = inner.state_positions();
+        let (first_p, scale) = inner.parameter_scale();
+        let scale = scale.to_vec();
+        let (nx, np) = (inner.nx(), scale.len());
+        let (mut row, mut variable) = (inner.m(), inner.n());
+        let mut blocks = Vec::new();
+        let mut largest = 0;
+        for (k, constraint) in constraints.iter().enumerate() {
+            let size = constraint.function.outputs();
+            largest = largest.max(size);
+            let states: Vec<Option<usize>> = match constraint.place {
+                Place::Parameters => vec![None],
+                Place::EveryNode => nodes.iter().map(|&at| Some(at)).collect(),
+                Place::Node(node) => match nodes.get(node) {
+                    Some(&at) => vec![Some(at)],
+                    None => {
+                        return Err(ConstraintError::NoSuchNode {
+                            name: constraint.name.clone(),
+                            node,
+                            nodes: nodes.len(),
+                        });
+                    }
+                },
+            };
+            for state in states {
+                let slack = (constraint.sense == Sense::AtMost).then_some(variable);
+                variable += if slack.is_some() { size } else { 0 };
+                blocks.push(Block {
+                    constraint: k,
+                    state,
+                    row,
+                    slack,
+                });
+                row += size;
+            }
+        }
+        let mut jacobian_pattern = inner.jacobian_pattern().clone();
+        let mut hessian_pattern = inner.hessian_pattern().clone();
+        let nz = nx + np;
+        for block in &blocks {
+            let place = |i: usize| place(block.state, first_p, nx, i);
+            for r in 0..constraints[block.constraint].function.outputs() {
+                for column in (0..nz).filter_map(place) {
+                    jacobian_pattern.push(block.row + r, column);
+                }
+                if let Some(slack) = block.slack {
+                    jacobian_pattern.push(block.row + r, slack + r);
+                }
+            }
+            for i in 0..nz {
+                for j in 0..=i {
+                    if let (Some(a), Some(b)) = (place(i), place(j)) {
+                        hessian_pattern.push(a.max(b), a.min(b));
+                    }
+                }
+            }
+        }
+        Ok(Self {
+            n: variable,
+            m: row,
+            nx,
+            first_p,
+            scale,
+            blocks,
+            jacobian_pattern,
+            hessian_pattern,
+            zero: vec![0.0; nx],
+            p: vec![0.0; np],
+            g: vec![0.0; largest],
+            jacobian: vec![0.0; largest * nz],
+            hessian: vec![0.0; nz * nz],
+            constraints,
+            inner,
+        })
+    }
+
+    /// The program without the constraints.
+    pub fn inner(&self) -> &P {
+        &self.inner
+    }
+
+    /// The program without the constraints, to read states and residuals from the first variables of a point.
+    pub fn inner_mut(&mut self) -> &mut P {
+        &mut self.inner
+    }
+
+    /// A start of the program without constraints, extended by slacks that fulfil the inequalities where they can.
+    pub fn extend(&mut self, start: &[f64]) -> Vec<f64> {
+        let mut x = start.to_vec();
+        x.resize(self.n, 0.0);
+        self.load(&x);
+        for block in &self.blocks {
+            let Some(slack) = block.slack else { continue };
+            let function = &self.constraints[block.constraint].function;
+            let g = &mut self.g[..function.outputs()];
+            let state = block
+                .state
+                .map_or(&self.zero[..], |at| &start[at..at + self.nx]);
+            function.value(state, &self.p, g);
+            for (r, g) in g.iter().enumerate() {
+                x[slack + r] = (-g).max(1e-4);
+            }
+        }
+        x
+    }
+
+    fn load(&mut self, x: &[f64]) {
+        let p = &x[self.first_p..];
+        for ((out, p), s) in self.p.iter_mut().zip(p).zip(&self.scale) {
+            *out = p * s;
+        }
+    }
+}
+
+/// Variable of entry `i` of (x, p); states of a constraint on the parameters have none.
+fn place(state: Option<usize>, first_p: usize, nx: usize, i: usize) -> Option<usize> {
+    if i < nx {
+        state.map(|at| at + i)
+    } else {
+        Some(first_p + i - nx)
+    }
+}
+
+impl<P: States> Nlp for Constrained<P> {
+    fn n(&self) -> usize {
+        self.n
+    }
+
+    fn m(&self) -> usize {
+        self.m
+    }
+
+    fn bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
+        let n = self.inner.n();
+        self.inner.bounds(&mut lower[..n], &mut upper[..n]);
+        lower[n..].fill(0.0);
+        upper[n..].fill(f64::INFINITY);
+    }
+
+    fn objective(&mut self, x: &[f64]) -> f64 {
+        self.inner.objective(&x[..self.inner.n()])
+    }
+
+    fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) {
+        let n = self.inner.n();
+        self.inner.gradient(&x[..n], &mut gradient[..n]);
+        gradient[n..].fill(0.0);
+    }
+
+    fn constraints(&mut self, x: &[f64], c: &mut [f64]) {
+        let (n, m) = (self.inner.n(), self.inner.m());
+        self.inner.constraints(&x[..n], &mut c[..m]);
+        self.load(x);
+        for block in &self.blocks {
+            let function = &self.constraints[block.constraint].function;
+            let out = &mut c[block.row..block.row + function.outputs()];
+            let state = block
+                .state
+                .map_or(&self.zero[..], |at| &x[at..at + self.nx]);
+            function.value(state, &self.p, out);
+            if let Some(slack) = block.slack {
+                out.iter_mut().zip(&x[slack..]).for_each(|(c, s)| *c += s);
+            }
+        }
+    }
+
+    fn jacobian_pattern(&self) -> &SparsePattern {
+        &self.jacobian_pattern
+    }
+
+    fn jacobian(&mut self, x: &[f64], values: &mut [f64]) {
+        let (n, nz) = (self.inner.n(), self.nx + self.p.len());
+        let mut k = self.inner.jacobian_pattern().nnz();
+        self.inner.jacobian(&x[..n], &mut values[..k]);
+        self.load(x);
+        for block in &self.blocks {
+            let function = &self.constraints[block.constraint].function;
+            let size = function.outputs();
+            let state = block
+                .state
+                .map_or(&self.zero[..], |at| &x[at..at + self.nx]);
+            function.jacobian(state, &self.p, &mut self.g[..size], &mut self.jacobian);
+            for r in 0..size {
+                for i in 0..nz {
+                    if place(block.state, self.first_p, self.nx, i).is_some() {
+                        let factor = if i < self.nx {
+                            1.0
+                        } else {
+                            self.scale[i - self.nx]
+                        };
+                        values[k] = factor * self.jacobian[r * nz + i];
+                        k += 1;
+                    }
+                }
+                if block.slack.is_some() {
+                    values[k] = 1.0;
+                    k += 1;
+                }
+            }
+        }
+    }
+
+    fn hessian_pattern(&self) -> &SparsePattern {
+        &self.hessian_pattern
+    }
+
+    fn hessian(&mut self, x: &[f64], sigma: f64, lambda: &[f64], values: &mut [f64]) {
+        let (n, m, nz) = (self.inner.n(), self.inner.m(), self.nx + self.p.len());
+        let mut k = self.inner.hessian_pattern().nnz();
+        self.inner
+            .hessian(&x[..n], sigma, &lambda[..m], &mut values[..k]);
+        self.load(x);
+        for block in &self.blocks {
+            let function = &self.constraints[block.constraint].function;
+            let weights = &lambda[block.row..block.row + function.outputs()];
+            let state = block
+                .state
+                .map_or(&self.zero[..], |at| &x[at..at + self.nx]);
+            function.hessian(state, &self.p, weights, &mut self.hessian);
+            let factor = |i: usize| {
+                if i < self.nx {
+                    1.0
+                } else {
+                    self.scale[i - self.nx]
+                }
+            };
+            for i in 0..nz {
+                for j in 0..=i {
+                    let there = |i| place(block.state, self.first_p, self.nx, i).is_some();
+                    if there(i) && there(j) {
+                        values[k] = factor(i) * factor(j) * self.hessian[i * nz + j];
+                        k += 1;
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! Constraints of the user: exact derivatives, and optima that respect them.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use pid_models::{DoublePendulum, TwoLink};
+use pid_runtime::data::InputHold;
+use pid_runtime::dynamics::Dynamics;
+use pid_runtime::generic::functions::{Exact, GenericFunction};
+use pid_runtime::integrate::{self, Drive, simulate};
+use pid_runtime::nlp::{Nlp, check_point};
+use pid_runtime::num_dual::DualNum;
+use pid_runtime::solver::kkt::sparse::SparseKkt;
+use pid_runtime::solver::{self, ip};
+use pid_runtime::transcribe::{
+    Constrained, Constraint, ConstraintError, FullDiscretization, Place, Scheme, Sense, Shooting,
+    States, Track,
+};
+use pid_tests::derivatives::{
+    assert_derivative, dense_hessian, dense_jacobian, lagrangian_gradient, numbers, setup, window,
+};
+use pid_tests::two_link;
+
+/// A product of parameters.
+struct Product;
+
+impl GenericFunction for Product {
+    fn outputs(&self) -> usize {
+        1
+    }
+    fn evaluate<D: DualNum<Primitive = f64> + Copy>(&self, _: &[D], p: &[D], out: &mut [D]) {
+        out[0] = p[0] * p[1] - 5.0;
+    }
+}
+
+/// A speed limit that depends on the position and a parameter, and a second value.
+struct Limit;
+
+impl GenericFunction for Limit {
+    fn outputs(&self) -> usize {
+        2
+    }
+    fn evaluate<D: DualNum<Primitive = f64> + Copy>(&self, x: &[D], p: &[D], out: &mut [D]) {
+        out[0] = x[2] * x[2] + x[0].sin() * p[2] - 3.0;
+        out[1] = x[3] * x[1] - 9.0;
+    }
+}
+
+fn constraints(np: usize) -> Vec<Constraint> {
+    let named = |name: &str, place, sense, function| Constraint {
+        name: name.to_owned(),
+        place,
+        sense,
+        function,
+    };
+    vec![
+        named(
+            "product",
+            Place::Parameters,
+            Sense::Equal,
+            Arc::new(Exact::new(Product, 4, np)) as _,
+        ),
+        named(
+            "speed",
+            Place::EveryNode,
+            Sense::AtMost,
+            Arc::new(Exact::new(Limit, 4, np)) as _,
+        ),
+        named(
+            "end",
+            Place::Node(2),
+            Sense::Equal,
+            Arc::new(Exact::new(Limit, 4, np)) as _,
+        ),
+    ]
+}
+
+fn check<P: States>(name: &str, mut problem: Constrained<P>, start: &[f64]) {
+    let mut x = problem.extend(start);
+    x.iter_mut()
+        .zip(numbers(3, start.len() + 1000))
+        .for_each(|(x, m)| *x += 0.02 * m);
+    let m = problem.m();
+    let jacobian = dense_jacobian(&mut problem, &x);
+    assert_derivative(&format!("{name}: Jacobian"), &jacobian, &x, &mut |x| {
+        let mut c = vec![f64::NAN; m];
+        problem.constraints(x, &mut c);
+        c
+    });
+    let lambda = numbers(7, m);
+    let hessian = dense_hessian(&mut problem, &x, 0.7, &lambda);
+    assert_derivative(&format!("{name}: Hessian"), &hessian, &x, &mut |x| {
+        lagrangian_gradient(&mut problem, x, 0.7, &lambda)
+    });
+}
+
+#[test]
+fn derivatives_agree_with_differences() {
+    let tracks = [window(&TwoLink, 4, 1), window(&TwoLink, 2, 9)];
+    let truth = two_link::truth();
+    let options = || setup(&TwoLink, Scheme::Trapezoidal, false, false);
+    let full = FullDiscretization::new(&TwoLink, &tracks, options());
+    let start = full.starting_point(&truth);
+    let nodes = full.state_positions().len();
+    let constrained = Constrained::new(full, constraints(19)).unwrap();
+    assert_eq!(nodes, 8);
+    assert_eq!(constrained.m(), constrained.inner().m() + 1 + 2 * nodes + 2);
+    assert_eq!(constrained.n(), constrained.inner().n() + 2 * nodes);
+    check("full discretization", constrained, &start);
+    let shooting = Shooting::new(&TwoLink, &tracks, options(), 2, None);
+    let start = shooting.starting_point(&truth);
+    check(
+        "shooting",
+        Constrained::new(shooting, constraints(19)).unwrap(),
+        &start,
+    );
+}
+
+#[test]
+fn a_node_that_is_not_there_is_named() {
+    let tracks = [window(&TwoLink, 1, 1)];
+    let full = FullDiscretization::new(
+        &TwoLink,
+        &tracks,
+        setup(&TwoLink, Scheme::Trapezoidal, false, false),
+    );
+    let error = Constrained::new(full, constraints(19))
+        .err()
+        .expect("an error");
+    let expected = ConstraintError::NoSuchNode {
+        name: "end".to_owned(),
+        node: 2,
+        nodes: 2,
+    };
+    assert_eq!(error, expected);
+    assert!(
+        error
+            .to_string()
+            .contains("constraint `end` asks for node 2"),
+        "{error}"
+    );
+}
+
+/// Sum of two parameters above its true value.
+struct Above(usize, usize, f64);
+
+impl GenericFunction for Above {
+    fn outputs(&self) -> usize {
+        1
+    }
+    fn evaluate<D: DualNum<Primitive = f64> + Copy>(&self, _: &[D], p: &[D], out: &mut [D]) {
+        out[0] = -p[self.0] - p[self.1] + self.2;
+    }
+}
+
+#[test]
+fn an_active_inequality_holds_with_a_multiplier_of_the_right_sign_and_shifts_the_optimum() {
+    let model = &DoublePendulum;
+    let d = model.dims();
+    let p: Vec<f64> = model.params().iter().map(|p| p.nominal).collect();
+    let t: Vec<f64> = (0..61).map(|k| 0.01 * f64::from(k)).collect();
+    let u = vec![0.0; d.nu * t.len()];
+    let drive = Drive {
+        t: &t,
+        u: &u,
+        hold: InputHold::ZeroOrder,
+    };
+    let motion = simulate(
+        model,
+        &p,
+        &[1.2, 0.4],
+        &[0.0; 2],
+        &drive,
+        integrate::Settings::default(),
+    )
+    .unwrap();
+    let states: Vec<f64> = (0..t.len())
+        .flat_map(|k| [&motion.q[2 * k..2 * k + 2], &motion.v[2 * k..2 * k + 2]].concat())
+        .collect();
+    let track = Track {
+        t,
+        measured: states.clone(),
+        guess: states,
+        u,
+        weights: vec![1.0; 4],
+    };
+    // Two inertias are free; their sum is asked to be above the true one.
+    let find = |n: &str| {
+        model
+            .params()
+            .iter()
+            .position(|p| p.name == n)
+            .expect("a parameter")
+    };
+    let (i, j) = (find("i1"), find("i2"));
+    let mut options = setup(
+        model,
+        Scheme::GaussLegendre(pid_runtime::transcribe::Stages::new(2).unwrap()),
+        false,
+        false,
+    );
+    for k in 0..d.np {
+        let free = k == i || k == j;
+        options.lower[k] = if free { 1e-3 } else { p[k] };
+        options.upper[k] = if free { 10.0 } else { p[k] };
+        options.scale[k] = 1.0;
+    }
+    let sum = p[i] + p[j] + 0.01;
+    let full = FullDiscretization::new(model, std::slice::from_ref(&track), options);
+    let start = full.starting_point(&p);
+    let first_p = full.layout().p();
+    let rows = full.m();
+    let function = Arc::new(Exact::new(Above(i, j, sum), 4, d.np));
+    let constraint = Constraint {
+        name: "sum".to_owned(),
+        place: Place::Parameters,
+        sense: Sense::AtMost,
+        function,
+    };
+    let mut problem = Constrained::new(full, vec![constraint]).unwrap();
+    let x0 = problem.extend(&start);
+    let mut kkt = SparseKkt::new(&problem);
+    let settings = solver::Settings {
+        objective_scale: 61.0,
+        ..solver::Settings::default()
+    };
+    let solution = ip::solve(&mut problem, &mut kkt, &x0, &settings, &mut |_, _| {
+        ControlFlow::Continue(())
+    });
+    assert!(solution.status.converged(), "{:?}", solution.status);
+    let check = check_point(&mut problem, &solution.x, &solution.lambda);
+    assert!(
+        check.primal_inf < 1e-7 && check.dual_inf < 1e-5,
+        "{check:?}"
+    );
+    let found = solution.x[first_p + i] + solution.x[first_p + j];
+    assert!((found - sum).abs() < 1e-6, "active: {found} for {sum}");
+    assert!(solution.lambda[rows] > 0.0, "the constraint pushes");
+}
