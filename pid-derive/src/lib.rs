@@ -10,7 +10,8 @@
 //! - [`lagrangian`], [`newton_euler`]: two independent derivations of `M a + b`;
 //! - [`equations`](mod@equations): their comparison, and everything that is read off the residual;
 //! - [`derivatives`](mod@derivatives): Jacobian and Hessian with their patterns;
-//! - [`facts`](mod@facts): what the checker wants proved.
+//! - [`facts`](mod@facts): what the checker wants proved;
+//! - [`plausible`]: which masses and inertias a body can have.
 
 pub mod derivatives;
 pub mod equations;
@@ -20,6 +21,7 @@ pub mod kinematics;
 pub mod lagrangian;
 pub mod model;
 pub mod newton_euler;
+pub mod plausible;
 pub mod sample;
 pub mod symbols;
 pub mod vector;

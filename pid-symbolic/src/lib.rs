@@ -7,6 +7,7 @@
 //! - [`pattern`]: which of the resulting expressions are identically zero;
 //! - [`schedule`]: an order of evaluation, the lifetimes of intermediate values, blocks of bounded size;
 //! - [`eval`]: an interpreter over `f64`, batches of `f64` and any dual number of `num-dual`;
+//! - [`program`]: the same over `f64` alone, made for speed;
 //! - [`cost`] and [`print`](mod@print): operation counts and readable text.
 //!
 //! The crate knows algebra; it knows nothing of robots, tokens or matrices.
@@ -34,6 +35,7 @@ pub mod graph;
 pub mod node;
 pub mod pattern;
 pub mod print;
+pub mod program;
 pub mod random;
 pub mod schedule;
 
@@ -41,4 +43,5 @@ pub use cost::Cost;
 pub use eval::Tape;
 pub use graph::Graph;
 pub use node::{Function, Id, Node};
+pub use program::Program;
 pub use schedule::Plan;

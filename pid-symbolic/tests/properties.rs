@@ -2,7 +2,8 @@
 //! plans compute what the interpreter computes.
 
 use num_dual::{Dual64, HyperDual64};
-use pid_symbolic::{Cost, Function, Graph, Id, Node, Plan, Tape, diff, pattern, schedule};
+use pid_symbolic::program::{LANES, Scratch};
+use pid_symbolic::{Cost, Function, Graph, Id, Node, Plan, Program, Tape, diff, pattern, schedule};
 use proptest::prelude::*;
 
 const VARS: usize = 4;
@@ -280,6 +281,41 @@ proptest! {
         let (found, expected) = (run(&g, &plan, &ids, &vars), evaluate(&g, &ids, &vars));
         for (found, expected) in found.into_iter().zip(expected) {
             prop_assert_eq!(found.to_bits(), expected.to_bits());
+        }
+    }
+
+    /// Few outputs, so that products are used once and fused; some variables and constants among them.
+    #[test]
+    fn programs_compute_what_the_tape_computes((steps, vars) in program(), stride in 1usize..40) {
+        let mut g = Graph::new();
+        let ids: Vec<Id> = build(&mut g, &steps).into_iter().rev().step_by(stride).collect();
+        let program = Program::new(&g, &ids);
+        let expected = evaluate(&g, &ids, &vars);
+        prop_assert!(program.vars() <= VARS);
+        prop_assert_eq!(program.outputs(), ids.len());
+
+        // The second evaluation finds what the first one left.
+        let (mut scratch, mut found) = (Scratch::new(), vec![f64::NAN; ids.len()]);
+        for _ in 0..2 {
+            let read = program.vars();
+            program.eval(&mut scratch, |z| z.copy_from_slice(&vars[..read]), [&mut found]);
+            for (found, expected) in found.iter().zip(&expected) {
+                prop_assert_eq!(found.to_bits(), expected.to_bits());
+            }
+        }
+        let mut lanes = vec![[f64::NAN; LANES]; ids.len()];
+        let at = |lane: usize, x: f64| x * (1.0 + 0.01 * lane as f64);
+        let fill = |z: &mut [[f64; LANES]]| {
+            for (z, &x) in z.iter_mut().zip(&vars) {
+                *z = std::array::from_fn(|lane| at(lane, x));
+            }
+        };
+        program.eval_lanes(&mut Scratch::new(), fill, [&mut lanes]);
+        for lane in 0..LANES {
+            let z: Vec<f64> = vars.iter().map(|&x| at(lane, x)).collect();
+            for (found, expected) in lanes.iter().zip(evaluate(&g, &ids, &z)) {
+                prop_assert_eq!(found[lane].to_bits(), expected.to_bits());
+            }
         }
     }
 

@@ -1,0 +1,175 @@
+//! The file as written: keys, places, lines.
+
+use std::path::Path;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::error::NominalError;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawFile {
+    pub(super) robot: RawRobot,
+    pub(super) tolerance: RawTolerance,
+    pub(super) joint: Vec<RawJoint>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawRobot {
+    pub(super) name: String,
+    pub(super) gravity: Spanned<[f64; 3]>,
+    pub(super) tool: Option<Spanned<[f64; 3]>>,
+    pub(super) encoder_side: Option<Spanned<String>>,
+    pub(super) velocity_filter_hz: Option<Spanned<f64>>,
+    pub(super) input_noise: Option<Spanned<f64>>,
+    pub(super) horizon_s: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawTolerance {
+    pub(super) mass_rel: Spanned<f64>,
+    pub(super) com_abs_m: Spanned<f64>,
+    pub(super) inertia_rel: Spanned<f64>,
+    pub(super) rotor_inertia_rel: Spanned<f64>,
+    pub(super) motor_gain_rel: Spanned<f64>,
+    pub(super) friction_rel: Spanned<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawJoint {
+    pub(super) name: Spanned<String>,
+    pub(super) r#type: Spanned<String>,
+    pub(super) axis: Spanned<[f64; 3]>,
+    pub(super) parent: Option<Spanned<String>>,
+    pub(super) origin: Spanned<[f64; 3]>,
+    pub(super) rpy: Option<Spanned<[f64; 3]>>,
+    pub(super) limits: Option<Spanned<[f64; 2]>>,
+    pub(super) mass: Spanned<f64>,
+    pub(super) com: Spanned<[f64; 3]>,
+    pub(super) inertia: Spanned<[f64; 6]>,
+    pub(super) rotor_inertia: Spanned<f64>,
+    pub(super) coulomb: Spanned<f64>,
+    pub(super) viscous: Spanned<f64>,
+    pub(super) sharpness: Option<Spanned<f64>>,
+    pub(super) motor_gain: Spanned<f64>,
+    pub(super) input: Spanned<String>,
+    pub(super) velocity: Spanned<String>,
+    pub(super) q_resolution: Option<Spanned<f64>>,
+    pub(super) q_noise_std: Option<Spanned<f64>>,
+    pub(super) dq_noise_std: Option<Spanned<f64>>,
+    pub(super) torque_peak: Option<Spanned<f64>>,
+    pub(super) speed_scale: Option<Spanned<f64>>,
+}
+
+/// Text and name of a file: what an error needs to say where it is.
+pub(super) struct Source<'a> {
+    pub(super) file: &'a Path,
+    pub(super) text: &'a str,
+}
+
+impl Source<'_> {
+    pub(super) fn parse(&self) -> Result<RawFile, NominalError> {
+        toml::from_str(self.text).map_err(|e| NominalError::Syntax {
+            file: self.file.to_owned(),
+            message: e.to_string().trim_end().to_owned(),
+        })
+    }
+
+    fn line<T>(&self, value: &Spanned<T>) -> usize {
+        let before = self.text.get(..value.span().start).unwrap_or(self.text);
+        1 + before.bytes().filter(|&b| b == b'\n').count()
+    }
+
+    /// An error at a value.
+    pub(super) fn error<T>(
+        &self,
+        value: &Spanned<T>,
+        item: &str,
+        key: &'static str,
+        found: impl ToString,
+        mend: impl Into<String>,
+    ) -> NominalError {
+        NominalError::Value {
+            file: self.file.to_owned(),
+            line: self.line(value),
+            item: item.to_owned(),
+            key,
+            found: found.to_string(),
+            mend: mend.into(),
+        }
+    }
+
+    /// A finite number that satisfies a condition.
+    pub(super) fn number(
+        &self,
+        value: &Spanned<f64>,
+        item: &str,
+        key: &'static str,
+        holds: impl Fn(f64) -> bool,
+        mend: &str,
+    ) -> Result<f64, NominalError> {
+        let x = *value.get_ref();
+        if x.is_finite() && holds(x) {
+            return Ok(x);
+        }
+        Err(self.error(value, item, key, x, mend))
+    }
+
+    /// As [`number`](Self::number) for a number that may be left out.
+    pub(super) fn optional(
+        &self,
+        value: Option<&Spanned<f64>>,
+        item: &str,
+        key: &'static str,
+        holds: impl Fn(f64) -> bool,
+        mend: &str,
+    ) -> Result<Option<f64>, NominalError> {
+        value
+            .map(|value| self.number(value, item, key, holds, mend))
+            .transpose()
+    }
+
+    /// Finite numbers.
+    pub(super) fn list<const N: usize>(
+        &self,
+        value: &Spanned<[f64; N]>,
+        item: &str,
+        key: &'static str,
+    ) -> Result<[f64; N], NominalError> {
+        match value.get_ref().iter().find(|x| !x.is_finite()) {
+            Some(x) => Err(self.error(value, item, key, x, "give finite numbers")),
+            None => Ok(*value.get_ref()),
+        }
+    }
+
+    /// One of some words.
+    pub(super) fn word<T: Copy>(
+        &self,
+        value: &Spanned<String>,
+        item: &str,
+        key: &'static str,
+        words: &[(&str, T)],
+    ) -> Result<T, NominalError> {
+        let found = value.get_ref();
+        match words.iter().find(|(word, _)| word == found) {
+            Some(&(_, meaning)) => Ok(meaning),
+            None => {
+                let known: Vec<String> = words
+                    .iter()
+                    .map(|(word, _)| format!("\"{word}\""))
+                    .collect();
+                Err(self.error(
+                    value,
+                    item,
+                    key,
+                    format!("\"{found}\""),
+                    format!("write one of {}", known.join(", ")),
+                ))
+            }
+        }
+    }
+}

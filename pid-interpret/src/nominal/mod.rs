@@ -1,0 +1,225 @@
+//! What is known of a robot before any record is looked at: structure, nominal values with their tolerances, and how it is
+//! measured. A file `nominal.toml` states it; `docs/nominal-format.md` describes the format.
+//!
+//! The nominal structure is, per joint,
+//!
+//! ```text
+//! gain·u = (M(q) a + b(q, v))_j + rotor·a_j + coulomb·tanh(sharp·v_j) + viscous·v_j
+//! ```
+//!
+//! with M and b of the tree of links. Parameters of each link are mass, centre of mass and inertia about the centre of mass,
+//! because that is what tolerances are stated for; those of each joint are rotor inertia, Coulomb and viscous friction,
+//! gain, and the sharpness of the transition at rest, which is held.
+//!
+//! - [`Nominal::robot`]: the structure, ready for [`Model`](crate::Model), ranges as the tolerances say;
+//! - [`Nominal::tolerances`]: what each parameter is and how far it is trusted;
+//! - [`Nominal::measurement`]: noise, resolution, how velocities are read, drive noise.
+
+mod build;
+mod error;
+mod file;
+
+use std::fs;
+use std::path::Path;
+
+use pid_derive::model::Robot;
+
+pub use error::NominalError;
+
+/// A nominal description.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Nominal {
+    robot: Robot,
+    tolerances: Vec<Tolerance>,
+    measurement: Measurement,
+}
+
+/// Ranges of the parameters of a robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Ranges {
+    /// Nominal value ± tolerance; where that leaves nothing free the parameter is fixed. Masses, rotor inertias, friction
+    /// and gains stay on their side of zero.
+    #[default]
+    Tolerance,
+    /// Only what physics demands: positive masses, rotor inertias and friction that are not negative, gains of the sign
+    /// of the nominal one. Parameters that are exact (zero tolerance) stay fixed.
+    Physical,
+}
+
+/// How far a parameter is trusted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tolerance {
+    /// Name of the parameter, as in the robot and in the same place.
+    pub name: String,
+    /// Index of the joint (and of the link it carries), base to tip.
+    pub joint: usize,
+    /// What it is.
+    pub role: Role,
+    /// Nominal value, SI.
+    pub nominal: f64,
+    /// The real value lies within nominal ± this; 0 if the value is exact.
+    pub half_width: f64,
+}
+
+/// What a parameter is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum Role {
+    /// Mass of the link.
+    Mass,
+    /// Component (0, 1, 2) of the centre of mass in the link's frame.
+    CenterOfMass(usize),
+    /// Entry of the inertia about the centre of mass, in the order xx, yy, zz, xy, xz, yz.
+    Inertia(usize),
+    /// Rotor inertia or mass at the joint.
+    RotorInertia,
+    /// Coulomb friction.
+    Coulomb,
+    /// Viscous friction.
+    Viscous,
+    /// Force or torque at the joint per unit of the input.
+    Gain,
+    /// Sharpness of the transition of Coulomb friction at rest; not a value of the robot, always held.
+    Sharpness,
+}
+
+/// What is known of the records.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measurement {
+    /// One per joint, base to tip.
+    pub channels: Vec<Channel>,
+    /// Length of the windows of free simulation by which the gap is judged, s.
+    pub horizon: Option<f64>,
+    /// Where the encoders sit.
+    pub encoder_side: EncoderSide,
+    /// A point in the frame of the last link where a payload would sit, m.
+    pub tool: Option<[f64; 3]>,
+}
+
+/// Side of the gear on which the encoder sits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EncoderSide {
+    /// Before the gear.
+    Motor,
+    /// After the gear.
+    Joint,
+}
+
+/// How a joint is measured and driven.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channel {
+    /// Name of the joint.
+    pub name: String,
+    /// Standard deviation of the position noise, rad or m.
+    pub position_noise: f64,
+    /// Step of the encoder, rad or m.
+    pub position_resolution: f64,
+    /// How the velocity is read.
+    pub velocity: Velocity,
+    /// Standard deviation, per sample, of the noise of the applied input, in the unit of the input.
+    pub input_noise: f64,
+    /// Typical largest torque or force at the joint.
+    pub torque_peak: Option<f64>,
+    /// Typical velocity.
+    pub speed_scale: Option<f64>,
+}
+
+impl Channel {
+    /// Standard deviation of a position reading: noise and rounding to the encoder's step `δ`, whose variance is `δ²/12`.
+    pub fn position_std(&self) -> f64 {
+        (self.position_noise.powi(2) + self.position_resolution.powi(2) / 12.0).sqrt()
+    }
+}
+
+/// How a velocity is read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Velocity {
+    /// By a sensor of its own.
+    Measured {
+        /// Standard deviation of its noise, rad/s or m/s.
+        noise: f64,
+    },
+    /// From the read positions, `w_k = c w_{k−1} + (1 − c)(q_k − q_{k−1})/h` with `c = exp(−2π f h)`.
+    Derived {
+        /// Corner frequency f of the filter, Hz; without one the difference quotient itself.
+        filter_hz: Option<f64>,
+    },
+    /// Not at all.
+    Absent,
+}
+
+impl Nominal {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// If it cannot be read, is not of the format, or states values that no robot can have: file, line, key, value, mend.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, NominalError> {
+        let path = path.as_ref();
+        let text = fs::read_to_string(path).map_err(|error| NominalError::Unreadable {
+            file: path.to_owned(),
+            error,
+        })?;
+        Self::parse(path, &text)
+    }
+
+    /// Reads a text; `file` is its name in messages.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn parse(file: impl AsRef<Path>, text: &str) -> Result<Self, NominalError> {
+        build::nominal(&file::Source {
+            file: file.as_ref(),
+            text,
+        })
+    }
+
+    /// The nominal structure, parameters ranging within their tolerances.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// The nominal structure with other ranges.
+    pub fn robot_with(&self, ranges: Ranges) -> Robot {
+        let mut robot = self.robot.clone();
+        for (param, tolerance) in robot.params.iter_mut().zip(&self.tolerances) {
+            let (lower, upper) = tolerance.range(ranges);
+            (param.lower, param.upper) = (lower, upper);
+        }
+        robot
+    }
+
+    /// What each parameter is and how far it is trusted, in the order of the robot's parameters.
+    pub fn tolerances(&self) -> &[Tolerance] {
+        &self.tolerances
+    }
+
+    /// How the robot is measured.
+    pub fn measurement(&self) -> &Measurement {
+        &self.measurement
+    }
+}
+
+impl Tolerance {
+    /// Lower and upper end of the range.
+    pub fn range(&self, ranges: Ranges) -> (f64, f64) {
+        let (lower, upper) = match self.role {
+            _ if self.half_width == 0.0 => return (self.nominal, self.nominal),
+            // A body without mass is none; a share of the nominal one keeps the mass matrix regular.
+            Role::Mass => (1e-3 * self.nominal, f64::INFINITY),
+            Role::RotorInertia | Role::Coulomb | Role::Viscous => (0.0, f64::INFINITY),
+            Role::Gain if self.nominal > 0.0 => (1e-3 * self.nominal, f64::INFINITY),
+            Role::Gain => (f64::NEG_INFINITY, 1e-3 * self.nominal),
+            Role::CenterOfMass(_) | Role::Inertia(_) | Role::Sharpness => {
+                (f64::NEG_INFINITY, f64::INFINITY)
+            }
+        };
+        match ranges {
+            Ranges::Physical => (lower, upper),
+            Ranges::Tolerance => (
+                lower.max(self.nominal - self.half_width),
+                upper.min(self.nominal + self.half_width),
+            ),
+        }
+    }
+}

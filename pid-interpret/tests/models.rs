@@ -1,0 +1,217 @@
+//! Every robot of `pid-models`, compiled and interpreted from the same declaration: equal values, equal derivatives.
+
+use std::path::Path;
+
+use pid_codegen::check::{Resolved, resolve};
+use pid_codegen::diag::Diagnostics;
+use pid_codegen::syntax;
+use pid_derive::model::Robot;
+use pid_interpret::Model;
+use pid_runtime::dynamics::{At, Dims, Dynamics, Hessian, Pattern};
+use pid_runtime::generic;
+use pid_symbolic::random::Random;
+use proc_macro2::TokenStream;
+
+/// Agreement relative to the largest entry. The generated code is the same graph: only rounding of libraries may differ.
+const AGREEMENT: f64 = 1e-13;
+const POINTS: usize = 20;
+
+/// The declaration of a robot in a source file of `pid-models`.
+fn declared(file: &str) -> Robot {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../models/src")
+        .join(file);
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let file = syn::parse_file(&text).expect("the file compiles");
+    let tokens: TokenStream = file
+        .items
+        .iter()
+        .find_map(|item| match item {
+            syn::Item::Macro(item) if item.mac.path.is_ident("robot") => {
+                Some(item.mac.tokens.clone())
+            }
+            _ => None,
+        })
+        .expect("a declaration with robot!");
+    let mut diag = Diagnostics::new();
+    let ast = syntax::parse(tokens, &mut diag).expect("the declaration parses");
+    let Resolved { robot, .. } = resolve(&ast, &mut diag).expect("the declaration is sound");
+    robot
+}
+
+/// A point, parameters within 20 % of nominal.
+struct Point {
+    dims: Dims,
+    z: Vec<f64>,
+    lambda: Vec<f64>,
+}
+
+impl Point {
+    fn new(model: &dyn Dynamics, random: &mut Random) -> Self {
+        let dims = model.dims();
+        let mut z = Vec::new();
+        z.extend((0..dims.nq).map(|_| random.uniform(-3.0, 3.0)));
+        z.extend((0..2 * dims.nq + dims.nu).map(|_| random.uniform(-4.0, 4.0)));
+        for p in model.params() {
+            let value = p.nominal * random.uniform(0.8, 1.2) + random.uniform(-0.01, 0.01);
+            z.push(value.clamp(p.lower, p.upper));
+        }
+        let lambda = (0..dims.nq).map(|_| random.uniform(-1.0, 1.0)).collect();
+        Self { dims, z, lambda }
+    }
+
+    fn at(&self) -> At<'_> {
+        let d = self.dims;
+        At {
+            q: &self.z[..d.v()],
+            v: &self.z[d.v()..d.a()],
+            a: &self.z[d.a()..d.u()],
+            u: &self.z[d.u()..d.p()],
+            p: &self.z[d.p()..],
+        }
+    }
+}
+
+fn close(what: &str, found: &[f64], expected: &[f64]) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    let scale = expected.iter().fold(0.0_f64, |s, x| s.max(x.abs()));
+    for (k, (found, expected)) in found.iter().zip(expected).enumerate() {
+        // Written so that NaN is refused.
+        assert!(
+            (found - expected).abs() <= AGREEMENT * scale,
+            "{what}[{k}]: {found:e} for {expected:e}"
+        );
+    }
+}
+
+/// Values at a pattern as a dense matrix: entries that only one side calls structural must be zero.
+fn dense(pattern: Pattern<'_>, values: &[f64], rows: usize, cols: usize) -> Vec<f64> {
+    assert_eq!(pattern.nnz(), values.len());
+    let mut matrix = vec![0.0; rows * cols];
+    for ((&row, &col), value) in pattern.rows.iter().zip(pattern.cols).zip(values) {
+        matrix[row as usize * cols + col as usize] = *value;
+    }
+    matrix
+}
+
+fn vector(len: usize, f: impl FnOnce(&mut [f64])) -> Vec<f64> {
+    let mut out = vec![f64::NAN; len];
+    f(&mut out);
+    out
+}
+
+fn jacobian(model: &dyn Hessian, at: &At<'_>) -> Vec<f64> {
+    let d = model.dims();
+    let mut r = vec![f64::NAN; d.nq];
+    let values = vector(model.jacobian_pattern().nnz(), |out| {
+        model.residual_jacobian(at, &mut r, out);
+    });
+    close("r beside J", &r, &vector(d.nq, |r| model.residual(at, r)));
+    dense(model.jacobian_pattern(), &values, d.nq, d.nz())
+}
+
+fn hessian(model: &dyn Hessian, at: &At<'_>, lambda: &[f64]) -> Vec<f64> {
+    let values = vector(model.hessian_pattern().nnz(), |out| {
+        model.residual_hessian(at, lambda, out);
+    });
+    let nz = model.dims().nz();
+    dense(model.hessian_pattern(), &values, nz, nz)
+}
+
+fn compare(file: &str, compiled: &dyn Hessian) {
+    let interpreted = Model::new(&declared(file)).expect("the robot can be derived");
+    assert_eq!(interpreted.name(), compiled.name());
+    assert_eq!(interpreted.dims(), compiled.dims());
+    assert_eq!(interpreted.params(), compiled.params());
+    assert_eq!(interpreted.joints(), compiled.joints());
+    assert_eq!(interpreted.inputs(), compiled.inputs());
+    let d = compiled.dims();
+    let mut random = Random::new(20_260_311);
+    for _ in 0..POINTS {
+        let point = Point::new(compiled, &mut random);
+        let at = point.at();
+        let both = |f: &dyn Fn(&dyn Hessian) -> Vec<f64>| (f(&interpreted), f(compiled));
+        let check = |what: &str, (found, expected): (Vec<f64>, Vec<f64>)| {
+            close(&format!("{file}: {what}"), &found, &expected);
+        };
+        check("r", both(&|m| vector(d.nq, |out| m.residual(&at, out))));
+        check(
+            "M",
+            both(&|m| vector(d.nm(), |out| m.mass_matrix(&at, out))),
+        );
+        check("b", both(&|m| vector(d.nq, |out| m.bias(&at, out))));
+        check(
+            "f",
+            both(&|m| vector(d.nq, |out| m.applied_force(&at, out))),
+        );
+        check("T", both(&|m| vec![m.kinetic_energy(&at)]));
+        check("U", both(&|m| vec![m.potential_energy(&at)]));
+        check("J", both(&|m| jacobian(m, &at)));
+        check("H", both(&|m| hessian(m, &at, &point.lambda)));
+        let mut duals = vec![0.0; d.nq * d.nz()];
+        generic::residual_jacobian(&interpreted, d, &at, &mut duals);
+        close(
+            &format!("{file}: J over dual numbers"),
+            &duals,
+            &jacobian(compiled, &at),
+        );
+    }
+}
+
+#[test]
+fn emps() {
+    compare("emps.rs", &pid_models::Emps);
+}
+
+#[test]
+fn double_pendulum() {
+    compare("double_pendulum.rs", &pid_models::DoublePendulum);
+}
+
+#[test]
+fn two_link() {
+    compare("two_link.rs", &pid_models::TwoLink);
+}
+
+#[test]
+fn scara() {
+    compare("scara.rs", &pid_models::Scara);
+}
+
+#[test]
+fn arm6() {
+    compare("arm6.rs", &pid_models::Arm6);
+}
+
+#[test]
+fn ur10e() {
+    compare("ur10e.rs", &pid_models::Ur10e);
+}
+
+#[test]
+fn panda() {
+    compare("panda.rs", &pid_models::Panda);
+}
+
+#[test]
+fn wrong_lengths_name_the_argument() {
+    let model = Model::new(&declared("emps.rs")).unwrap();
+    let at = At {
+        q: &[0.0],
+        v: &[0.0],
+        a: &[],
+        u: &[0.0],
+        p: &[0.0; 5],
+    };
+    let mut b = [0.0];
+    // b does not read a.
+    model.bias(&at, &mut b);
+    let panicked = std::panic::catch_unwind(|| model.residual(&at, &mut [0.0])).unwrap_err();
+    let message = panicked
+        .downcast_ref::<String>()
+        .expect("a formatted message");
+    assert_eq!(
+        message,
+        "`a` must have 1 entries, the dimensions of the model, but has 0"
+    );
+}
