@@ -1,7 +1,7 @@
 //! What a robot must satisfy before it is derived. The checker of `robot!` and the readers of files hand over robots that
 //! do; one that is put together by a program may not.
 
-use pid_derive::model::{Expr, Inertial, JointKind, Robot};
+use pid_derive::model::{Affine, Expr, Inertial, Joint, JointKind, Robot};
 use thiserror::Error;
 
 /// Axes are of unit length to this accuracy.
@@ -92,6 +92,15 @@ pub enum Fault {
         /// Its length.
         length: f64,
     },
+    /// A joint whose kind does not fit: coordinates of a Lagrangian have no axis, joints between links have one.
+    #[error(
+        "joint `{joint}` is a coordinate of a Lagrangian, but the robot has none, or the other way round; a robot has a \
+         Lagrangian and coordinates of the kinds `Angle` and `Length`, or links and joints between them"
+    )]
+    Kind {
+        /// The joint.
+        joint: String,
+    },
     /// A parameter whose nominal value is outside its range, or whose range is empty.
     #[error(
         "parameter `{name}` has the nominal value {nominal} and the range {lower}..={upper}; the value must lie in the range"
@@ -143,8 +152,35 @@ pub fn check(robot: &Robot) -> Result<(), Fault> {
             )?;
         }
     }
+    if robot.lagrangian.is_some() {
+        return coordinates(robot);
+    }
     joints(robot)?;
     order(robot)
+}
+
+/// The coordinates of a Lagrangian.
+fn coordinates(robot: &Robot) -> Result<(), Fault> {
+    for (k, joint) in robot.joints.iter().enumerate() {
+        if !matches!(joint.kind, JointKind::Angle | JointKind::Length) {
+            return Err(Fault::Kind {
+                joint: joint.name.clone(),
+            });
+        }
+        coordinate(joint, Some(k))?;
+    }
+    Ok(())
+}
+
+fn coordinate(joint: &Joint, expected: Option<usize>) -> Result<(), Fault> {
+    if joint.coord == expected {
+        return Ok(());
+    }
+    Err(Fault::Coordinate {
+        joint: joint.name.clone(),
+        found: joint.coord,
+        expected,
+    })
 }
 
 fn joints(robot: &Robot) -> Result<(), Fault> {
@@ -164,6 +200,11 @@ fn joints(robot: &Robot) -> Result<(), Fault> {
         }
         let expected = match joint.kind {
             JointKind::Fixed => None,
+            JointKind::Angle | JointKind::Length => {
+                return Err(Fault::Kind {
+                    joint: joint.name.clone(),
+                });
+            }
             JointKind::Revolute(axis) | JointKind::Prismatic(axis) => {
                 let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
                 if length.is_nan() || (length - 1.0).abs() > UNIT {
@@ -172,17 +213,16 @@ fn joints(robot: &Robot) -> Result<(), Fault> {
                         length,
                     });
                 }
-                next += 1;
-                Some(next - 1)
+                match joint.follows {
+                    Some(_) => None,
+                    None => {
+                        next += 1;
+                        Some(next - 1)
+                    }
+                }
             }
         };
-        if joint.coord != expected {
-            return Err(Fault::Coordinate {
-                joint: joint.name.clone(),
-                found: joint.coord,
-                expected,
-            });
-        }
+        coordinate(joint, expected)?;
     }
     match carried.iter().position(|carried| !carried) {
         Some(link) => Err(Fault::Unreachable {
@@ -269,8 +309,29 @@ fn expressions(robot: &Robot) -> Result<(), Fault> {
         for expr in joint.armature.iter().chain(&joint.force) {
             check(&place, &[expr])?;
         }
+        if let Some(follows) = &joint.follows {
+            affine(robot, &place, follows)?;
+        }
+    }
+    for motor in &robot.motors {
+        let place = format!("drive `{}`", motor.name);
+        affine(robot, &place, &motor.moves)?;
+        for expr in motor.armature.iter().chain(&motor.force) {
+            check(&place, &[expr])?;
+        }
+    }
+    for expr in robot.potential.iter().chain(&robot.lagrangian) {
+        check("the potential or the Lagrangian", &[expr])?;
     }
     Ok(())
+}
+
+fn affine(robot: &Robot, place: &str, affine: &Affine) -> Result<(), Fault> {
+    for (coord, ratio) in &affine.terms {
+        within(|| place.to_owned(), "coordinates", *coord, robot.nq())?;
+        expression(robot, place, ratio)?;
+    }
+    expression(robot, place, &affine.offset)
 }
 
 fn expression(robot: &Robot, place: &str, expr: &Expr) -> Result<(), Fault> {

@@ -29,6 +29,17 @@ pub enum Error {
         /// Joint at which the factorization stops.
         joint: String,
     },
+    /// A Lagrangian that is not quadratic in the velocities.
+    #[error(
+        "the Lagrangian of `{robot}` is not quadratic in the velocities: its mass matrix depends on them at coordinate \
+         `{coordinate}`; kinetic energies are quadratic in the velocities"
+    )]
+    VelocityInMass {
+        /// Name of the robot.
+        robot: String,
+        /// The coordinate.
+        coordinate: String,
+    },
     /// No equations of motion.
     #[error(transparent)]
     Derivation(#[from] pid_derive::Error),

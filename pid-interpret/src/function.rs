@@ -4,12 +4,15 @@ use std::cell::RefCell;
 use std::ops::Range;
 
 use pid_runtime::dynamics::{At, Dims};
+use pid_runtime::lanes::{Lane, LanesAt};
 use pid_symbolic::program::Scratch;
 use pid_symbolic::{Graph, Id, Program};
 
 thread_local! {
     /// One work space per thread, for all models. A function never runs inside another one.
     static SCRATCH: RefCell<Scratch<f64>> = RefCell::new(Scratch::new());
+    /// The same for several nodes at once.
+    static LANES: RefCell<Scratch<Lane>> = RefCell::new(Scratch::new());
 }
 
 /// Arguments in the order of the variables.
@@ -43,22 +46,52 @@ impl Function {
         let fill = |vars: &mut [f64]| {
             let given = [at.q, at.v, at.a, at.u, at.p, lambda];
             for ((part, given), name) in self.parts.iter().zip(given).zip(PARTS) {
-                let Some(part) = part else { continue };
-                if given.len() != part.len() {
-                    wrong_length(name, part.len(), given.len());
-                }
-                // Variables after the last one that is read have no place.
-                let end = part.end.min(vars.len());
-                vars[part.start..end].copy_from_slice(&given[..end - part.start]);
+                write(vars, part.as_ref(), given, name, |x| x);
             }
         };
         SCRATCH.with_borrow_mut(|scratch| self.program.eval(scratch, fill, out));
+    }
+
+    /// As [`eval`](Self::eval) at four nodes.
+    pub(crate) fn eval_lanes<const N: usize>(
+        &self,
+        at: &LanesAt<'_>,
+        lambda: &[Lane],
+        out: [&mut [Lane]; N],
+    ) {
+        let fill = |vars: &mut [Lane]| {
+            let [q, v, a, u, p, l] = self.parts.each_ref().map(Option::as_ref);
+            let lanes = [(q, at.q), (v, at.v), (a, at.a), (u, at.u), (l, lambda)];
+            for ((part, given), name) in lanes.into_iter().zip(["q", "v", "a", "u", "lambda"]) {
+                write(vars, part, given, name, |x| x);
+            }
+            write(vars, p, at.p, "p", |x| [x; pid_runtime::lanes::LANES]);
+        };
+        LANES.with_borrow_mut(|scratch| self.program.eval_lanes(scratch, fill, out));
     }
 
     /// Instructions, runs of equal ones, and slots.
     pub(crate) fn size(&self) -> (usize, usize, usize) {
         let (instructions, runs) = self.program.instructions();
         (instructions, runs, self.program.slots())
+    }
+}
+
+/// Writes a part that is read to its variables. Variables after the last one that is read have no place.
+fn write<X: Copy, T>(
+    vars: &mut [T],
+    part: Option<&Range<usize>>,
+    given: &[X],
+    name: &str,
+    f: impl Fn(X) -> T,
+) {
+    let Some(part) = part else { return };
+    if given.len() != part.len() {
+        wrong_length(name, part.len(), given.len());
+    }
+    let end = part.end.min(vars.len());
+    for (var, &x) in vars[part.start..end].iter_mut().zip(given) {
+        *var = f(x);
     }
 }
 

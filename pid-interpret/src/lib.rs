@@ -27,7 +27,7 @@
 //! };
 //! let pivot = Joint {
 //!     name: "pivot".into(), docs: vec![], kind: JointKind::Revolute([0.0, 1.0, 0.0]), coord: Some(0), parent: None,
-//!     child: 0, origin: zero(), rpy: zero(), limits: None, armature: None, force: None,
+//!     child: 0, origin: zero(), rpy: zero(), follows: None, limits: None, armature: None, force: None,
 //! };
 //! let model = Model::new(&Robot {
 //!     name: "Pendulum".into(),
@@ -38,6 +38,9 @@
 //!     links: vec![Link { name: "rod".into(), docs: vec![], inertial: rod }],
 //!     joints: vec![pivot],
 //!     order: vec![0],
+//!     motors: vec![],
+//!     potential: None,
+//!     lagrangian: None,
 //!     blanks: vec![],
 //!     emit: Emit { first_derivatives: true, second_derivatives: true },
 //! })?;

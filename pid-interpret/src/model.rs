@@ -5,13 +5,14 @@ use std::fmt;
 use std::sync::OnceLock;
 
 use num_dual::DualNum;
-use pid_derive::model::{Emit, Joint, JointKind, Robot};
+use pid_derive::model::{Emit, Joint, Robot};
 use pid_derive::{Equations, derivatives, equations, facts};
 use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
     SingularMassMatrix,
 };
 use pid_runtime::generic::{GenericDynamics, cholesky_solve};
+use pid_runtime::lanes::{Lane, LanesAt};
 use pid_symbolic::diff::Entry;
 use pid_symbolic::{Graph, Id, Tape};
 
@@ -105,7 +106,14 @@ impl Model {
         let mut g = Graph::new();
         let equations = equations(&mut g, robot)?;
         let moving = moving(robot);
-        if let Some(coord) = facts(robot).singular_mass {
+        let facts = facts(robot);
+        if let Some(coord) = facts.velocity_in_mass {
+            return Err(Error::VelocityInMass {
+                robot: robot.name.clone(),
+                coordinate: moving[coord].name.clone(),
+            });
+        }
+        if let Some(coord) = facts.singular_mass {
             return Err(Error::SingularMass {
                 robot: robot.name.clone(),
                 joint: moving[coord].name.clone(),
@@ -215,7 +223,7 @@ fn parameter(param: &pid_derive::model::Param) -> ParamInfo {
 fn joint(joint: &Joint) -> JointInfo {
     JointInfo {
         name: Cow::Owned(joint.name.clone()),
-        prismatic: matches!(joint.kind, JointKind::Prismatic(_)),
+        prismatic: joint.kind.is_length(),
         limits: joint.limits,
     }
 }
@@ -266,6 +274,15 @@ impl Dynamics for Model {
         self.potential_energy.eval(at, &[], [&mut out]);
         out[0]
     }
+    fn mass_matrix_lanes(&self, at: &LanesAt<'_>, m: &mut [Lane]) {
+        self.mass_matrix.eval_lanes(at, &[], [m]);
+    }
+    fn applied_force_lanes(&self, at: &LanesAt<'_>, f: &mut [Lane]) {
+        self.applied_force.eval_lanes(at, &[], [f]);
+    }
+    fn residual_lanes(&self, at: &LanesAt<'_>, r: &mut [Lane]) {
+        self.residual.eval_lanes(at, &[], [r]);
+    }
 }
 
 impl Jacobian for Model {
@@ -275,6 +292,9 @@ impl Jacobian for Model {
     fn residual_jacobian(&self, at: &At<'_>, r: &mut [f64], values: &mut [f64]) {
         self.jacobian.function.eval(at, &[], [r, values]);
     }
+    fn residual_jacobian_lanes(&self, at: &LanesAt<'_>, r: &mut [Lane], values: &mut [Lane]) {
+        self.jacobian.function.eval_lanes(at, &[], [r, values]);
+    }
 }
 
 impl Hessian for Model {
@@ -283,6 +303,9 @@ impl Hessian for Model {
     }
     fn residual_hessian(&self, at: &At<'_>, lambda: &[f64], values: &mut [f64]) {
         self.second().function.eval(at, lambda, [values]);
+    }
+    fn residual_hessian_lanes(&self, at: &LanesAt<'_>, lambda: &[Lane], values: &mut [Lane]) {
+        self.second().function.eval_lanes(at, lambda, [values]);
     }
 }
 

@@ -7,8 +7,9 @@ use pid_codegen::diag::Diagnostics;
 use pid_codegen::syntax;
 use pid_derive::model::Robot;
 use pid_interpret::Model;
-use pid_runtime::dynamics::{At, Dims, Dynamics, Hessian, Pattern};
+use pid_runtime::dynamics::{At, Dims, Dynamics, Hessian, Jacobian, Pattern};
 use pid_runtime::generic;
+use pid_runtime::lanes::{LANES, Lane, LanesAt};
 use pid_symbolic::random::Random;
 use proc_macro2::TokenStream;
 
@@ -156,6 +157,68 @@ fn compare(file: &str, compiled: &dyn Hessian) {
             &jacobian(compiled, &at),
         );
     }
+}
+
+/// Four nodes at once are the four nodes, bit by bit.
+#[test]
+fn lanes_equal_single_nodes() {
+    let model = Model::new(&declared("two_link.rs")).unwrap();
+    let (d, mut random) = (model.dims(), Random::new(7));
+    let mut points: Vec<Point> = (0..LANES)
+        .map(|_| Point::new(&model, &mut random))
+        .collect();
+    let p = points[0].at().p.to_vec();
+    for point in &mut points {
+        point.z[d.p()..].copy_from_slice(&p);
+    }
+    let lanes = |f: &dyn Fn(&Point) -> Vec<f64>| -> Vec<Lane> {
+        let all: Vec<Vec<f64>> = points.iter().map(f).collect();
+        (0..all[0].len())
+            .map(|i| std::array::from_fn(|k| all[k][i]))
+            .collect()
+    };
+    let z = lanes(&|point| point.z.clone());
+    let at = LanesAt {
+        q: &z[..d.v()],
+        v: &z[d.v()..d.a()],
+        a: &z[d.a()..d.u()],
+        u: &z[d.u()..d.p()],
+        p: &p,
+    };
+    let lambda = lanes(&|point| point.lambda.clone());
+    let zeros = |len: usize| vec![[f64::NAN; LANES]; len];
+    let mut r = zeros(d.nq);
+
+    let mut m = zeros(d.nm());
+    model.mass_matrix_lanes(&at, &mut m);
+    assert_eq!(
+        m,
+        lanes(&|x| vector(d.nm(), |m| model.mass_matrix(&x.at(), m)))
+    );
+    model.applied_force_lanes(&at, &mut r);
+    assert_eq!(
+        r,
+        lanes(&|x| vector(d.nq, |f| model.applied_force(&x.at(), f)))
+    );
+    let mut values = zeros(model.jacobian_pattern().nnz());
+    model.residual_jacobian_lanes(&at, &mut r, &mut values);
+    assert_eq!(r, lanes(&|x| vector(d.nq, |r| model.residual(&x.at(), r))));
+    let single = |x: &Point| {
+        vector(values.len(), |out| {
+            model.residual_jacobian(&x.at(), &mut vec![0.0; d.nq], out)
+        })
+    };
+    assert_eq!(values, lanes(&single));
+    model.residual_lanes(&at, &mut r);
+    assert_eq!(r, lanes(&|x| vector(d.nq, |r| model.residual(&x.at(), r))));
+    let mut values = zeros(model.hessian_pattern().nnz());
+    model.residual_hessian_lanes(&at, &lambda, &mut values);
+    let single = |x: &Point| {
+        vector(values.len(), |out| {
+            model.residual_hessian(&x.at(), &x.lambda, out)
+        })
+    };
+    assert_eq!(values, lanes(&single));
 }
 
 #[test]

@@ -39,6 +39,9 @@ pub(super) fn nominal(source: &Source<'_>) -> Result<Nominal, NominalError> {
             links: Vec::new(),
             joints: Vec::new(),
             order: (0..raw.joint.len()).collect(),
+            motors: vec![],
+            potential: None,
+            lagrangian: None,
             blanks: Vec::new(),
             emit: Emit {
                 first_derivatives: true,
@@ -218,6 +221,7 @@ impl Builder<'_> {
                 JointKind::Revolute(axis)
             },
             coord: Some(index),
+            follows: None,
             parent,
             child: index,
             origin: origin.map(Expr::Num),

@@ -4,7 +4,7 @@ use super::{Code, Op, Run};
 use crate::node::Function;
 
 /// Points evaluated at once by [`Program::eval_lanes`](super::Program::eval_lanes).
-pub const LANES: usize = 8;
+pub const LANES: usize = 4;
 
 /// What a slot holds.
 pub(super) trait Element: Copy {
