@@ -3,6 +3,7 @@
 //! What the tests share: the records beside the workspace, where there are any, and the starts of the paper's problem.
 
 pub mod derivatives;
+pub mod hock_schittkowski;
 pub mod two_link;
 
 use std::path::{Path, PathBuf};

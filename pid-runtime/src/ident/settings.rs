@@ -104,6 +104,10 @@ impl Default for Settings {
             decimate: None,
             solver: solver::Settings {
                 mu_start: 1e-2,
+                // The rows are changes of state already; on the two-link study both aids led to worse optima from one start.
+                scale_constraints: false,
+                watchdog: 0,
+                soft_restoration: 0,
                 ..solver::Settings::default()
             },
         }

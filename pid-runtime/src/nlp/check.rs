@@ -7,13 +7,15 @@ use super::Nlp;
 pub struct PointCheck {
     /// f(x).
     pub objective: f64,
-    /// ‖c(x)‖∞.
+    /// Largest violation of a bound on c(x); ‖c(x)‖∞ for equations c(x) = 0.
     pub primal_inf: f64,
     /// Largest violation of a bound.
     pub bound_violation: f64,
-    /// Natural residual of stationarity, ‖x − clamp(x − (∇f + Jᵀλ), lower, upper)‖∞ over the variables that are not fixed.
+    /// Natural residual of stationarity, ‖x − clamp(x − (∇f + Jᵀλ), lower, upper)‖∞ over the variables that are not fixed,
+    /// and |λ_i| of rows whose multiplier pushes towards a bound that is not there.
     pub dual_inf: f64,
-    /// Largest |component of ∇f + Jᵀλ| · distance to the bound it pushes against: complementarity without the solver's z.
+    /// Largest |component of ∇f + Jᵀλ| · distance to the bound it pushes against, and |λ_i| · distance to the row's bound:
+    /// complementarity without the solver's z.
     pub complementarity: f64,
     /// Whether every number that went into the check was finite.
     pub finite: bool,
@@ -38,8 +40,26 @@ pub fn check_point(problem: &mut dyn Nlp, x: &[f64], lambda: &[f64]) -> PointChe
         .jacobian_pattern()
         .transpose_multiply_add(&values, lambda, &mut gradient);
 
-    let primal_inf = c.iter().fold(0.0_f64, |a, c| a.max(c.abs()));
+    let (mut c_lower, mut c_upper) = (vec![0.0; m], vec![0.0; m]);
+    problem.constraint_bounds(&mut c_lower, &mut c_upper);
+    let mut primal_inf = 0.0_f64;
     let (mut bound_violation, mut dual_inf, mut complementarity) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for i in 0..m {
+        primal_inf = primal_inf.max(c_lower[i] - c[i]).max(c[i] - c_upper[i]);
+        if c_lower[i] == c_upper[i] || lambda[i] == 0.0 {
+            continue;
+        }
+        let distance = if lambda[i] > 0.0 {
+            c_upper[i] - c[i]
+        } else {
+            c[i] - c_lower[i]
+        };
+        if distance.is_finite() {
+            complementarity = complementarity.max(lambda[i].abs() * distance.max(0.0));
+        } else {
+            dual_inf = dual_inf.max(lambda[i].abs());
+        }
+    }
     let mut finite = objective.is_finite() && c.iter().chain(&values).all(|v| v.is_finite());
     for j in 0..n {
         finite &= x[j].is_finite() && gradient[j].is_finite();

@@ -2,13 +2,13 @@
 //!
 //! ```text
 //! minimise    f(x)
-//! subject to  c(x) = 0
+//! subject to  c_lower ≤ c(x) ≤ c_upper
 //!             lower ≤ x ≤ upper
 //! ```
 //!
-//! with `x ∈ Rⁿ`, `c: Rⁿ → Rᵐ`. Inequalities h(x) ≤ 0 enter with a slack: h(x) + s = 0, s ≥ 0. The Lagrangian is
-//! `L = σ f(x) + λᵀ c(x)`; Hessians are its lower triangle. Patterns may repeat an entry: values of equal
-//! positions are summed.
+//! with `x ∈ Rⁿ`, `c: Rⁿ → Rᵐ`; equal bounds of a row make it an equation, and c(x) = 0 is the default. The Lagrangian is
+//! `L = σ f(x) + λᵀ c(x)`: a multiplier is positive where the upper bound of its row holds c back, negative at the lower one.
+//! Hessians are the lower triangle. Patterns may repeat an entry: values of equal positions are summed.
 
 mod check;
 
@@ -68,10 +68,15 @@ impl SparsePattern {
 pub trait Nlp {
     /// Number of variables.
     fn n(&self) -> usize;
-    /// Number of equality constraints.
+    /// Number of constraints.
     fn m(&self) -> usize;
     /// Bounds on the variables, `±inf` where there is none; equal bounds fix a variable.
     fn bounds(&self, lower: &mut [f64], upper: &mut [f64]);
+    /// Bounds on c(x), length m each, `±inf` where there is none; all zero by default: c(x) = 0.
+    fn constraint_bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
+        lower.fill(0.0);
+        upper.fill(0.0);
+    }
     /// f(x).
     fn objective(&mut self, x: &[f64]) -> f64;
     /// ∇f(x), length n.

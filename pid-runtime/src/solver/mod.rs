@@ -6,4 +6,4 @@ mod outcome;
 mod settings;
 
 pub use outcome::{Counts, Iteration, Seconds, Solution, Status};
-pub use settings::{Barrier, Settings};
+pub use settings::{Barrier, Interrupt, Oracle, Settings};

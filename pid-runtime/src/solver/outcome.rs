@@ -19,6 +19,12 @@ pub enum Status {
     Interrupted,
     /// The constraint violation is at a local minimum above zero: the constraints cannot be met near here.
     LocallyInfeasible,
+    /// The iterates leave every bounded set, or the objective falls without end along feasible points.
+    Unbounded,
+    /// The feasibility problem of a restoration phase could not be solved.
+    RestorationFailed,
+    /// A derivative is not finite at a point whose values are.
+    InvalidNumber,
     /// Neither a step nor a restoration from this point makes progress.
     NoProgress,
     /// The problem cannot be evaluated at the starting point.
@@ -33,6 +39,14 @@ impl Status {
         matches!(self, Self::Solved | Self::Acceptable)
     }
 
+    /// Whether a limit or the caller ended the solve.
+    pub fn is_limit(self) -> bool {
+        matches!(
+            self,
+            Self::IterationLimit | Self::TimeLimit | Self::Interrupted
+        )
+    }
+
     /// The reason in words.
     pub fn reason(self) -> &'static str {
         match self {
@@ -42,6 +56,9 @@ impl Status {
             Self::TimeLimit => "stopped at the time limit",
             Self::Interrupted => "interrupted; the best point so far is kept",
             Self::LocallyInfeasible => "the constraints cannot be met near this point",
+            Self::Unbounded => "unbounded: variables or objective grow without end",
+            Self::RestorationFailed => "the constraints could not be restored from this point",
+            Self::InvalidNumber => "a derivative is not finite at this point",
             Self::NoProgress => "no step makes progress from this point",
             Self::CannotEvaluate => "the model cannot be evaluated at the starting point",
             Self::SingularSystem => "the linear system could not be factorised",
@@ -72,11 +89,29 @@ pub struct Iteration {
     pub alpha: f64,
     /// Trial points of the line search.
     pub trials: usize,
-    /// `f` filter, `h` feasibility, `s` second-order correction, `R` restoration, `w` watchdog.
+    /// `f` sufficient decrease, `h` filter, `s` second-order correction, `w` watchdog, `S` soft restoration, `R` restoration,
+    /// `t` step too small to be judged.
     pub kind: char,
 }
 
 impl Iteration {
+    /// A line without numbers but for the barrier parameter.
+    pub(crate) fn blank(mu: f64) -> Self {
+        Self {
+            iteration: 0,
+            objective: 0.0,
+            primal_inf: 0.0,
+            dual_inf: 0.0,
+            mu,
+            step: 0.0,
+            regularisation: 0.0,
+            alpha_dual: 0.0,
+            alpha: 0.0,
+            trials: 0,
+            kind: ' ',
+        }
+    }
+
     /// Heading of [`Iteration::line`].
     pub const HEADING: &'static str =
         "iter       objective    inf_pr   inf_du lg(mu)   ||d||  lg(rg) alpha_du  alpha_pr   ls";
@@ -118,6 +153,16 @@ pub struct Counts {
     pub factorizations: usize,
     /// Restoration phases.
     pub restorations: usize,
+}
+
+impl Counts {
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.functions += other.functions;
+        self.gradients += other.gradients;
+        self.hessians += other.hessians;
+        self.factorizations += other.factorizations;
+        self.restorations += other.restorations;
+    }
 }
 
 /// The outcome of a solve.

@@ -2,7 +2,7 @@
 
 use crate::nlp::Nlp;
 
-/// A point, its (scaled) objective and its constraint values.
+/// A point, its objective and its constraint values.
 #[derive(Debug, Clone)]
 pub(super) struct Iterate {
     pub(super) x: Vec<f64>,
@@ -22,8 +22,8 @@ impl Iterate {
         }
     }
 
-    pub(super) fn evaluate(&mut self, problem: &mut dyn Nlp, scale: f64) {
-        self.f = scale * problem.objective(&self.x);
+    pub(super) fn evaluate<P: Nlp + ?Sized>(&mut self, problem: &mut P) {
+        self.f = problem.objective(&self.x);
         problem.constraints(&self.x, &mut self.c);
         self.theta = self.c.iter().map(|c| c.abs()).sum();
     }

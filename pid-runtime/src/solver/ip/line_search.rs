@@ -22,21 +22,23 @@ pub(super) struct Accepted {
     pub(super) kind: char,
 }
 
-impl Solver<'_> {
-    /// Largest step length within the bounds along `d`.
-    pub(super) fn primal_fraction(&self, d: &[f64]) -> f64 {
-        let tau = self.tau();
-        let mut alpha = 1.0_f64;
-        for (j, &d) in d.iter().enumerate() {
-            if d < 0.0 && self.has_lower(j) {
-                alpha = alpha.min(-tau * self.lower_gap(j) / d);
-            } else if d > 0.0 && self.has_upper(j) {
-                alpha = alpha.min(tau * self.upper_gap(j) / d);
-            }
-        }
-        alpha
-    }
+/// Trial iterations of a watchdog.
+const WATCHDOG_TRIALS: usize = 3;
+/// Orders of magnitude by which the barrier objective may rise above its own in one step.
+const MAX_RISE: f64 = 5.0;
 
+/// What a watchdog needs to judge later points and to come back.
+pub(super) struct Watchdog {
+    point: Iterate,
+    lambda: Vec<f64>,
+    z: [Vec<f64>; 2],
+    step: [Vec<f64>; 4],
+    slope: f64,
+    phi: f64,
+    trials: usize,
+}
+
+impl Solver<'_> {
     fn move_trial(&mut self, alpha: f64, corrected: bool) {
         let d = if corrected {
             &self.correction
@@ -46,20 +48,46 @@ impl Solver<'_> {
         for ((t, x), d) in self.trial.x.iter_mut().zip(&self.current.x).zip(d) {
             *t = x + alpha * d;
         }
-        self.counts.functions += 1;
-        self.timed(|s| s.trial.evaluate(s.problem, s.scale));
+        self.evaluate_trial();
+    }
+
+    /// Slope of the barrier objective along `dx`.
+    fn slope(&self) -> f64 {
+        (0..self.n)
+            .map(|j| self.barrier_gradient(j, self.mu) * self.dx[j])
+            .sum()
+    }
+
+    /// The full step without any test; `None` if it cannot be evaluated.
+    pub(super) fn full_step(&mut self) -> Option<Accepted> {
+        let alpha = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
+        self.move_trial(alpha, false);
+        self.trial.is_finite().then_some(Accepted {
+            alpha,
+            trials: 1,
+            kind: 't',
+        })
     }
 
     /// Whether the trial point is acceptable; `Some(true)` if the step decreased the objective (no filter entry needed).
     fn judge(&self, alpha: f64, slope: f64, phi: f64) -> Option<bool> {
+        self.judge_from(self.current.theta, alpha, slope, phi)
+    }
+
+    /// The same against the violation `theta` of an earlier point.
+    fn judge_from(&self, theta: f64, alpha: f64, slope: f64, phi: f64) -> Option<bool> {
         if !self.trial.is_finite() {
             return None;
         }
-        let (theta, theta_trial) = (self.current.theta, self.trial.theta);
+        let theta_trial = self.trial.theta;
         let phi_trial = self.barrier_objective(&self.trial);
         // Differences below rounding count as equal.
         let noise = 10.0 * f64::EPSILON * phi.abs();
         if !phi_trial.is_finite() || !self.filter.accepts(theta_trial, phi_trial - noise) {
+            return None;
+        }
+        let rise = phi_trial - phi;
+        if rise > 0.0 && rise.log10() > MAX_RISE + phi.abs().log10().max(1.0) {
             return None;
         }
         let switching = slope < 0.0
@@ -72,6 +100,28 @@ impl Solver<'_> {
                 || phi_trial - noise <= phi - GAMMA_PHI * theta)
                 .then_some(false)
         }
+    }
+
+    /// The trial point with its slacks moved to their rows' values: a correction of the curvature of the rows that costs no
+    /// evaluation. A trial point that is refused stays as it was.
+    fn judge_reset(&mut self, alpha: f64, slope: f64, phi: f64) -> Option<bool> {
+        if self.n == self.problem.visible() || !self.trial.is_finite() {
+            return None;
+        }
+        let kept = self.trial.clone();
+        let tau = self.tau();
+        let moved = self
+            .problem
+            .reset_slacks(&mut self.trial, &self.current.x, tau);
+        let judged = if moved {
+            self.judge(alpha, slope, phi)
+        } else {
+            None
+        };
+        if judged.is_none() {
+            self.trial = kept;
+        }
+        judged
     }
 
     /// Step length below which restoration takes over (Wächter & Biegler, equation 23).
@@ -89,11 +139,82 @@ impl Solver<'_> {
 
     /// Searches along `dx`; on success the accepted point stands in `trial` and the filter is updated.
     pub(super) fn search(&mut self) -> Option<Accepted> {
-        let slope: f64 = (0..self.n)
-            .map(|j| self.barrier_gradient(j) * self.dx[j])
-            .sum();
+        if self.soft > 0 {
+            return self.soft_step();
+        }
+        if let Some(mut watchdog) = self.watchdog.take() {
+            let alpha = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
+            self.move_trial(alpha, false);
+            let judged = self.judge_from(watchdog.point.theta, 1.0, watchdog.slope, watchdog.phi);
+            if let Some(decrease) = judged {
+                self.shortened = 0;
+                if !decrease {
+                    self.filter.add(watchdog.point.theta, watchdog.phi);
+                }
+                return Some(Accepted {
+                    alpha,
+                    trials: 1,
+                    kind: 'w',
+                });
+            }
+            watchdog.trials += 1;
+            if self.trial.is_finite() && watchdog.trials < WATCHDOG_TRIALS {
+                self.watchdog = Some(watchdog);
+                return Some(Accepted {
+                    alpha,
+                    trials: 1,
+                    kind: 'w',
+                });
+            }
+            self.return_from(*watchdog)?;
+            return self.backtrack(true);
+        }
+        let begin = self.settings.watchdog > 0 && self.shortened >= self.settings.watchdog;
+        if begin {
+            let slope = self.slope();
+            let phi = self.barrier_objective(&self.current);
+            let alpha = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
+            self.move_trial(alpha, false);
+            if self.trial.is_finite() && self.judge(alpha, slope, phi).is_none() {
+                self.watchdog = Some(Box::new(Watchdog {
+                    point: self.current.clone(),
+                    lambda: self.lambda.clone(),
+                    z: [self.z_lower.clone(), self.z_upper.clone()],
+                    step: [
+                        self.dx.clone(),
+                        self.dlambda.clone(),
+                        self.dz_lower.clone(),
+                        self.dz_upper.clone(),
+                    ],
+                    slope,
+                    phi,
+                    trials: 1,
+                }));
+                self.shortened = 0;
+                return Some(Accepted {
+                    alpha,
+                    trials: 1,
+                    kind: 'w',
+                });
+            }
+        }
+        self.backtrack(false)
+    }
+
+    /// Goes back to the point and step a watchdog began with.
+    fn return_from(&mut self, watchdog: Watchdog) -> Option<()> {
+        self.current = watchdog.point;
+        self.lambda = watchdog.lambda;
+        [self.z_lower, self.z_upper] = watchdog.z;
+        [self.dx, self.dlambda, self.dz_lower, self.dz_upper] = watchdog.step;
+        self.shortened = 0;
+        self.derivatives().then_some(())
+    }
+
+    fn backtrack(&mut self, returned: bool) -> Option<Accepted> {
+        let slope = self.slope();
         let phi = self.barrier_objective(&self.current);
-        let largest = self.primal_fraction(&self.dx);
+        let largest = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
         // Below relative rounding of x a step cannot be told from none.
         let rounding = 10.0 * f64::EPSILON;
         let smallest = self.smallest_step(slope).max(rounding * 1e-3);
@@ -103,14 +224,25 @@ impl Solver<'_> {
             self.move_trial(alpha, false);
             trials += 1;
             if let Some(decrease) = self.judge(alpha, slope, phi) {
+                self.shortened = if trials > 1 { self.shortened + 1 } else { 0 };
                 return Some(self.accept(alpha, trials, decrease, phi, ' '));
             }
+            if let Some(decrease) = self.judge_reset(alpha, slope, phi) {
+                self.shortened = if trials > 1 { self.shortened + 1 } else { 0 };
+                return Some(self.accept(alpha, trials, decrease, phi, ' '));
+            }
+            // After a watchdog the linear system is that of another point.
             if trials == 1
+                && !returned
                 && self.trial.is_finite()
                 && self.trial.theta >= self.current.theta
                 && let Some(accepted) = self.correct(alpha, slope, phi, &mut trials)
             {
+                self.shortened = 0;
                 return Some(accepted);
+            }
+            if self.stop_requested().is_some() {
+                return None;
             }
             alpha *= 0.5;
         }
@@ -172,7 +304,9 @@ impl Solver<'_> {
                 &mut self.correction_lambda,
             );
             self.seconds.linear += start.elapsed().as_secs_f64();
-            let along = self.primal_fraction(&self.correction);
+            let along = self
+                .bounds
+                .fraction(&self.current.x, &self.correction, self.tau());
             self.move_trial(along, true);
             *trials += 1;
             if let Some(decrease) = self.judge(alpha, slope, phi) {
@@ -188,11 +322,5 @@ impl Solver<'_> {
             }
         }
         None
-    }
-
-    /// Whether a point may become the next iterate after a restoration.
-    pub(super) fn acceptable_after_restoration(&self, point: &Iterate) -> bool {
-        self.filter
-            .accepts(point.theta, self.barrier_objective(point))
     }
 }

@@ -2,33 +2,42 @@
 //!
 //! Follows A. Wächter, L. T. Biegler, Math. Program. 106 (2006): barrier problems
 //! `min f(x) − μ Σ ln(x − l) − μ Σ ln(u − x)` subject to `c(x) = 0`, Newton steps on their primal-dual conditions,
-//! fraction-to-the-boundary rule, filter, second-order corrections, feasibility restoration. What differs: the linear system
-//! comes from the caller ([`Kkt`]), which also decides how the Hessian is made convex on the null space of the
-//! constraints; and restoration takes damped projected Newton steps on ‖c‖² with the same system.
+//! fraction-to-the-boundary rule, filter, second-order corrections, watchdog, feasibility restoration. Inequalities get
+//! slacks and rows are scaled before the method sees them; the restoration phase is the same method on a feasibility problem.
+//! What differs: the linear system comes from the caller ([`Kkt`]), which also decides how the Hessian is made convex on the
+//! null space of the constraints; systems that cannot be relaxed first restore by projected Newton steps on the constraints.
 
+mod barrier;
+mod bounds;
+mod feasibility;
 mod filter;
 mod iterate;
 mod line_search;
+mod program;
+mod projection;
 mod restoration;
+mod standard;
+mod start;
+mod step;
 
-use super::kkt::{Kkt, KktError, KktValues, Regularisation};
+use super::kkt::Kkt;
+use super::kkt::sparse::SparseKkt;
 use super::outcome::{Counts, Iteration, Seconds, Solution, Status};
 use super::settings::Settings;
 use crate::nlp::Nlp;
+use barrier::Schedule;
+use bounds::Bounds;
 use filter::Filter;
 use iterate::Iterate;
+use line_search::Watchdog;
+use program::Program;
+use standard::{Standard, StandardKkt};
+pub use start::Start;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// Fraction-to-the-boundary parameter at large μ.
 const TAU_MIN: f64 = 0.99;
-/// Barrier update: μ ← max(tol/10, min(κ μ, μ^θ)).
-const KAPPA_MU: f64 = 0.2;
-const THETA_MU: f64 = 1.5;
-/// A barrier problem is solved to this multiple of μ.
-const KAPPA_EPS: f64 = 10.0;
-/// Safeguard of the primal-dual Hessian of the barrier.
-const KAPPA_SIGMA: f64 = 1e10;
 /// Scaling of the optimality error for large multipliers.
 const S_MAX: f64 = 100.0;
 /// Iterations at the acceptable level after which the solver stops.
@@ -45,27 +54,58 @@ pub fn solve(
     settings: &Settings,
     callback: &mut Callback<'_>,
 ) -> Solution {
-    Solver::new(problem, kkt, x0, settings).run(callback)
+    solve_from(problem, kkt, &Start::at(x0), settings, callback)
+}
+
+/// Minimises a problem from a start that may know multipliers (warm start).
+///
+/// Inequality rows need a linear system that can be relaxed ([`Kkt::relaxable`]); if `kkt` cannot, [`SparseKkt`] takes its place.
+pub fn solve_from(
+    problem: &mut dyn Nlp,
+    kkt: &mut dyn Kkt,
+    start: &Start<'_>,
+    settings: &Settings,
+    callback: &mut Callback<'_>,
+) -> Solution {
+    let (n, m) = (problem.n(), problem.m());
+    let started = Instant::now();
+    let mut own = None;
+    let needs_relaxing = start::has_ranges(problem);
+    let system: &mut dyn Kkt = if needs_relaxing && !kkt.relaxable() {
+        own.insert(SparseKkt::new(problem))
+    } else {
+        kkt
+    };
+    let push = start.push(settings);
+    let (mut standard, x) = Standard::new(problem, start.x, push, settings);
+    let mut adapted = StandardKkt::new(system, n, m, &standard.slack_rows);
+    let warm = start.standard(&standard);
+    let mut solver = Solver::new(&mut standard, &mut adapted, settings, started);
+    solver.current.x.copy_from_slice(&x);
+    solver.set_multipliers(warm, start.mu);
+    let status = solver.run(callback);
+    let mut solution = solver.finish(status);
+    standard.recover(&mut solution);
+    solution
 }
 
 /// Working state of a solve.
 struct Solver<'a> {
-    problem: &'a mut dyn Nlp,
+    problem: &'a mut dyn Program,
     kkt: &'a mut dyn Kkt,
-    settings: &'a Settings,
+    settings: Settings,
     n: usize,
     m: usize,
-    lower: Vec<f64>,
-    upper: Vec<f64>,
-    fixed: Vec<bool>,
-    /// Factor from the user's objective to the solver's.
-    scale: f64,
+    bounds: Bounds,
     mu: f64,
+    schedule: Schedule,
     current: Iterate,
     trial: Iterate,
     lambda: Vec<f64>,
     z_lower: Vec<f64>,
     z_upper: Vec<f64>,
+    /// Whether the multipliers came with the start.
+    warm: bool,
     gradient: Vec<f64>,
     jacobian: Vec<f64>,
     hessian: Vec<f64>,
@@ -80,14 +120,28 @@ struct Solver<'a> {
     correction_lambda: Vec<f64>,
     filter: Filter,
     theta_min: f64,
+    /// Successive iterations with shortened steps.
+    shortened: usize,
+    watchdog: Option<Box<Watchdog>>,
+    /// Successive soft restoration steps; 0 outside of one.
+    soft: usize,
+    /// Successive steps below the resolution of x.
+    tiny: usize,
+    /// Depth of restoration.
+    nested: bool,
+    /// Restorations whose point was feasible and yet refused by the filter.
+    forgiven: usize,
+    acceptable: usize,
+    iteration: usize,
     counts: Counts,
     seconds: Seconds,
     started: Instant,
     log: Vec<Iteration>,
     best: Option<Best>,
+    error: f64,
 }
 
-/// The best point so far: converged error first, then feasibility and objective.
+/// The best point so far: feasibility first, then objective.
 struct Best {
     x: Vec<f64>,
     lambda: Vec<f64>,
@@ -106,23 +160,18 @@ struct Errors {
 
 impl<'a> Solver<'a> {
     fn new(
-        problem: &'a mut dyn Nlp,
+        problem: &'a mut dyn Program,
         kkt: &'a mut dyn Kkt,
-        x0: &[f64],
-        settings: &'a Settings,
+        settings: &Settings,
+        started: Instant,
     ) -> Self {
         let (n, m) = (problem.n(), problem.m());
         let (mut lower, mut upper) = (vec![0.0; n], vec![0.0; n]);
         problem.bounds(&mut lower, &mut upper);
-        let fixed: Vec<bool> = lower.iter().zip(&upper).map(|(l, u)| l == u).collect();
-        let mut current = Iterate::new(n, m);
-        current.x.copy_from_slice(x0);
-        for j in 0..n {
-            current.x[j] = interior(x0[j], lower[j], upper[j], settings.push);
-        }
-        let bounded = |b: f64, j: usize| if b.is_finite() && !fixed[j] { 1.0 } else { 0.0 };
-        let z_lower = (0..n).map(|j| bounded(lower[j], j)).collect();
-        let z_upper = (0..n).map(|j| bounded(upper[j], j)).collect();
+        let bounds = Bounds::new(lower, upper);
+        let present = |has: bool| if has { 1.0 } else { 0.0 };
+        let z_lower = (0..n).map(|j| present(bounds.has_lower(j))).collect();
+        let z_upper = (0..n).map(|j| present(bounds.has_upper(j))).collect();
         let (nj, nh) = (
             problem.jacobian_pattern().nnz(),
             problem.hessian_pattern().nnz(),
@@ -130,19 +179,18 @@ impl<'a> Solver<'a> {
         Self {
             problem,
             kkt,
-            settings,
+            settings: settings.clone(),
             n,
             m,
-            lower,
-            upper,
-            fixed,
-            scale: settings.objective_scale,
+            bounds,
             mu: settings.mu_start,
-            current,
+            schedule: Schedule::new(settings.barrier),
+            current: Iterate::new(n, m),
             trial: Iterate::new(n, m),
             lambda: vec![0.0; m],
             z_lower,
             z_upper,
+            warm: false,
             gradient: vec![0.0; n],
             jacobian: vec![0.0; nj],
             hessian: vec![0.0; nh],
@@ -157,92 +205,95 @@ impl<'a> Solver<'a> {
             correction_lambda: vec![0.0; m],
             filter: Filter::new(f64::INFINITY),
             theta_min: 0.0,
+            shortened: 0,
+            watchdog: None,
+            soft: 0,
+            tiny: 0,
+            nested: false,
+            forgiven: 0,
+            acceptable: 0,
+            iteration: 0,
             counts: Counts::default(),
             seconds: Seconds::default(),
-            started: Instant::now(),
+            started,
             log: Vec::new(),
             best: None,
+            error: f64::INFINITY,
         }
     }
 
-    fn run(mut self, callback: &mut Callback<'_>) -> Solution {
-        if !self.start() {
-            return self.finish(Status::CannotEvaluate, f64::INFINITY);
+    fn run(&mut self, callback: &mut Callback<'_>) -> Status {
+        if let Err(status) = self.start() {
+            return status;
         }
-        let mut acceptable = 0;
-        let mut line = self.log_line(Regularisation::default(), 0.0, 0.0, 0, ' ', 0.0);
-        let mut iteration = 0;
+        let mut line = Iteration::blank(self.mu);
         loop {
-            let optimality = self.errors(0.0);
-            line.iteration = iteration;
-            line.objective = self.current.f / self.scale;
-            line.primal_inf = optimality.primal;
-            line.dual_inf = optimality.dual;
+            let errors = self.errors(0.0);
+            self.error = errors.total;
+            line.iteration = self.iteration;
+            line.objective = self.current.f / self.problem.scale();
+            line.primal_inf = errors.primal;
+            line.dual_inf = errors.dual;
             line.mu = self.mu;
             self.log.push(line);
             self.keep_best();
-            let interrupted = callback(&line, &self.current.x).is_break();
-            if optimality.total <= self.settings.tol
-                && optimality.primal <= self.settings.constraint_tol
-            {
-                return self.finish(Status::Solved, optimality.total);
+            let visible = self.problem.visible();
+            let interrupted = callback(&line, &self.current.x[..visible]).is_break();
+            if let Some(status) = self.finished(&errors, interrupted) {
+                return status;
             }
-            acceptable = if optimality.total <= self.settings.acceptable_tol {
-                acceptable + 1
-            } else {
-                0
-            };
-            let stop = if acceptable >= ACCEPTABLE_ITERATIONS {
-                Some(Status::Acceptable)
-            } else if interrupted {
-                Some(Status::Interrupted)
-            } else if iteration >= self.settings.max_iterations {
-                Some(Status::IterationLimit)
-            } else if self
-                .settings
-                .max_time
-                .is_some_and(|t| self.started.elapsed() >= t)
-            {
-                Some(Status::TimeLimit)
-            } else {
-                None
-            };
-            if let Some(status) = stop {
-                return self.finish(status, optimality.total);
-            }
-            self.update_barrier();
+            self.iteration += 1;
             line = match self.iterate() {
                 Ok(line) => line,
-                Err(_) if acceptable > 0 => {
-                    return self.finish(Status::Acceptable, optimality.total);
-                }
-                Err(status) => return self.finish(status, optimality.total),
+                Err(Status::LocallyInfeasible) => return Status::LocallyInfeasible,
+                Err(status) if status.is_limit() => return status,
+                Err(_) if self.acceptable > 0 => return Status::Acceptable,
+                Err(status) => return status,
             };
-            iteration += 1;
         }
     }
 
-    /// Evaluates the start, scales the objective, estimates multipliers. False if the point cannot be evaluated.
-    fn start(&mut self) -> bool {
-        let x = std::mem::take(&mut self.current.x);
-        self.timed(|s| s.problem.gradient(&x, &mut s.gradient));
-        let largest = (0..self.n)
-            .filter(|&j| !self.fixed[j])
-            .fold(0.0_f64, |a, j| a.max(self.gradient[j].abs()))
-            * self.scale;
-        if largest > self.settings.max_gradient {
-            self.scale *= self.settings.max_gradient / largest;
+    /// Whether the iteration ends at this point, and why.
+    fn finished(&mut self, errors: &Errors, interrupted: bool) -> Option<Status> {
+        let feasible = self.problem.violation(&self.current.c) <= self.settings.constraint_tol;
+        if errors.total <= self.settings.tol && feasible {
+            return Some(Status::Solved);
         }
-        self.current.x = x;
-        self.evaluate_current();
-        if !self.current.is_finite() || !self.derivatives() {
-            return false;
+        self.acceptable = if errors.total <= self.settings.acceptable_tol && feasible {
+            self.acceptable + 1
+        } else {
+            0
+        };
+        let largest = self.current.x.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+        let bottomless =
+            feasible && self.current.f / self.problem.scale() <= -self.settings.divergence;
+        if self.acceptable >= ACCEPTABLE_ITERATIONS {
+            Some(Status::Acceptable)
+        } else if interrupted {
+            Some(Status::Interrupted)
+        } else if largest > self.settings.divergence || bottomless {
+            Some(Status::Unbounded)
+        } else if self.iteration >= self.settings.max_iterations {
+            Some(Status::IterationLimit)
+        } else {
+            self.stop_requested()
         }
-        let theta = self.current.theta;
-        self.filter = Filter::new(1e4 * theta.max(1.0));
-        self.theta_min = 1e-4 * theta.max(1.0);
-        self.estimate_multipliers();
-        true
+    }
+
+    /// Limits that hold at any place of the method.
+    fn stop_requested(&self) -> Option<Status> {
+        let flag = self.settings.interrupt.as_ref();
+        if flag.is_some_and(super::settings::Interrupt::is_stopped) {
+            Some(Status::Interrupted)
+        } else if self
+            .settings
+            .max_time
+            .is_some_and(|t| self.started.elapsed() >= t)
+        {
+            Some(Status::TimeLimit)
+        } else {
+            None
+        }
     }
 
     fn timed<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
@@ -254,7 +305,12 @@ impl<'a> Solver<'a> {
 
     fn evaluate_current(&mut self) {
         self.counts.functions += 1;
-        self.timed(|s| s.current.evaluate(s.problem, s.scale));
+        self.timed(|s| s.current.evaluate(s.problem));
+    }
+
+    fn evaluate_trial(&mut self) {
+        self.counts.functions += 1;
+        self.timed(|s| s.trial.evaluate(s.problem));
     }
 
     /// Gradient and Jacobian at the current point; false if one is not finite.
@@ -264,95 +320,60 @@ impl<'a> Solver<'a> {
             s.problem.gradient(&s.current.x, &mut s.gradient);
             s.problem.jacobian(&s.current.x, &mut s.jacobian);
         });
-        self.gradient.iter_mut().for_each(|g| *g *= self.scale);
         self.gradient
             .iter()
             .chain(&self.jacobian)
             .all(|v| v.is_finite())
     }
 
-    fn solve_system(&mut self) {
-        let start = Instant::now();
-        self.kkt
-            .solve(&self.rx, &self.rc, &mut self.dx, &mut self.dlambda);
-        self.seconds.linear += start.elapsed().as_secs_f64();
-    }
-
-    fn factorise_system(&mut self) -> Result<Regularisation, KktError> {
-        let start = Instant::now();
-        let values = KktValues {
-            hessian: &self.hessian,
-            jacobian: &self.jacobian,
-            sigma: &self.sigma,
-        };
-        let outcome = self.kkt.factorise(values);
-        self.seconds.linear += start.elapsed().as_secs_f64();
-        self.counts.factorizations += outcome.map_or(1, |r| r.factorizations);
-        outcome
-    }
-
-    /// Least-squares multipliers: `[I Jᵀ; J 0] (w, λ) = −(∇f − z_l + z_u, 0)`; zero when they come out large.
-    fn estimate_multipliers(&mut self) {
-        self.hessian.fill(0.0);
-        for j in 0..self.n {
-            self.sigma[j] = 1.0;
-            self.rx[j] = -(self.gradient[j] - self.z_lower[j] + self.z_upper[j]);
-        }
-        self.rc.fill(0.0);
-        self.lambda.fill(0.0);
-        if self.factorise_system().is_ok() {
-            self.solve_system();
-            if self.dlambda.iter().all(|l| l.abs() <= 1e3) {
-                self.lambda.copy_from_slice(&self.dlambda);
-            }
-        }
-    }
-
     fn lower_gap(&self, j: usize) -> f64 {
-        self.current.x[j] - self.lower[j]
+        self.current.x[j] - self.bounds.lower[j]
     }
 
     fn upper_gap(&self, j: usize) -> f64 {
-        self.upper[j] - self.current.x[j]
+        self.bounds.upper[j] - self.current.x[j]
     }
 
-    fn has_lower(&self, j: usize) -> bool {
-        self.lower[j].is_finite() && !self.fixed[j]
+    fn tau(&self) -> f64 {
+        TAU_MIN.max(1.0 - self.mu)
     }
 
-    fn has_upper(&self, j: usize) -> bool {
-        self.upper[j].is_finite() && !self.fixed[j]
+    /// φ_μ at an iterate.
+    fn barrier_objective(&self, point: &Iterate) -> f64 {
+        self.bounds.barrier(point.f, &point.x, self.mu)
+    }
+
+    /// ∇f + Jᵀλ into `rx`.
+    fn lagrangian_gradient(&mut self) {
+        self.rx.copy_from_slice(&self.gradient);
+        let pattern = self.problem.jacobian_pattern();
+        pattern.transpose_multiply_add(&self.jacobian, &self.lambda, &mut self.rx);
     }
 
     /// E_μ at the current point (Wächter & Biegler, equation 5).
     fn errors(&mut self, mu: f64) -> Errors {
-        self.rx.copy_from_slice(&self.gradient);
-        let pattern = self.problem.jacobian_pattern();
-        pattern.transpose_multiply_add(&self.jacobian, &self.lambda, &mut self.rx);
+        self.lagrangian_gradient();
         let (mut dual, mut complementarity, mut z_sum) = (0.0_f64, 0.0_f64, 0.0);
-        let mut bounds = 0usize;
         for j in 0..self.n {
-            if self.fixed[j] {
+            if self.bounds.fixed[j] {
                 continue;
             }
             dual = dual.max((self.rx[j] - self.z_lower[j] + self.z_upper[j]).abs());
-            if self.has_lower(j) {
-                complementarity =
-                    complementarity.max((self.lower_gap(j) * self.z_lower[j] - mu).abs());
+            if self.bounds.has_lower(j) {
+                let product = self.lower_gap(j) * self.z_lower[j];
+                complementarity = complementarity.max((product - mu).abs());
                 z_sum += self.z_lower[j];
-                bounds += 1;
             }
-            if self.has_upper(j) {
-                complementarity =
-                    complementarity.max((self.upper_gap(j) * self.z_upper[j] - mu).abs());
+            if self.bounds.has_upper(j) {
+                let product = self.upper_gap(j) * self.z_upper[j];
+                complementarity = complementarity.max((product - mu).abs());
                 z_sum += self.z_upper[j];
-                bounds += 1;
             }
         }
         let lambda_sum: f64 = self.lambda.iter().map(|l| l.abs()).sum();
         let scaled = |sum: f64, count: usize| (sum / count.max(1) as f64).max(S_MAX) / S_MAX;
-        let s_dual = scaled(lambda_sum + z_sum, self.m + bounds);
-        let s_comp = scaled(z_sum, bounds);
+        let s_dual = scaled(lambda_sum + z_sum, self.m + self.bounds.count);
+        let s_comp = scaled(z_sum, self.bounds.count);
         let primal = self.current.c.iter().fold(0.0_f64, |a, c| a.max(c.abs()));
         let total = (dual / s_dual).max(primal).max(complementarity / s_comp);
         Errors {
@@ -362,176 +383,10 @@ impl<'a> Solver<'a> {
         }
     }
 
-    fn update_barrier(&mut self) {
-        let smallest = self.settings.tol / 10.0;
-        while self.mu > smallest && self.errors(self.mu).total <= KAPPA_EPS * self.mu {
-            self.mu = smallest.max((KAPPA_MU * self.mu).min(self.mu.powf(THETA_MU)));
-            self.filter.clear();
-        }
-    }
-
-    fn tau(&self) -> f64 {
-        TAU_MIN.max(1.0 - self.mu)
-    }
-
-    /// φ_μ at an iterate.
-    fn barrier_objective(&self, point: &Iterate) -> f64 {
-        let mut phi = point.f;
-        for j in 0..self.n {
-            if self.has_lower(j) {
-                phi -= self.mu * (point.x[j] - self.lower[j]).ln();
-            }
-            if self.has_upper(j) {
-                phi -= self.mu * (self.upper[j] - point.x[j]).ln();
-            }
-        }
-        phi
-    }
-
-    /// ∂φ_μ/∂x_j at the current point.
-    fn barrier_gradient(&self, j: usize) -> f64 {
-        let mut g = self.gradient[j];
-        if self.has_lower(j) {
-            g -= self.mu / self.lower_gap(j);
-        }
-        if self.has_upper(j) {
-            g += self.mu / self.upper_gap(j);
-        }
-        g
-    }
-
-    fn load_sigma(&mut self) {
-        for j in 0..self.n {
-            let mut s = 0.0;
-            if self.has_lower(j) {
-                s += self.z_lower[j] / self.lower_gap(j);
-            }
-            if self.has_upper(j) {
-                s += self.z_upper[j] / self.upper_gap(j);
-            }
-            self.sigma[j] = s;
-        }
-    }
-
-    /// One iteration: derivatives, step, line search or restoration.
-    fn iterate(&mut self) -> Result<Iteration, Status> {
-        self.counts.hessians += 1;
-        self.timed(|s| {
-            s.problem
-                .hessian(&s.current.x, s.scale, &s.lambda, &mut s.hessian);
-        });
-        self.load_sigma();
-        let regularisation = self.factorise_system().map_err(|e| match e {
-            KktError::NotFinite => Status::NoProgress,
-            _ => Status::SingularSystem,
-        })?;
-        self.rx.fill(0.0);
-        let pattern = self.problem.jacobian_pattern();
-        pattern.transpose_multiply_add(&self.jacobian, &self.lambda, &mut self.rx);
-        for j in 0..self.n {
-            self.rx[j] = if self.fixed[j] {
-                0.0
-            } else {
-                -(self.rx[j] + self.barrier_gradient(j))
-            };
-        }
-        for (r, c) in self.rc.iter_mut().zip(&self.current.c) {
-            *r = -c;
-        }
-        self.solve_system();
-        if !self.dx.iter().chain(&self.dlambda).all(|v| v.is_finite()) {
-            return Err(Status::SingularSystem);
-        }
-        self.dual_steps();
-        let alpha_dual = self.dual_fraction();
-        let found = self.search();
-        let step = self.dx.iter().fold(0.0_f64, |a, d| a.max(d.abs()));
-        let Some(accepted) = found else {
-            return self.restore(regularisation);
-        };
-        std::mem::swap(&mut self.current, &mut self.trial);
-        for i in 0..self.m {
-            self.lambda[i] += accepted.alpha * self.dlambda[i];
-        }
-        for j in 0..self.n {
-            self.z_lower[j] += alpha_dual * self.dz_lower[j];
-            self.z_upper[j] += alpha_dual * self.dz_upper[j];
-        }
-        self.safeguard_multipliers();
-        if !self.derivatives() {
-            return Err(Status::NoProgress);
-        }
-        let (alpha, trials, kind) = (accepted.alpha, accepted.trials, accepted.kind);
-        Ok(self.log_line(regularisation, alpha_dual, alpha, trials, kind, step))
-    }
-
-    fn dual_steps(&mut self) {
-        for j in 0..self.n {
-            (self.dz_lower[j], self.dz_upper[j]) = (0.0, 0.0);
-            if self.has_lower(j) {
-                let gap = self.lower_gap(j);
-                self.dz_lower[j] =
-                    self.mu / gap - self.z_lower[j] - self.z_lower[j] / gap * self.dx[j];
-            }
-            if self.has_upper(j) {
-                let gap = self.upper_gap(j);
-                self.dz_upper[j] =
-                    self.mu / gap - self.z_upper[j] + self.z_upper[j] / gap * self.dx[j];
-            }
-        }
-    }
-
-    fn dual_fraction(&self) -> f64 {
-        let tau = self.tau();
-        let mut alpha = 1.0_f64;
-        let pairs = self.z_lower.iter().zip(&self.dz_lower);
-        for (z, dz) in pairs.chain(self.z_upper.iter().zip(&self.dz_upper)) {
-            if *dz < 0.0 {
-                alpha = alpha.min(-tau * z / dz);
-            }
-        }
-        alpha
-    }
-
-    /// Keeps z within a factor of μ / gap (Wächter & Biegler, equation 16).
-    fn safeguard_multipliers(&mut self) {
-        for j in 0..self.n {
-            if self.has_lower(j) {
-                let ideal = self.mu / self.lower_gap(j);
-                self.z_lower[j] = self.z_lower[j].clamp(ideal / KAPPA_SIGMA, ideal * KAPPA_SIGMA);
-            }
-            if self.has_upper(j) {
-                let ideal = self.mu / self.upper_gap(j);
-                self.z_upper[j] = self.z_upper[j].clamp(ideal / KAPPA_SIGMA, ideal * KAPPA_SIGMA);
-            }
-        }
-    }
-
-    fn log_line(
-        &self,
-        regularisation: Regularisation,
-        alpha_dual: f64,
-        alpha: f64,
-        trials: usize,
-        kind: char,
-        step: f64,
-    ) -> Iteration {
-        Iteration {
-            iteration: 0,
-            objective: 0.0,
-            primal_inf: 0.0,
-            dual_inf: 0.0,
-            mu: self.mu,
-            step,
-            regularisation: regularisation.delta_x.max(regularisation.shift),
-            alpha_dual,
-            alpha,
-            trials,
-            kind,
-        }
-    }
-
     fn keep_best(&mut self) {
+        if !self.current.is_finite() {
+            return;
+        }
         let (theta, objective) = (self.current.theta, self.current.f);
         let tolerance = self.settings.constraint_tol;
         let better = self.best.as_ref().is_none_or(|b| {
@@ -556,7 +411,8 @@ impl<'a> Solver<'a> {
         }
     }
 
-    fn finish(mut self, status: Status, error: f64) -> Solution {
+    /// The outcome in the standard form; the best point where the solve did not converge.
+    fn finish(mut self, status: Status) -> Solution {
         if !status.converged()
             && let Some(best) = self.best.take()
         {
@@ -565,34 +421,18 @@ impl<'a> Solver<'a> {
             self.current.f = best.objective;
         }
         self.seconds.total = self.started.elapsed().as_secs_f64();
-        let unscale = |v: Vec<f64>, s: f64| v.into_iter().map(|v| v / s).collect();
         Solution {
             status,
-            objective: self.current.f / self.scale,
+            objective: self.current.f,
             x: self.current.x,
-            lambda: unscale(self.lambda, self.scale),
-            z_lower: unscale(self.z_lower, self.scale),
-            z_upper: unscale(self.z_upper, self.scale),
-            error,
+            lambda: self.lambda,
+            z_lower: self.z_lower,
+            z_upper: self.z_upper,
+            error: self.error,
             log: self.log,
             counts: self.counts,
             seconds: self.seconds,
         }
-    }
-}
-
-/// A point pushed off its bounds by `push` of their distance (Wächter & Biegler, section 3.6).
-fn interior(x: f64, lower: f64, upper: f64, push: f64) -> f64 {
-    if lower == upper {
-        return lower;
-    }
-    let width = upper - lower;
-    let room = |bound: f64| (push * bound.abs().max(1.0)).min(push * width);
-    match (lower.is_finite(), upper.is_finite()) {
-        (true, true) => x.clamp(lower + room(lower), upper - room(upper)),
-        (true, false) => x.max(lower + push * lower.abs().max(1.0)),
-        (false, true) => x.min(upper - push * upper.abs().max(1.0)),
-        (false, false) => x,
     }
 }
 

@@ -1,101 +1,341 @@
-//! Feasibility restoration: find a point the filter accepts, without regard to the objective.
-//!
-//! Damped Newton steps on the constraints, projected by a diagonal metric:
-//! `min ½ ‖D (x + d − x_R)‖² − barrier  s.t.  J d = −c`, with a line search on ‖c‖₁. The KKT system is the solver's own with the
-//! Hessian replaced by the metric, so that any structure is kept and the inertia is right by construction.
+//! Restoration: soft steps that reduce the optimality error, then the feasibility problem by the same method.
 
-use super::{Iteration, Regularisation, Solver, Status};
+use super::feasibility::{Feasibility, FeasibilityKkt, RHO};
+use super::line_search::Accepted;
+use super::projection::REDUCTION;
+use super::{Iterate, Solver, Status};
+use crate::solver::kkt::sparse::SparseKkt;
+use crate::solver::kkt::{Kkt, Regularisation};
+use crate::solver::outcome::Iteration;
+use crate::solver::settings::{Barrier, Settings};
 
-/// Share of the entering violation at which the restoration ends.
-const REDUCTION: f64 = 0.9;
-/// Weight of the pull towards the entering point, times √μ.
-const PULL: f64 = 1.0;
+/// Factor by which a soft step must reduce the primal-dual error.
+const SOFT_REDUCTION: f64 = 0.9999;
+/// Largest bound multiplier that survives a restoration.
+const LARGEST_BOUND_MULTIPLIER: f64 = 1e3;
+/// Restored points that are feasible, refused by the filter and yet taken, with a new filter.
+const FORGIVEN: usize = 3;
+/// Optimality error of a feasibility problem below which its violation counts as minimal.
+const STATIONARY: f64 = 1e-4;
+
+/// How the feasibility problem ended.
+enum Restored {
+    /// The filter accepts the point.
+    Accepted,
+    /// The constraints hold there, but the filter does not accept it.
+    Feasible,
+}
 
 impl Solver<'_> {
-    /// Restores feasibility from the current point; the filter gets the point it left.
+    /// ‖∇L‖₁ + ‖c‖₁ + ‖complementarity − μ‖₁ at the current point.
+    fn primal_dual_error(&mut self) -> f64 {
+        self.lagrangian_gradient();
+        let mut error = self.current.theta;
+        for j in 0..self.n {
+            if !self.bounds.fixed[j] {
+                error += (self.rx[j] - self.z_lower[j] + self.z_upper[j]).abs();
+            }
+            if self.bounds.has_lower(j) {
+                error += (self.lower_gap(j) * self.z_lower[j] - self.mu).abs();
+            }
+            if self.bounds.has_upper(j) {
+                error += (self.upper_gap(j) * self.z_upper[j] - self.mu).abs();
+            }
+        }
+        error
+    }
+
+    /// One step of a soft restoration: equal primal and dual step lengths, accepted if the filter accepts the point or the
+    /// primal-dual error falls. The point stands in `trial`.
+    pub(super) fn soft_step(&mut self) -> Option<Accepted> {
+        if self.soft > self.settings.soft_restoration {
+            self.soft = 0;
+            return None;
+        }
+        let primal = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
+        let alpha = primal.min(self.dual_fraction());
+        for ((t, x), d) in self.trial.x.iter_mut().zip(&self.current.x).zip(&self.dx) {
+            *t = x + alpha * d;
+        }
+        self.evaluate_trial();
+        let accepted = Accepted {
+            alpha,
+            trials: 1,
+            kind: 'S',
+        };
+        if !self.trial.is_finite() {
+            self.soft = 0;
+            return None;
+        }
+        let phi = self.barrier_objective(&self.trial);
+        if self.filter.accepts(self.trial.theta, phi) {
+            self.soft = 0;
+            return Some(accepted);
+        }
+        let before = self.primal_dual_error();
+        let kept = (
+            self.lambda.clone(),
+            self.z_lower.clone(),
+            self.z_upper.clone(),
+        );
+        std::mem::swap(&mut self.current, &mut self.trial);
+        for i in 0..self.m {
+            self.lambda[i] += alpha * self.dlambda[i];
+        }
+        for j in 0..self.n {
+            self.z_lower[j] += alpha * self.dz_lower[j];
+            self.z_upper[j] += alpha * self.dz_upper[j];
+        }
+        let falls = self.derivatives() && self.primal_dual_error() <= SOFT_REDUCTION * before;
+        std::mem::swap(&mut self.current, &mut self.trial);
+        (self.lambda, self.z_lower, self.z_upper) = kept;
+        if falls {
+            self.soft += 1;
+            return Some(accepted);
+        }
+        self.soft = 0;
+        self.derivatives();
+        None
+    }
+
+    /// Takes over when the line search finds nothing; the filter gets the point that is left.
     pub(super) fn restore(&mut self, regularisation: Regularisation) -> Result<Iteration, Status> {
+        if self.nested {
+            return self.close();
+        }
+        if self.soft == 0 && self.settings.soft_restoration > 0 && self.current.theta > 0.0 {
+            let phi = self.barrier_objective(&self.current);
+            self.filter.add(self.current.theta, phi);
+            self.soft = 1;
+            if let Some(accepted) = self.soft_step() {
+                return self.take_soft(accepted, regularisation);
+            }
+        }
+        self.soft = 0;
         self.counts.restorations += 1;
+        self.watchdog = None;
+        self.shortened = 0;
         let entering = self.current.clone();
         let phi = self.barrier_objective(&entering);
         self.filter.add(entering.theta, phi);
         if entering.theta <= 1e-2 * self.settings.tol {
             return Err(Status::NoProgress);
         }
-        let zeta = PULL * self.mu.sqrt().max(1e-6);
         let mut trials = 0;
-        for _ in 0..self.settings.max_restoration {
-            self.hessian.fill(0.0);
-            for j in 0..self.n {
-                let metric = 1.0 / entering.x[j].abs().max(1.0).powi(2);
-                let mut sigma = zeta * metric;
-                let mut r = -zeta * metric * (self.current.x[j] - entering.x[j]);
-                if self.has_lower(j) {
-                    let gap = self.lower_gap(j);
-                    sigma += self.mu / (gap * gap);
-                    r += self.mu / gap;
-                }
-                if self.has_upper(j) {
-                    let gap = self.upper_gap(j);
-                    sigma += self.mu / (gap * gap);
-                    r -= self.mu / gap;
-                }
-                self.sigma[j] = sigma;
-                self.rx[j] = if self.fixed[j] { 0.0 } else { r };
+        let mut alpha = None;
+        if !self.kkt.relaxable() {
+            alpha = self.project(&entering, &mut trials);
+            if let Some(status) = self.stop_requested() {
+                return Err(status);
             }
-            for (r, c) in self.rc.iter_mut().zip(&self.current.c) {
-                *r = -c;
-            }
-            self.factorise_system()
-                .map_err(|_| Status::SingularSystem)?;
-            self.solve_system();
-            let mut alpha = self.primal_fraction(&self.dx);
-            loop {
-                for ((t, x), d) in self.trial.x.iter_mut().zip(&self.current.x).zip(&self.dx) {
-                    *t = x + alpha * d;
-                }
-                self.counts.functions += 1;
-                self.timed(|s| s.trial.evaluate(s.problem, s.scale));
-                trials += 1;
-                if self.trial.is_finite()
-                    && self.trial.theta <= (1.0 - 1e-4 * alpha) * self.current.theta
-                {
-                    break;
-                }
-                alpha *= 0.5;
-                if alpha < 1e-10 {
-                    let feasible = self.current.theta <= self.settings.constraint_tol;
-                    return Err(if feasible {
-                        Status::NoProgress
-                    } else {
-                        Status::LocallyInfeasible
-                    });
-                }
-            }
-            std::mem::swap(&mut self.current, &mut self.trial);
-            if !self.derivatives() {
-                return Err(Status::NoProgress);
-            }
-            if self.current.theta <= REDUCTION * entering.theta
-                && self.acceptable_after_restoration(&self.current)
-            {
-                self.leave_restoration();
-                let step = (0..self.n)
-                    .map(|j| (self.current.x[j] - entering.x[j]).abs())
-                    .fold(0.0_f64, f64::max);
-                return Ok(self.log_line(regularisation, 0.0, alpha, trials, 'R', step));
+            if alpha.is_none() {
+                self.current = entering.clone();
+                self.derivatives();
             }
         }
-        Err(Status::LocallyInfeasible)
+        if alpha.is_none() {
+            self.feasibility_problem(&entering, &mut trials)?;
+        }
+        self.leave_restoration();
+        let distance = |(a, b): (&f64, &f64)| (a - b).abs();
+        let step = self.current.x.iter().zip(&entering.x).map(distance);
+        Ok(Iteration {
+            step: step.fold(0.0, f64::max),
+            regularisation: regularisation.delta_x.max(regularisation.shift),
+            alpha: alpha.unwrap_or(1.0),
+            trials,
+            kind: 'R',
+            ..Iteration::blank(self.mu)
+        })
+    }
+
+    fn take_soft(
+        &mut self,
+        accepted: Accepted,
+        regularisation: Regularisation,
+    ) -> Result<Iteration, Status> {
+        let alpha = accepted.alpha;
+        std::mem::swap(&mut self.current, &mut self.trial);
+        for i in 0..self.m {
+            self.lambda[i] += alpha * self.dlambda[i];
+        }
+        for j in 0..self.n {
+            self.z_lower[j] += alpha * self.dz_lower[j];
+            self.z_upper[j] += alpha * self.dz_upper[j];
+        }
+        self.safeguard_multipliers();
+        if !self.derivatives() {
+            return Err(Status::InvalidNumber);
+        }
+        Ok(Iteration {
+            step: self.dx.iter().fold(0.0_f64, |a, d| a.max(d.abs())),
+            regularisation: regularisation.delta_x.max(regularisation.shift),
+            alpha_dual: alpha,
+            alpha,
+            trials: accepted.trials,
+            kind: accepted.kind,
+            ..Iteration::blank(self.mu)
+        })
+    }
+
+    /// Inside a feasibility problem: closes the rows by their slacks at the same x.
+    fn close(&mut self) -> Result<Iteration, Status> {
+        let theta = self.current.theta;
+        let (x, c) = (&mut self.current.x, &self.current.c);
+        if theta <= self.settings.tol || !self.problem.close(x, c, self.mu) {
+            return Err(Status::RestorationFailed);
+        }
+        self.evaluate_current();
+        if !self.current.is_finite() || !self.derivatives() {
+            return Err(Status::RestorationFailed);
+        }
+        self.filter.clear();
+        for j in 0..self.n {
+            if self.bounds.has_lower(j) {
+                self.z_lower[j] = self.mu / self.lower_gap(j);
+            }
+            if self.bounds.has_upper(j) {
+                self.z_upper[j] = self.mu / self.upper_gap(j);
+            }
+        }
+        self.lambda.fill(0.0);
+        Ok(Iteration {
+            kind: 'c',
+            ..Iteration::blank(self.mu)
+        })
+    }
+
+    /// Solves the feasibility problem until the filter accepts its x; moves the current point there.
+    fn feasibility_problem(
+        &mut self,
+        entering: &Iterate,
+        trials: &mut usize,
+    ) -> Result<(), Status> {
+        let settings = Settings {
+            barrier: Barrier::Monotone,
+            max_iterations: self.settings.max_restoration,
+            watchdog: 0,
+            soft_restoration: 0,
+            ..self.settings.clone()
+        };
+        let mu = self
+            .mu
+            .max(entering.c.iter().fold(0.0, |a, c| a.max(c.abs())));
+        let mut own: Option<SparseKkt> = None;
+        let system: &mut dyn Kkt = if self.kkt.relaxable() {
+            self.kkt.relax(&[]);
+            self.kkt
+        } else {
+            let problem = &*self.problem;
+            own.insert(SparseKkt::of(
+                problem.n(),
+                problem.m(),
+                problem.hessian_pattern(),
+                problem.jacobian_pattern(),
+                &self.bounds.fixed,
+            ))
+        };
+        let mut problem = Feasibility::new(&mut *self.problem, &entering.x, mu);
+        let mut kkt = FeasibilityKkt::new(system, &problem);
+        let mut inner = Solver::new(&mut problem, &mut kkt, &settings, self.started);
+        inner.nested = true;
+        inner.mu = mu;
+        inner.warm = true;
+        inner.current.x[..self.n].copy_from_slice(&entering.x);
+        for i in 0..self.m {
+            let (p, n) = Feasibility::split(entering.c[i], mu);
+            (
+                inner.current.x[self.n + i],
+                inner.current.x[self.n + self.m + i],
+            ) = (p, n);
+        }
+        for j in 0..self.n {
+            inner.z_lower[j] = self.z_lower[j].min(RHO);
+            inner.z_upper[j] = self.z_upper[j].min(RHO);
+        }
+        for j in self.n..inner.n {
+            inner.z_lower[j] = mu / inner.current.x[j];
+        }
+        let mut probe = Iterate::new(self.n, self.m);
+        let (filter, bounds, mu) = (&self.filter, &self.bounds, self.mu);
+        let tolerance = self.settings.constraint_tol;
+        let outcome = (|| {
+            inner.start()?;
+            loop {
+                let errors = inner.errors(0.0);
+                if let Some(status) = inner.stop_requested() {
+                    return Err(status);
+                }
+                let x = std::mem::take(&mut inner.current.x);
+                inner.problem.probe(&x, &mut probe);
+                inner.counts.functions += 1;
+                inner.current.x = x;
+                if probe.is_finite() && probe.theta <= REDUCTION * entering.theta {
+                    let phi = bounds.barrier(probe.f, &probe.x, mu);
+                    if filter.accepts(probe.theta, phi) {
+                        return Ok(Restored::Accepted);
+                    }
+                }
+                let solved = errors.total <= settings.tol;
+                if solved || inner.iteration >= settings.max_iterations {
+                    let largest = probe.c.iter().fold(0.0_f64, |a, c| a.max(c.abs()));
+                    return if largest <= tolerance {
+                        Ok(Restored::Feasible)
+                    } else if errors.total <= STATIONARY {
+                        Err(Status::LocallyInfeasible)
+                    } else {
+                        Err(Status::RestorationFailed)
+                    };
+                }
+                inner.iteration += 1;
+                if let Err(status) = inner.iterate() {
+                    let largest = probe.c.iter().fold(0.0_f64, |a, c| a.max(c.abs()));
+                    return if status.is_limit() {
+                        Err(status)
+                    } else if largest <= tolerance {
+                        Ok(Restored::Feasible)
+                    } else if errors.total <= STATIONARY {
+                        Err(Status::LocallyInfeasible)
+                    } else {
+                        Err(Status::RestorationFailed)
+                    };
+                }
+            }
+        })();
+        *trials += inner.iteration;
+        let (counts, seconds) = (inner.counts, inner.seconds);
+        self.counts.add(&counts);
+        self.seconds.evaluation += seconds.evaluation;
+        self.seconds.linear += seconds.linear;
+        if probe.is_finite() {
+            self.current = probe;
+        }
+        self.keep_best();
+        match outcome? {
+            Restored::Accepted => {}
+            Restored::Feasible => {
+                self.forgiven += 1;
+                if self.forgiven > FORGIVEN {
+                    return Err(Status::RestorationFailed);
+                }
+                self.filter.clear();
+            }
+        }
+        if self.derivatives() {
+            Ok(())
+        } else {
+            Err(Status::InvalidNumber)
+        }
     }
 
     /// Multipliers at the restored point: z from the barrier, λ by least squares.
     fn leave_restoration(&mut self) {
         for j in 0..self.n {
-            if self.has_lower(j) {
-                self.z_lower[j] = (self.mu / self.lower_gap(j)).min(1e3);
+            if self.bounds.has_lower(j) {
+                self.z_lower[j] = (self.mu / self.lower_gap(j)).min(LARGEST_BOUND_MULTIPLIER);
             }
-            if self.has_upper(j) {
-                self.z_upper[j] = (self.mu / self.upper_gap(j)).min(1e3);
+            if self.bounds.has_upper(j) {
+                self.z_upper[j] = (self.mu / self.upper_gap(j)).min(LARGEST_BOUND_MULTIPLIER);
             }
         }
         self.estimate_multipliers();

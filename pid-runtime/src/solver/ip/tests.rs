@@ -4,12 +4,16 @@
 use super::*;
 use crate::nlp::{SparsePattern, check_point};
 use crate::solver::kkt::sparse::SparseKkt;
+use crate::solver::{Barrier, Interrupt, Oracle};
 use num_dual::{DualNum, HyperDual64};
 
 trait Formula {
     const N: usize;
     const M: usize;
     fn bounds(j: usize) -> (f64, f64);
+    fn range(_: usize) -> (f64, f64) {
+        (0.0, 0.0)
+    }
     fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D;
     fn constraint<D: DualNum<Primitive = f64> + Copy>(i: usize, x: &[D]) -> D;
 }
@@ -57,6 +61,11 @@ impl<F: Formula> Nlp for Dense<F> {
     fn bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
         for j in 0..F::N {
             (lower[j], upper[j]) = F::bounds(j);
+        }
+    }
+    fn constraint_bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
+        for i in 0..F::M {
+            (lower[i], upper[i]) = F::range(i);
         }
     }
     fn objective(&mut self, x: &[f64]) -> f64 {
@@ -178,27 +187,121 @@ impl Formula for Hs1 {
     }
 }
 
-/// HS71, its inequality with a slack x[4].
+/// HS71 with its inequality as a range.
 struct Hs71;
 impl Formula for Hs71 {
-    const N: usize = 5;
+    const N: usize = 4;
     const M: usize = 2;
-    fn bounds(j: usize) -> (f64, f64) {
-        if j < 4 {
-            (1.0, 5.0)
-        } else {
-            (0.0, f64::INFINITY)
-        }
+    fn bounds(_: usize) -> (f64, f64) {
+        (1.0, 5.0)
+    }
+    fn range(i: usize) -> (f64, f64) {
+        [(25.0, f64::INFINITY), (40.0, 40.0)][i]
     }
     fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
         x[0] * x[3] * (x[0] + x[1] + x[2]) + x[2]
     }
     fn constraint<D: DualNum<Primitive = f64> + Copy>(i: usize, x: &[D]) -> D {
         if i == 0 {
-            x[0] * x[1] * x[2] * x[3] - 25.0 - x[4]
+            x[0] * x[1] * x[2] * x[3]
         } else {
-            x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3] - 40.0
+            x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3]
         }
+    }
+}
+
+/// A plane, its equation three times, a row without bounds; the distance to the origin.
+struct Redundant;
+impl Formula for Redundant {
+    const N: usize = 3;
+    const M: usize = 4;
+    fn bounds(_: usize) -> (f64, f64) {
+        FREE
+    }
+    fn range(i: usize) -> (f64, f64) {
+        if i == 3 { FREE } else { (0.0, 0.0) }
+    }
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
+        x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
+    }
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(i: usize, x: &[D]) -> D {
+        match i {
+            0 => x[0] + x[1] + x[2] - 3.0,
+            1 => (x[0] + x[1] + x[2] - 3.0) * 2.0,
+            2 => x[0] - x[1] + (x[1] * 2.0 + x[2] - 3.0),
+            _ => x[0].exp() * 50.0,
+        }
+    }
+}
+
+/// The constraint's gradient vanishes at the only feasible point of its variable: no multiplier exists.
+struct NoMultiplier;
+impl Formula for NoMultiplier {
+    const N: usize = 2;
+    const M: usize = 1;
+    fn bounds(_: usize) -> (f64, f64) {
+        FREE
+    }
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
+        x[0] + (x[1] - 1.0).powi(2)
+    }
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(_: usize, x: &[D]) -> D {
+        x[0] * x[0]
+    }
+}
+
+/// A line that falls without end inside its only constraint.
+struct Falling;
+impl Formula for Falling {
+    const N: usize = 2;
+    const M: usize = 1;
+    fn bounds(j: usize) -> (f64, f64) {
+        if j == 0 { (0.0, f64::INFINITY) } else { FREE }
+    }
+    fn range(_: usize) -> (f64, f64) {
+        (f64::NEG_INFINITY, 1.0)
+    }
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
+        -x[0]
+    }
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(_: usize, x: &[D]) -> D {
+        x[1] * x[1] - x[0]
+    }
+}
+
+/// Held variables only; the row holds where `x₁ x₂ = 6`.
+struct Held<const SECOND: u32>;
+impl<const SECOND: u32> Formula for Held<SECOND> {
+    const N: usize = 2;
+    const M: usize = 1;
+    fn bounds(j: usize) -> (f64, f64) {
+        let value = [2.0, f64::from(SECOND)][j];
+        (value, value)
+    }
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
+        x[0] + x[1]
+    }
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(_: usize, x: &[D]) -> D {
+        x[0] * x[1] - 6.0
+    }
+}
+
+/// Two half planes that do not meet.
+struct Apart;
+impl Formula for Apart {
+    const N: usize = 2;
+    const M: usize = 2;
+    fn bounds(_: usize) -> (f64, f64) {
+        FREE
+    }
+    fn range(i: usize) -> (f64, f64) {
+        [(1.0, f64::INFINITY), (f64::NEG_INFINITY, -1.0)][i]
+    }
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
+        (x[0] - 3.0).powi(2) + x[1].powi(2)
+    }
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(_: usize, x: &[D]) -> D {
+        x[0] + x[1]
     }
 }
 
@@ -224,7 +327,7 @@ fn published_optima() {
     assert!((hs6.x[0] - 1.0).abs() < 1e-6 && (hs6.x[1] - 1.0).abs() < 1e-6);
     solves::<Hs7>(&[2.0, 2.0], -(3.0_f64.sqrt()));
     solves::<Hs1>(&[-2.0, 1.0], 0.0);
-    let hs71 = solves::<Hs71>(&[1.0, 5.0, 5.0, 1.0, 0.0], 17.014_017_289_16);
+    let hs71 = solves::<Hs71>(&[1.0, 5.0, 5.0, 1.0], 17.014_017_289_16);
     assert!((hs71.x[1] - 4.742_999_4).abs() < 1e-6, "{:?}", hs71.x);
 }
 
@@ -269,5 +372,123 @@ fn limits_and_interrupts_keep_the_best_point() {
     assert_eq!(
         (solution.status, solution.log.len()),
         (Status::Interrupted, 6)
+    );
+}
+
+#[test]
+fn every_barrier_strategy_reaches_the_optimum() {
+    for oracle in [Oracle::Loqo, Oracle::Probing, Oracle::Quality] {
+        let settings = Settings {
+            barrier: Barrier::Adaptive(oracle),
+            ..Settings::default()
+        };
+        let (solution, check) = run::<Hs71>(&[1.0, 5.0, 5.0, 1.0], &settings);
+        assert_eq!(solution.status, Status::Solved, "{oracle:?}");
+        assert!((solution.objective - 17.014_017_289_16).abs() < 1e-7);
+        assert!(
+            check.dual_inf < 1e-6 && check.primal_inf < 1e-7,
+            "{check:?}"
+        );
+    }
+}
+
+#[test]
+fn disjoint_half_planes_are_called_infeasible_at_the_least_violation() {
+    let (solution, check) = run::<Apart>(&[1.0, 1.0], &Settings::default());
+    assert_eq!(solution.status, Status::LocallyInfeasible);
+    // The least largest violation is 1; the least sum of violations 2 is reached anywhere between.
+    let sum = solution.x[0] + solution.x[1];
+    assert!(
+        sum.abs() <= 1.0 + 1e-6 && check.primal_inf <= 2.0 + 1e-6,
+        "{check:?}"
+    );
+}
+
+#[test]
+fn dependent_equations_and_rows_without_bounds_do_no_harm() {
+    let solution = solves::<Redundant>(&[5.0, -1.0, 0.5], 3.0);
+    assert!(solution.x.iter().all(|x| (x - 1.0).abs() < 1e-7));
+    assert!(solution.lambda[3].abs() < 1e-12, "no bound, no multiplier");
+}
+
+#[test]
+fn an_optimum_without_multipliers_is_approached() {
+    let (solution, check) = run::<NoMultiplier>(&[1.0, 3.0], &Settings::default());
+    assert!(check.primal_inf < 1e-6, "{:?} {check:?}", solution.status);
+    assert!((solution.x[1] - 1.0).abs() < 1e-4, "{:?}", solution.x);
+}
+
+#[test]
+fn an_unbounded_direction_is_called_so() {
+    let (solution, _) = run::<Falling>(&[1.0, 0.0], &Settings::default());
+    let lines: Vec<String> = solution.log.iter().map(Iteration::line).collect();
+    assert_eq!(solution.status, Status::Unbounded, "{}", lines.join("\n"));
+    assert!(solution.objective < -1e10, "the best point is kept");
+}
+
+#[test]
+fn held_variables_alone() {
+    let (solution, _) = run::<Held<3>>(&[0.0, 0.0], &Settings::default());
+    assert_eq!(
+        (solution.status, solution.x),
+        (Status::Solved, vec![2.0, 3.0])
+    );
+    let (solution, check) = run::<Held<4>>(&[0.0, 0.0], &Settings::default());
+    assert_eq!(solution.status, Status::LocallyInfeasible);
+    assert_eq!(check.primal_inf, 2.0);
+}
+
+#[test]
+fn a_time_limit_keeps_the_start() {
+    let settings = Settings {
+        max_time: Some(std::time::Duration::ZERO),
+        ..Settings::default()
+    };
+    let (solution, _) = run::<Hs1>(&[-2.0, 1.0], &settings);
+    assert_eq!(solution.status, Status::TimeLimit);
+    assert_eq!(solution.x, [-2.0, 1.0]);
+    assert_eq!(solution.objective, 909.0);
+}
+
+#[test]
+fn a_raised_flag_interrupts() {
+    let interrupt = Interrupt::default();
+    let settings = Settings {
+        interrupt: Some(interrupt.clone()),
+        ..Settings::default()
+    };
+    let mut problem = Dense::<Hs1>::new();
+    let mut kkt = SparseKkt::new(&problem);
+    let mut raise = |line: &Iteration, _: &[f64]| {
+        if line.iteration == 4 {
+            interrupt.stop();
+        }
+        ControlFlow::Continue(())
+    };
+    let solution = solve(&mut problem, &mut kkt, &[-2.0, 1.0], &settings, &mut raise);
+    assert_eq!(
+        (solution.status, solution.log.len()),
+        (Status::Interrupted, 5)
+    );
+    let least = solution.log.iter().map(|l| l.objective);
+    assert_eq!(solution.objective, least.fold(f64::INFINITY, f64::min));
+}
+
+#[test]
+fn a_warm_start_needs_fewer_iterations() {
+    let settings = Settings::default();
+    let (cold, _) = run::<Hs71>(&[1.0, 5.0, 5.0, 1.0], &settings);
+    let mut problem = Dense::<Hs71>::new();
+    let mut kkt = SparseKkt::new(&problem);
+    let mut quiet = |_: &Iteration, _: &[f64]| ControlFlow::Continue(());
+    let start = Start::warm(&cold);
+    let warm = solve_from(&mut problem, &mut kkt, &start, &settings, &mut quiet);
+    assert_eq!(warm.status, Status::Solved);
+    assert!((warm.objective - cold.objective).abs() < 1e-7);
+    assert!(
+        warm.log.len() <= 4 && warm.log.len() < cold.log.len(),
+        "{} against {}",
+        warm.log.len(),
+        cold.log.len()
     );
 }

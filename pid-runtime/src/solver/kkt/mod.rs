@@ -76,6 +76,18 @@ pub trait Kkt: Send {
     /// Returns the relative residual that is left.
     fn solve(&mut self, rx: &[f64], rc: &[f64], dx: &mut [f64], dlambda: &mut [f64]) -> f64;
 
+    /// Whether [`Kkt::relax`] takes effect.
+    fn relaxable(&self) -> bool {
+        false
+    }
+
+    /// Sets a diagonal D ≥ 0, one entry per row, for the factorizations that follow: the constraint block becomes −D, rows
+    /// `J dx − D dλ = rc`. Slacks of inequalities and of a feasibility problem are eliminated into it. Empty for D = 0.
+    /// Implementations that are not [`Kkt::relaxable`] ignore it.
+    fn relax(&mut self, diagonal: &[f64]) {
+        let _ = diagonal;
+    }
+
     /// Covariance-like inverse of the reduced Hessian in the given variables: the block of the inverse KKT matrix, row-major
     /// `vars.len()²`. Uses the last factorization.
     fn inverse_block(&mut self, vars: &[usize], n: usize, m: usize) -> Vec<f64> {

@@ -6,6 +6,8 @@ use crate::nlp::{Nlp, SparsePattern};
 
 /// Static regularisation of the constraint block; refinement removes its effect on the solution.
 const STATIC: f64 = 1e-9;
+/// Most steps of iterative refinement.
+const REFINEMENTS: usize = 10;
 
 /// Sparse LDLᵀ of the full matrix with inertia correction by multiples of the identity (Wächter & Biegler 2006, algorithm IC).
 pub struct SparseKkt {
@@ -19,6 +21,8 @@ pub struct SparseKkt {
     jacobian_values: Vec<f64>,
     diagonal: Vec<f64>,
     delta_c: f64,
+    /// −D of the constraint block without δ_c.
+    relaxation: Vec<f64>,
     last_delta: f64,
     residual: Vec<f64>,
     solution: Vec<f64>,
@@ -30,10 +34,20 @@ impl SparseKkt {
         let (n, m) = (problem.n(), problem.m());
         let (mut lower, mut upper) = (vec![0.0; n], vec![0.0; n]);
         problem.bounds(&mut lower, &mut upper);
-        let (hessian, jacobian) = (
-            problem.hessian_pattern().clone(),
-            problem.jacobian_pattern().clone(),
-        );
+        let fixed: Vec<bool> = lower.iter().zip(&upper).map(|(l, u)| l == u).collect();
+        let (hessian, jacobian) = (problem.hessian_pattern(), problem.jacobian_pattern());
+        Self::of(n, m, hessian, jacobian, &fixed)
+    }
+
+    /// Analyses patterns of n variables and m rows; the `fixed` variables are held.
+    pub fn of(
+        n: usize,
+        m: usize,
+        hessian: &SparsePattern,
+        jacobian: &SparsePattern,
+        fixed: &[bool],
+    ) -> Self {
+        let (hessian, jacobian) = (hessian.clone(), jacobian.clone());
         let mut triplets: Vec<(u32, u32)> = hessian
             .rows
             .iter()
@@ -50,7 +64,7 @@ impl SparseKkt {
         Self {
             n,
             m,
-            fixed: lower.iter().zip(&upper).map(|(l, u)| l == u).collect(),
+            fixed: fixed.to_vec(),
             ldl: SparseLdl::new(n + m, &triplets),
             hessian_values: vec![0.0; hessian.nnz()],
             jacobian_values: vec![0.0; jacobian.nnz()],
@@ -58,6 +72,7 @@ impl SparseKkt {
             jacobian,
             diagonal: vec![0.0; n],
             delta_c: 0.0,
+            relaxation: vec![0.0; m],
             last_delta: 0.0,
             residual: vec![0.0; n + m],
             solution: vec![0.0; n + m],
@@ -77,7 +92,8 @@ impl SparseKkt {
             self.ldl.add_diagonal(i, self.diagonal[i] + delta_x);
         }
         for i in 0..self.m {
-            self.ldl.add_diagonal(self.n + i, -delta_c.max(STATIC));
+            let diagonal = (self.relaxation[i] + delta_c).max(STATIC);
+            self.ldl.add_diagonal(self.n + i, -diagonal);
         }
     }
 }
@@ -144,20 +160,36 @@ impl Kkt for SparseKkt {
         })
     }
 
+    fn relaxable(&self) -> bool {
+        true
+    }
+
+    fn relax(&mut self, diagonal: &[f64]) {
+        if diagonal.is_empty() {
+            self.relaxation.fill(0.0);
+        } else {
+            self.relaxation.copy_from_slice(diagonal);
+        }
+    }
+
     fn solve(&mut self, rx: &[f64], rc: &[f64], dx: &mut [f64], dlambda: &mut [f64]) -> f64 {
         let (n, m) = (self.n, self.m);
-        let scale = rx.iter().chain(rc).fold(0.0_f64, |a, v| a.max(v.abs()));
+        let largest = |v: &[f64]| v.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+        let scale = largest(rx).max(largest(rc));
         dx.fill(0.0);
         dlambda.fill(0.0);
+        if scale == 0.0 {
+            return 0.0;
+        }
         let mut relative = f64::INFINITY;
-        for _ in 0..10 {
-            // residual = rhs − K·(dx, dλ) without the static term
+        for pass in 0..=REFINEMENTS {
+            // residual = K·(dx, dλ) − rhs without the static term
             for i in 0..n {
                 let rhs = if self.fixed[i] { 0.0 } else { rx[i] };
                 self.residual[i] = -rhs + self.diagonal[i] * dx[i];
             }
             for i in 0..m {
-                self.residual[n + i] = -rc[i] - self.delta_c * dlambda[i];
+                self.residual[n + i] = -rc[i] - (self.relaxation[i] + self.delta_c) * dlambda[i];
             }
             let (top, bottom) = self.residual.split_at_mut(n);
             self.hessian
@@ -166,12 +198,22 @@ impl Kkt for SparseKkt {
                 .transpose_multiply_add(&self.jacobian_values, dlambda, top);
             self.jacobian
                 .multiply_add(&self.jacobian_values, dx, bottom);
-            let norm = self.residual.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
-            let next = if scale > 0.0 { norm / scale } else { 0.0 };
-            if next <= 1e-12 || next > 0.5 * relative && relative < 1e-6 {
-                return next.min(relative);
+            let size = largest(dx).max(largest(dlambda)).min(1e6 * scale);
+            let next = largest(&self.residual) / (scale + size);
+            if pass > 0 && !(next < relative) {
+                // The last correction made it worse: take it back.
+                for i in 0..n {
+                    dx[i] -= self.solution[i];
+                }
+                for i in 0..m {
+                    dlambda[i] -= self.solution[n + i];
+                }
+                return relative;
             }
             relative = next;
+            if relative <= 1e-13 || pass == REFINEMENTS {
+                break;
+            }
             for (s, r) in self.solution.iter_mut().zip(&self.residual) {
                 *s = -r;
             }
