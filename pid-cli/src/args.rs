@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use pid_runtime::data::Horizon;
+use pid_runtime::data::{Horizon, ParseHorizonError};
 use pid_runtime::transcribe::Scheme;
 
 /// Identify the parameters of a robot from its records, and see where model and robot differ.
@@ -72,10 +72,11 @@ pub(crate) struct IdentifyArgs {
     /// Second derivatives of the Lagrangian.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) hessian: HessianArg,
-    /// How far a simulation runs before it is restarted: `record`, a time (`1s`) or a number of samples. Without it: the
+    /// How far a simulation runs before it is restarted: `record`, a time (`1s`), a number of samples, or `auto`, which
+    /// chooses among half a second, one and two seconds by cross validation over the training records. Without it: the
     /// whole record, or `1s` where a record is longer than 10 s.
     #[arg(long, value_name = "HORIZON")]
-    pub(crate) horizon: Option<Horizon>,
+    pub(crate) horizon: Option<HorizonArg>,
     /// Initial state of each window.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) initial: InitialArg,
@@ -202,6 +203,26 @@ fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A horizon, or the wish to have it chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum HorizonArg {
+    /// By cross validation.
+    Auto,
+    /// As stated.
+    Stated(Horizon),
+}
+
+impl std::str::FromStr for HorizonArg {
+    type Err = ParseHorizonError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.trim() {
+            "auto" => Ok(Self::Auto),
+            other => other.parse().map(Self::Stated),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use clap::CommandFactory;
@@ -234,7 +255,10 @@ mod tests {
         );
         assert_eq!(
             (a.hessian, a.horizon),
-            (HessianArg::GaussNewton, Some(Horizon::Seconds(1.0)))
+            (
+                HessianArg::GaussNewton,
+                Some(HorizonArg::Stated(Horizon::Seconds(1.0)))
+            )
         );
         assert_eq!((a.starts, a.tol), (Some(20), 1e-6));
         for bad in [

@@ -7,7 +7,7 @@ use pid_models::UnknownModel;
 use pid_runtime::data::DataError;
 use pid_runtime::gap::force::MissingForceError;
 use pid_runtime::gap::metrics::FreeRunError;
-use pid_runtime::ident::IdentError;
+use pid_runtime::ident::{CrossValidationError, IdentError};
 use pid_runtime::integrate::SimulateError;
 use pid_runtime::report::ReportError;
 
@@ -33,6 +33,8 @@ pub(crate) enum CliError {
     Report(#[from] ReportError),
     #[error(transparent)]
     Identification(#[from] IdentError),
+    #[error(transparent)]
+    CrossValidation(#[from] CrossValidationError),
     #[error("{}: cannot be written: {error}\n  help: choose another folder with --out", path.display())]
     Write { path: PathBuf, error: io::Error },
 }

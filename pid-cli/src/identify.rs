@@ -11,11 +11,13 @@ use pid_runtime::report::{CheckRow, Setting, StartRow, Verdict};
 use pid_runtime::solver::{self, Iteration, Status};
 use pid_runtime::transcribe::{Adaptive, Curvature};
 
-use crate::args::{HessianArg, IdentifyArgs, InitialArg, MethodArg, SamplingArg, WeightsArg};
+use crate::args::{
+    HessianArg, HorizonArg, IdentifyArgs, InitialArg, MethodArg, SamplingArg, WeightsArg,
+};
 use crate::assemble::{Fit, assemble};
 use crate::error::CliError;
 use crate::progress::{Interrupt, Progress};
-use crate::{output, parameters, source};
+use crate::{horizon, output, parameters, source};
 
 /// Largest constraint violation and stationarity that the independent check lets pass.
 const FEASIBLE: f64 = 1e-6;
@@ -31,8 +33,16 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
         Some(file) => Some(parameters::read(file, model.params())?),
         None => None,
     };
-    let settings = settings(args, &dataset);
+    let mut settings = settings(args, &dataset);
     let started = Instant::now();
+    let mut choice = None;
+    if args.horizon == Some(HorizonArg::Auto) && settings.method != Method::EquationError {
+        let start = start.as_deref();
+        let (chosen, note) =
+            horizon::chosen(model, &dataset, &settings, start, &progress, &interrupt)?;
+        settings.horizon = chosen;
+        choice = Some(note);
+    }
     if args.verbose {
         output::message(Iteration::HEADING);
     }
@@ -85,7 +95,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
             starts: identification.runs.iter().map(start_row).collect(),
             cutoff: args.cutoff,
             settings: in_words(&settings, &identification),
-            notes: notes(&identification),
+            notes: choice.into_iter().chain(notes(&identification)).collect(),
         },
         &progress,
     )?;
@@ -113,7 +123,10 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         MethodArg::Shooting => Method::Shooting,
         MethodArg::EquationError => Method::EquationError,
     };
-    let horizon = args.horizon.unwrap_or_else(|| default_horizon(dataset));
+    let horizon = match args.horizon {
+        Some(HorizonArg::Stated(horizon)) => horizon,
+        Some(HorizonArg::Auto) | None => horizon::by_rule(dataset),
+    };
     Settings {
         method,
         scheme: args.scheme,
@@ -161,20 +174,6 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
             tol: args.tol,
             ..Settings::default().solver
         },
-    }
-}
-
-/// Whole records of noise-free or short simulated data, one second where friction and drift make long runs a lottery.
-fn default_horizon(dataset: &Dataset) -> Horizon {
-    let longest = dataset
-        .experiments
-        .iter()
-        .map(|e| e.duration())
-        .fold(0.0, f64::max);
-    if longest > 10.0 {
-        Horizon::Seconds(1.0)
-    } else {
-        Horizon::Record
     }
 }
 

@@ -8,6 +8,7 @@ mod assemble;
 mod demo;
 mod error;
 mod findings;
+mod horizon;
 mod identify;
 mod output;
 mod parameters;

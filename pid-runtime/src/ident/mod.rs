@@ -10,6 +10,7 @@
 //! Settings reproduce the paper's problem (K. Schäfer et al., Section V-A: explicit Euler, unit weights, one window) exactly; the
 //! defaults are those that serve on measured records.
 
+mod cross_validation;
 mod equation_error;
 mod error;
 mod full;
@@ -18,6 +19,7 @@ mod shooting;
 pub mod starts;
 mod uncertainty;
 
+pub use cross_validation::{CandidateScore, CrossValidationError, cross_validate};
 pub use error::IdentError;
 pub use settings::{InitialState, Method, Settings, Weighting};
 pub use starts::{Optimum, Sampling};
