@@ -53,5 +53,7 @@ robot! {
             armature = 36*rotor;
             force = torque - viscous*v - dry*tanh(sharp*v);
         }
+
+        expect rank 11;
     }
 }

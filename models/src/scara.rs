@@ -77,5 +77,6 @@ robot! {
         }
 
         emit { dynamics, first_derivatives, second_derivatives }
+        expect rank 19;
     }
 }

@@ -64,5 +64,7 @@ robot! {
         }
 
         emit { dynamics, first_derivatives, second_derivatives }
+        expect rank 14;
+        expect rank 13 at nominal;
     }
 }

@@ -32,7 +32,12 @@ pub fn expand(input: TokenStream) -> TokenStream {
         true => check::resolve(&ast, &mut diag),
         false => None,
     };
-    let Some(Resolved { robot, places }) = resolved else {
+    let Some(Resolved {
+        robot,
+        places,
+        identifiability,
+    }) = resolved
+    else {
         return emit::fallback::fallback(&ast, &diag);
     };
     let moving = |j: &usize| robot.joints[*j].coord.is_some();
@@ -46,7 +51,7 @@ pub fn expand(input: TokenStream) -> TokenStream {
         params: places.params,
         inputs: places.inputs,
     };
-    match emit::try_model(&robot, &names) {
+    match emit::try_model(&robot, &names, &identifiability) {
         Ok(mut tokens) => {
             tokens.extend(diag.warnings_to_tokens(&ast.attrs));
             tokens

@@ -11,24 +11,33 @@
 //! - [`equations`](mod@equations): their comparison, and everything that is read off the residual;
 //! - [`derivatives`](mod@derivatives): Jacobian and Hessian with their patterns;
 //! - [`facts`](mod@facts): what the checker wants proved;
-//! - [`plausible`]: which masses and inertias a body can have.
+//! - [`plausible`]: which masses and inertias a body can have;
+//! - [`identifiability`](mod@identifiability): which combinations of parameters a motion determines; [`dense`]: ranks;
+//! - [`regressor`](mod@regressor), [`base_parameters`](mod@base_parameters): the equations as a linear function of parameters.
 
+pub mod base_parameters;
+pub mod dense;
 pub mod derivatives;
 pub mod equations;
 pub mod facts;
+pub mod identifiability;
 pub mod inertia;
 pub mod kinematics;
 pub mod lagrangian;
 pub mod model;
 pub mod newton_euler;
 pub mod plausible;
+pub mod regressor;
 pub mod sample;
 pub mod symbols;
 pub mod vector;
 
+pub use base_parameters::{BaseParameters, base_parameters};
 pub use derivatives::{Derivatives, derivatives};
 pub use equations::{Equations, equations};
 pub use facts::{Facts, facts};
+pub use identifiability::{Identifiability, identifiability};
+pub use regressor::{Regressor, regressor};
 pub use symbols::{Blanks, Symbols};
 
 use thiserror::Error;
@@ -51,6 +60,19 @@ pub enum Error {
         lagrange: f64,
         /// Value by Newton-Euler.
         newton_euler: f64,
+    },
+    /// A regressor was asked for, but the torques are not linear in the parameters of links, geometry and rotors.
+    #[error(
+        "the torques of `{robot}` are not linear in `{first}` and `{second}`, which its regressor needs; \
+         give the links mass, first moment and inertia about their origin as parameters"
+    )]
+    NotLinear {
+        /// Name of the robot.
+        robot: String,
+        /// A parameter.
+        first: String,
+        /// A parameter whose product with the first enters, or the same.
+        second: String,
     },
     /// The equations are not finite at any of the points tried.
     #[error(

@@ -243,12 +243,16 @@ pub struct Blank {
 }
 
 /// What is generated beside the dynamics.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Emit {
     /// Jacobian of the residual.
     pub first_derivatives: bool,
     /// Hessian of λᵀ·residual.
     pub second_derivatives: bool,
+    /// Regressor.
+    pub regressor: bool,
+    /// Base parameters; they bring the regressor with them.
+    pub base_parameters: bool,
 }
 
 /// An expression in parameters, inputs and coordinates. Units have been checked and angles converted.

@@ -27,6 +27,38 @@ pub fn nominal_point(robot: &Robot, random: &mut Random) -> Vec<f64> {
     values
 }
 
+/// As [`point`], velocities of many magnitudes: friction changes within hundredths of a radian per second.
+pub fn motion(robot: &Robot, random: &mut Random) -> Vec<f64> {
+    let mut values = point(robot, random);
+    let nq = robot.nq();
+    for v in &mut values[nq..2 * nq] {
+        let magnitude = 10.0_f64.powf(random.uniform(-3.5, 0.7));
+        *v = magnitude.copysign(random.uniform(-1.0, 1.0));
+    }
+    values
+}
+
+/// Parameters within their ranges.
+pub fn parameters(robot: &Robot, random: &mut Random) -> Vec<f64> {
+    robot
+        .params
+        .iter()
+        .map(|param| parameter(param, random))
+        .collect()
+}
+
+/// How far a parameter may be expected to lie from its nominal value, in its unit; positive.
+pub fn width(param: &Param) -> f64 {
+    let range = 0.5 * (param.upper - param.lower);
+    if range.is_finite() && range > 0.0 {
+        range
+    } else if param.nominal != 0.0 {
+        param.nominal.abs()
+    } else {
+        1.0
+    }
+}
+
 fn parameter(param: &Param, random: &mut Random) -> f64 {
     if param.lower.is_finite() && param.upper.is_finite() {
         return random.uniform(param.lower, param.upper);

@@ -117,6 +117,12 @@ use proc_macro::TokenStream;
 /// ## `emit { dynamics, first_derivatives, second_derivatives }`
 /// What to generate; everything if left out.
 ///
+/// ## `expect rank n;`, `expect rank n at nominal;`
+/// The number of combinations of parameters that a motion determines (those marked `fixed` known), at almost all values or at
+/// the nominal ones; another number is an error that names the groups of parameters no motion tells apart. Without it such
+/// groups are warned of, unless parameters of `inertial: free` are among them, which are never all identifiable. Rank and
+/// groups are in the documentation of the robot.
+///
 /// ## Expressions
 /// `+ - * /`, powers `x^2` with integer exponents, `pi`, `sin cos tan tanh atan exp ln sqrt abs sign`. `abs` and `sign`
 /// exclude `second_derivatives`.

@@ -125,6 +125,31 @@ pub struct InputInfo {
     pub joint: Option<usize>,
 }
 
+/// Number of combinations of some parameters that a motion can determine, every coordinate measured and every input known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StructuralRank {
+    /// Number of parameters considered.
+    pub params: usize,
+    /// Combinations determined at almost all parameter values.
+    pub generic: usize,
+    /// Combinations determined at the nominal values; less where symmetry hides more.
+    pub nominal: usize,
+    /// What is lost at almost all values, one line per group: "`m1` and `iz1` enter only through one combination".
+    pub groups: Cow<'static, [Cow<'static, str>]>,
+}
+
+/// Structural identifiability: ranks of the forward dynamics' derivatives by the parameters over all states and inputs.
+///
+/// A property of the equations, not of a record: a record determines at most so many combinations, fewer where it does not
+/// excite them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Identifiability {
+    /// Of all parameters.
+    pub all: StructuralRank,
+    /// Of those not marked `fixed`, the others known.
+    pub free: StructuralRank,
+}
+
 /// A model's values.
 pub trait Dynamics: Send + Sync {
     /// Name of the robot.
@@ -137,6 +162,10 @@ pub trait Dynamics: Send + Sync {
     fn joints(&self) -> &[JointInfo];
     /// Inputs, in the order of `u`.
     fn inputs(&self) -> &[InputInfo];
+    /// Which combinations of the parameters a motion determines, if it was derived.
+    fn identifiability(&self) -> Option<&Identifiability> {
+        None
+    }
     /// Lower triangle of M(q, p), row by row: `m[i (i+1)/2 + j]`, j ≤ i. Reads `q`, `p`.
     fn mass_matrix(&self, at: &At<'_>, m: &mut [f64]);
     /// Coriolis, centrifugal and gravity forces b(q, v, p). Reads `q`, `v`, `p`.
@@ -204,6 +233,67 @@ pub trait Hessian: Jacobian {
         one_by_one(at, lambda, values, &mut [], |at, lambda, values, _| {
             self.residual_hessian(at, lambda, values);
         });
+    }
+}
+
+/// Base parameters: the combinations β = C p_L of the linear parameters on which the residual depends
+/// (W. Khalil, F. Bennis, 1995; M. Gautier, 1991).
+#[derive(Debug, Clone, PartialEq)]
+pub struct BaseParameters {
+    /// Columns of the regressor that remain: `r = Y[:, columns] β + offset`, linearly independent as functions of the motion.
+    pub columns: Cow<'static, [u32]>,
+    /// Base parameter of each non-zero of C.
+    pub rows: Cow<'static, [u32]>,
+    /// Column of the regressor of each non-zero of C.
+    pub cols: Cow<'static, [u32]>,
+    /// The non-zeros of C.
+    pub coefficients: Cow<'static, [f64]>,
+    /// β in words: `l1_izz + rotor_j1 + 0.612^2*l3_m`.
+    pub formulas: Cow<'static, [Cow<'static, str>]>,
+}
+
+impl BaseParameters {
+    /// Number of base parameters.
+    pub fn len(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.columns.is_empty()
+    }
+
+    /// β of the linear parameters, given in the order of [`Regressor::linear_params`]. `beta` has [`len`](Self::len) entries.
+    ///
+    /// # Panics
+    /// If a slice is too short.
+    pub fn evaluate(&self, linear: &[f64], beta: &mut [f64]) {
+        beta[..self.len()].fill(0.0);
+        for ((&row, &col), c) in self
+            .rows
+            .iter()
+            .zip(self.cols.iter())
+            .zip(self.coefficients.iter())
+        {
+            beta[row as usize] += c * linear[col as usize];
+        }
+    }
+}
+
+/// The residual as a linear function of parameters: `r = Y(q, v, a, u, p_R) p_L + r₀(q, v, a, u, p_R)`.
+///
+/// `p_L` are the parameters in which r is jointly linear: those of the links (mass, first moment, inertia about the origin),
+/// rotors, and the coefficients of friction and drives; `p_R` the others (the sharpness of a `tanh`).
+pub trait Regressor: Dynamics {
+    /// p_L: position in `p` of the parameter of each column. Columns that depend on motion alone come first.
+    fn linear_params(&self) -> &[usize];
+    /// Rows: residuals; columns: positions in [`linear_params`](Self::linear_params). Sorted by row, then column.
+    fn regressor_pattern(&self) -> Pattern<'_>;
+    /// r₀ and the values of Y at the pattern's entries. Reads `q`, `v`, `a`, `u` and of `p` the parameters p_R only.
+    fn regressor(&self, at: &At<'_>, offset: &mut [f64], values: &mut [f64]);
+    /// The base parameters of p_L, where they were asked for.
+    fn base_parameters(&self) -> Option<&BaseParameters> {
+        None
     }
 }
 

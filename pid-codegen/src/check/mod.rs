@@ -3,6 +3,8 @@
 //! Stages run in order (names, units and values, tree, physics). A stage reports everything it finds; the first stage with
 //! an error is the last to run, since the later ones would only echo it.
 
+mod identifiability;
+mod linearity;
 pub mod names;
 mod numbers;
 pub mod physics;
@@ -16,6 +18,7 @@ use proc_macro2::{Ident, Span};
 
 use crate::diag::Diagnostics;
 use crate::syntax::Ast;
+use pid_derive::Identifiability;
 use pid_derive::model::{Emit, Robot};
 
 /// The resolved robot with the places its parts came from, for the messages of the last stage and for emission.
@@ -25,6 +28,8 @@ pub struct Resolved {
     pub robot: Robot,
     /// Where its parts were declared.
     pub places: Places,
+    /// Which combinations of its parameters the motion determines; computed by the last stage.
+    pub identifiability: Identifiability,
 }
 
 /// Identifiers and places in the user's text, by index of the robot's lists.
@@ -55,7 +60,9 @@ pub fn resolve(ast: &Ast, diag: &mut Diagnostics) -> Option<Resolved> {
     }
     let resolved = resolve::robot(ast, &symbols, diag)
         .and_then(|resolved| tree::check(ast, resolved, diag))
-        .inspect(|resolved| physics::check(ast, resolved, diag));
+        .inspect(|resolved| physics::check(ast, resolved, diag))
+        .inspect(|resolved| linearity::check(ast, resolved, diag))
+        .map(|resolved| identifiability::check(ast, resolved, diag));
     if resolved.is_none() && diag.is_ok() {
         diag.error(
             &ast.name,
@@ -74,10 +81,13 @@ fn emit(ast: &Ast) -> Emit {
         None => Emit {
             first_derivatives: true,
             second_derivatives: true,
+            ..Emit::default()
         },
         Some(e) => Emit {
             first_derivatives: e.first.is_some() || e.second.is_some(),
             second_derivatives: e.second.is_some(),
+            regressor: e.regressor.is_some() || e.base.is_some(),
+            base_parameters: e.base.is_some(),
         },
     }
 }

@@ -139,7 +139,7 @@ fn without_effect(resolved: &Resolved, facts: &Facts, diag: &mut Diagnostics) {
 }
 
 /// Whether parameter `k` belongs to `inertial: free`.
-fn is_free(inertial: &Inertial, k: usize) -> bool {
+pub(super) fn is_free(inertial: &Inertial, k: usize) -> bool {
     use pid_derive::model::Expr as E;
     let own = |e: &E| *e == E::Param(k);
     match inertial {

@@ -75,6 +75,7 @@ pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) ->
     Some(Resolved {
         robot,
         places: places(symbols, blank_places),
+        identifiability: Default::default(),
     })
 }
 

@@ -73,6 +73,7 @@ pub fn jacobian_impls(names: &Names, layout: &Layout, body: &Body, lanes: &Lanes
     let (count, total) = (body.entries.len(), body.function.outputs);
     let (rows, cols) = body.pattern();
     let definition = &body.function.definition;
+    let ops = super::docs::operations(&body.function);
     let typed = body.function.call(typed_argument, &quote!(&mut out));
     let (convert, slices) = from_slices(&body.function, layout, &quote!(&mut out));
 
@@ -103,6 +104,7 @@ pub fn jacobian_impls(names: &Names, layout: &Layout, body: &Body, lanes: &Lanes
             pub const JACOBIAN_NNZ: usize = #count;
 
             /// First derivatives of the inverse dynamics `tau = r` at `u = 0`, by q, v, a and p.
+            #ops
             pub fn inverse_dynamics_derivatives(
                 q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq], params: &#params,
             ) -> ::pid_runtime::dynamics::InverseDynamicsDerivatives<#nq, #np> {
@@ -141,6 +143,7 @@ pub fn hessian_impls(names: &Names, layout: &Layout, body: &Body, lanes: &Lanes)
     let (nq, count) = (layout.nq, body.entries.len());
     let (rows, cols) = body.pattern();
     let definition = &body.function.definition;
+    let ops = super::docs::operations(&body.function);
     let typed = body.function.call(typed_argument, &quote!(&mut out));
     let (convert, slices) = from_slices(&body.function, layout, &quote!(out));
     quote! {
@@ -154,6 +157,7 @@ pub fn hessian_impls(names: &Names, layout: &Layout, body: &Body, lanes: &Lanes)
 
             /// Lower triangle of ∂²(λᵀr)/∂z², `z = (q, v, a, u, p)`; entries in the order of
             /// [`hessian_pattern`](::pid_runtime::dynamics::Hessian::hessian_pattern).
+            #ops
             pub fn lagrangian_hessian(
                 q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq], inputs: &#inputs, params: &#params, lambda: &[f64; #nq],
             ) -> [f64; #count] {

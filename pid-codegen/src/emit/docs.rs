@@ -1,12 +1,16 @@
 //! Documentation of the generated items: the user's words, then what the macro knows.
 
+use pid_symbolic::Cost;
 use proc_macro2::TokenStream;
 use quote::quote;
 
 use super::derivatives::Body;
+use super::functions::Function;
 use super::impls::Bodies;
-use pid_derive::Equations;
+use super::{Linear, regressor};
+use pid_derive::identifiability::Structure;
 use pid_derive::model::{Input, Joint, JointKind, Param, Robot};
+use pid_derive::{Equations, Identifiability};
 
 /// `#[doc]` attributes of lines.
 pub fn attributes(lines: &[String]) -> TokenStream {
@@ -19,6 +23,17 @@ pub fn attributes(lines: &[String]) -> TokenStream {
         }
     });
     quote!(#(#[doc = #lines])*)
+}
+
+/// A line with the operations of a function, to end its documentation.
+pub fn operations(function: &Function) -> TokenStream {
+    operations_of(&function.cost)
+}
+
+/// As [`operations`], of a count.
+pub fn operations_of(cost: &Cost) -> TokenStream {
+    let text = format!(" Operations: {cost}.");
+    quote!(#[doc = ""] #[doc = #text])
 }
 
 /// First line of the user's documentation, without the leading space; empty if there is none.
@@ -99,6 +114,8 @@ pub fn robot(
     bodies: &Bodies,
     jacobian: Option<&Body>,
     hessian: Option<&Body>,
+    found: &Identifiability,
+    linear: Option<&Linear>,
 ) -> Vec<String> {
     let mut lines = robot.docs.clone();
     if lines.is_empty() {
@@ -157,6 +174,21 @@ pub fn robot(
             function.outputs, function.cost
         ));
     }
+    if let Some(linear) = linear {
+        for (name, function) in linear.bodies.table() {
+            line(format!(
+                "| {name} | {} | {} |",
+                function.outputs, function.cost
+            ));
+        }
+        if let Some(base) = &linear.base {
+            line(format!(
+                "| base parameters | {} | {} |",
+                base.constant,
+                regressor::cost(base)
+            ));
+        }
+    }
     for (name, body) in [("r and ∂r/∂z", jacobian), ("∂²(λᵀr)/∂z²", hessian)] {
         if let Some(body) = body {
             line(format!(
@@ -176,5 +208,70 @@ pub fn robot(
         ),
         None => "Equations by Euler-Lagrange from the Lagrangian as declared.".to_owned(),
     });
+    lines.extend(identifiability(robot, found));
+    if let Some((linear, base)) = linear.and_then(|l| Some((&l.regressor, l.base.as_ref()?))) {
+        lines.push(String::new());
+        lines.push(format!(
+            "The torques depend on {} of the parameters linearly, and on them only through {} base parameters:",
+            linear.params.len(),
+            base.terms.len()
+        ));
+        lines.push(String::new());
+        for formula in regressor::formulas(robot, linear, base) {
+            lines.push(format!("- `{formula}`"));
+        }
+    }
+    lines
+}
+
+/// Ranks, and the groups of parameters that no motion tells apart.
+fn identifiability(robot: &Robot, found: &Identifiability) -> Vec<String> {
+    let mut lines = Vec::new();
+    if robot.params.is_empty() {
+        return lines;
+    }
+    let ranks = |generic: &Structure, nominal: &Structure| {
+        let at_nominal = if nominal.rank == generic.rank {
+            String::new()
+        } else {
+            format!(" ({} at the nominal values)", nominal.rank)
+        };
+        format!(
+            "the motion determines {} combinations of {} parameters{at_nominal}",
+            generic.rank,
+            generic.params.len()
+        )
+    };
+    let (all, free) = (&found.all, &found.free);
+    let mut text = format!(
+        "Structural identifiability: {}",
+        ranks(&all.generic, &all.nominal)
+    );
+    if free.generic.params.len() < all.generic.params.len() {
+        text += &format!(
+            "; with the fixed ones known, {}",
+            ranks(&free.generic, &free.nominal)
+        );
+    }
+    lines.push(String::new());
+    lines.push(text + ".");
+    let mut list = |title: &str, structure: &Structure| {
+        if structure.groups.is_empty() {
+            return;
+        }
+        lines.push(String::new());
+        if !title.is_empty() {
+            lines.push(title.to_owned());
+            lines.push(String::new());
+        }
+        for group in &structure.groups {
+            let text = group.text(|k| robot.params[k].name.clone());
+            lines.push(format!("- {text}"));
+        }
+    };
+    list("", &free.generic);
+    if free.nominal.rank < free.generic.rank {
+        list("At the nominal values:", &free.nominal);
+    }
     lines
 }

@@ -105,6 +105,8 @@ fn skeleton(ast: &Ast, symbols: &Symbols<'_>) -> Robot {
         emit: Emit {
             first_derivatives: true,
             second_derivatives: true,
+            regressor: true,
+            base_parameters: true,
         },
     }
 }
@@ -113,6 +115,7 @@ fn skeleton(ast: &Ast, symbols: &Symbols<'_>) -> Robot {
 fn functions(names: &Names) -> TokenStream {
     let robot = &names.robot;
     let (params, inputs) = (derived(names, "Params"), derived(names, "Inputs"));
+    let param = derived(names, "Param");
     let (nq, nu, np) = (names.joints.len(), names.inputs.len(), names.params.len());
     let a = quote!(&[f64; #nq]);
     let out = quote!([f64; #nq]);
@@ -124,6 +127,8 @@ fn functions(names: &Names) -> TokenStream {
             pub const NQ: usize = #nq;
             pub const NU: usize = #nu;
             pub const NP: usize = #np;
+            pub const RANK: usize = 0;
+            pub const RANK_NOMINAL: usize = 0;
             pub const JACOBIAN_NNZ: usize = 0;
             pub const HESSIAN_NNZ: usize = 0;
             pub fn mass_matrix(q: #a, params: &#params) -> [[f64; #nq]; #nq] #never
@@ -140,6 +145,14 @@ fn functions(names: &Names) -> TokenStream {
                 -> ::pid_runtime::dynamics::InverseDynamicsDerivatives<#nq, #np> #never
             pub fn lagrangian_hessian(q: #a, v: #a, a: #a, inputs: &#inputs, params: &#params, lambda: #a)
                 -> [f64; 0] #never
+            pub const NL: usize = 0;
+            pub const NB: usize = 0;
+            pub const REGRESSOR_PARAMS: [#param; 0] = [];
+            pub const BASE: [&'static str; 0] = [];
+            pub fn regressor(q: #a, v: #a, a: #a) -> [[f64; 0]; #nq] #never
+            pub fn regressor_offset(q: #a, v: #a, a: #a, params: &#params) -> #out #never
+            pub fn base_parameters(params: &#params) -> [f64; 0] #never
+            pub fn base_regressor(q: #a, v: #a, a: #a) -> [[f64; 0]; #nq] #never
             pub fn residual_generic #d (q: &[D], v: &[D], a: &[D], u: &[D], p: &[D], r: &mut [D]) #never
             pub fn vector_field_generic #d (q: &[D], v: &[D], u: &[D], p: &[D], a: &mut [D])
                 -> ::core::result::Result<(), #singular> #never
@@ -177,6 +190,12 @@ fn traits(robot: &Ident) -> TokenStream {
         impl #d::Jacobian for #robot {
             fn jacobian_pattern(&self) -> #d::Pattern<'_> #never
             fn residual_jacobian(&self, #at, r: &mut [f64], values: &mut [f64]) #never
+        }
+        #[automatically_derived]
+        impl #d::Regressor for #robot {
+            fn linear_params(&self) -> &[usize] #never
+            fn regressor_pattern(&self) -> #d::Pattern<'_> #never
+            fn regressor(&self, #at, offset: &mut [f64], values: &mut [f64]) #never
         }
         #[automatically_derived]
         impl #d::Hessian for #robot {

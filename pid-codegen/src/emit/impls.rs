@@ -8,8 +8,9 @@ use super::functions::{Function, Layout, Part, Scalar, number};
 use super::lanes::Lanes;
 use super::types::derived;
 use super::{Names, docs};
-use pid_derive::Equations;
+use pid_derive::identifiability::Structures;
 use pid_derive::model::{Joint, Robot};
+use pid_derive::{Equations, Identifiability};
 
 /// The functions behind all values.
 #[derive(Debug, Clone)]
@@ -67,11 +68,13 @@ impl Bodies {
     }
 
     /// The functions with the symbols of their values, for the robot's documentation.
-    pub fn table(&self) -> [(&'static str, &Function); 6] {
+    pub fn table(&self) -> [(&'static str, &Function); 8] {
         [
             ("r", &self.residual),
             ("M", &self.mass_matrix),
             ("b", &self.bias),
+            ("b at v = 0", &self.gravity),
+            ("M and f_L − b", &self.forward),
             ("f_L", &self.applied_force),
             ("T", &self.kinetic_energy),
             ("U", &self.potential_energy),
@@ -128,18 +131,19 @@ pub fn values(
     names: &Names,
     layout: &Layout,
     bodies: &Bodies,
+    identifiability: &Identifiability,
     lanes: &Lanes,
 ) -> TokenStream {
     let definitions = bodies.definitions();
-    let infos = infos(robot);
-    let typed = typed(names, layout, bodies);
+    let infos = infos(robot, identifiability);
+    let typed = typed(names, layout, bodies, identifiability);
     let slices = slices(robot, names, layout, bodies, lanes);
     let generic = generic(names, layout, bodies);
     quote!(#infos #definitions #typed #slices #generic)
 }
 
-/// Static descriptions of parameters, joints and inputs.
-fn infos(robot: &Robot) -> TokenStream {
+/// Static descriptions of parameters, joints and inputs, and of what the motion determines.
+fn infos(robot: &Robot, found: &Identifiability) -> TokenStream {
     let (np, nq, nu) = (robot.params.len(), robot.nq(), robot.inputs.len());
     let text = |text: &str| quote!(::std::borrow::Cow::Borrowed(#text));
     let params = robot.params.iter().map(|param| {
@@ -176,14 +180,41 @@ fn infos(robot: &Robot) -> TokenStream {
         };
         quote!(::pid_runtime::dynamics::InputInfo { name: #name, unit: #unit, joint: #joint })
     });
+    let structure = |structures: &Structures| {
+        let (params, generic, nominal) = (
+            structures.generic.params.len(),
+            structures.generic.rank,
+            structures.nominal.rank,
+        );
+        let groups = structures
+            .generic
+            .groups
+            .iter()
+            .map(|group| text(&group.text(|k| robot.params[k].name.clone())));
+        quote!(::pid_runtime::dynamics::StructuralRank {
+            params: #params, generic: #generic, nominal: #nominal, groups: ::std::borrow::Cow::Borrowed(&[#(#groups),*]),
+        })
+    };
+    let (all, free) = (structure(&found.all), structure(&found.free));
     quote! {
+        static IDENTIFIABILITY: ::pid_runtime::dynamics::Identifiability =
+            ::pid_runtime::dynamics::Identifiability { all: #all, free: #free };
         static PARAMS: [::pid_runtime::dynamics::ParamInfo; #np] = [#(#params),*];
         static JOINTS: [::pid_runtime::dynamics::JointInfo; #nq] = [#(#joints),*];
         static INPUTS: [::pid_runtime::dynamics::InputInfo; #nu] = [#(#inputs),*];
     }
 }
 
-fn typed(names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
+fn typed(
+    names: &Names,
+    layout: &Layout,
+    bodies: &Bodies,
+    identifiability: &Identifiability,
+) -> TokenStream {
+    let (rank, rank_nominal) = (
+        identifiability.free.generic.rank,
+        identifiability.free.nominal.rank,
+    );
     let robot = &names.robot;
     let (params, inputs) = (derived(names, "Params"), derived(names, "Inputs"));
     let (nq, nu, np, nm) = (
@@ -214,6 +245,31 @@ fn typed(names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
     let kinetic_energy = call(&bodies.kinetic_energy);
     let potential_energy = call(&bodies.potential_energy);
     let forward = call(&bodies.forward);
+    let [
+        residual_ops,
+        mass_matrix_ops,
+        bias_ops,
+        gravity_ops,
+        applied_force_ops,
+        kinetic_energy_ops,
+        potential_energy_ops,
+    ] = [
+        &bodies.residual,
+        &bodies.mass_matrix,
+        &bodies.bias,
+        &bodies.gravity,
+        &bodies.applied_force,
+        &bodies.kinetic_energy,
+        &bodies.potential_energy,
+    ]
+    .map(docs::operations);
+    let forward_ops = {
+        let text = format!(
+            " Operations before the factorization: {}.",
+            bodies.forward.cost
+        );
+        quote!(#[doc = ""] #[doc = #text])
+    };
     quote! {
         impl #robot {
             /// Number of coordinates.
@@ -223,7 +279,14 @@ fn typed(names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
             /// Number of parameters.
             pub const NP: usize = #np;
 
+            /// Number of combinations of the parameters (those marked `fixed` known) that the motion determines, at almost
+            /// all parameter values.
+            pub const RANK: usize = #rank;
+            /// As [`RANK`](Self::RANK), at the nominal values.
+            pub const RANK_NOMINAL: usize = #rank_nominal;
+
             /// Mass matrix M(q, p), symmetric.
+            #mass_matrix_ops
             pub fn mass_matrix(q: &[f64; #nq], params: &#params) -> [[f64; #nq]; #nq] {
                 let mut out = [0.0_f64; #nm];
                 #mass_matrix;
@@ -231,6 +294,7 @@ fn typed(names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
             }
 
             /// Coriolis, centrifugal and gravity forces b(q, v, p).
+            #bias_ops
             pub fn bias(q: &[f64; #nq], v: &[f64; #nq], params: &#params) -> [f64; #nq] {
                 let mut out = [0.0_f64; #nq];
                 #bias;
@@ -238,6 +302,7 @@ fn typed(names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
             }
 
             /// Gravity forces b(q, 0, p).
+            #gravity_ops
             pub fn gravity(q: &[f64; #nq], params: &#params) -> [f64; #nq] {
                 let mut out = [0.0_f64; #nq];
                 #gravity;
@@ -245,6 +310,7 @@ fn typed(names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
             }
 
             /// Generalised forces of drives and friction f_L(q, v, p, u).
+            #applied_force_ops
             pub fn applied_force(q: &[f64; #nq], v: &[f64; #nq], inputs: &#inputs, params: &#params) -> [f64; #nq] {
                 let mut out = [0.0_f64; #nq];
                 #applied_force;
@@ -252,6 +318,7 @@ fn typed(names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
             }
 
             /// r = M a + b − f_L.
+            #residual_ops
             pub fn residual(
                 q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq], inputs: &#inputs, params: &#params,
             ) -> [f64; #nq] {
@@ -269,6 +336,7 @@ fn typed(names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
             ///
             /// # Errors
             /// If M is not positive definite at `q` with these parameters.
+            #forward_ops
             pub fn forward_dynamics(
                 q: &[f64; #nq], v: &[f64; #nq], inputs: &#inputs, params: &#params,
             ) -> ::core::result::Result<[f64; #nq], ::pid_runtime::dynamics::SingularMassMatrix> {
@@ -280,6 +348,7 @@ fn typed(names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
             }
 
             /// Kinetic energy T(q, v, p), J.
+            #kinetic_energy_ops
             pub fn kinetic_energy(q: &[f64; #nq], v: &[f64; #nq], params: &#params) -> f64 {
                 let mut out = [0.0_f64; 1];
                 #kinetic_energy;
@@ -287,6 +356,7 @@ fn typed(names: &Names, layout: &Layout, bodies: &Bodies) -> TokenStream {
             }
 
             /// Potential energy U(q, p), J.
+            #potential_energy_ops
             pub fn potential_energy(q: &[f64; #nq], params: &#params) -> f64 {
                 let mut out = [0.0_f64; 1];
                 #potential_energy;
@@ -353,6 +423,9 @@ fn slices(
             }
             fn inputs(&self) -> &[::pid_runtime::dynamics::InputInfo] {
                 &INPUTS
+            }
+            fn identifiability(&self) -> ::core::option::Option<&::pid_runtime::dynamics::Identifiability> {
+                ::core::option::Option::Some(&IDENTIFIABILITY)
             }
             fn mass_matrix(&self, at: &::pid_runtime::dynamics::At<'_>, m: &mut [f64]) { #mass_matrix }
             fn bias(&self, at: &::pid_runtime::dynamics::At<'_>, b: &mut [f64]) { #bias }

@@ -4,6 +4,7 @@
 //! - [`functions`]: straight-line bodies in blocks of bounded size, over `f64` or generic over dual numbers;
 //! - [`lanes`]: the same bodies over four nodes at once;
 //! - [`derivatives`]: patterns and bodies of Jacobian and Hessian;
+//! - [`regressor`]: regressor and base parameters;
 //! - [`impls`]: the typed face (inherent functions) and the slice face (traits of `pid-runtime`).
 //!
 //! Each declared thing keeps the user's span on one generated token; all other tokens are the macro's own. Paths are
@@ -15,6 +16,7 @@ pub mod fallback;
 pub mod functions;
 pub mod impls;
 pub mod lanes;
+pub mod regressor;
 pub mod types;
 
 use pid_symbolic::Graph;
@@ -22,6 +24,7 @@ use proc_macro2::{Ident, TokenStream};
 use quote::{quote, quote_spanned};
 
 use functions::Layout;
+use pid_derive::Identifiability;
 use pid_derive::model::Robot;
 
 /// The user's identifiers, with their spans.
@@ -41,17 +44,24 @@ pub struct Names {
 
 /// Everything generated for a robot; a `compile_error!` on its name if its equations cannot be derived.
 pub fn model(robot: &Robot, names: &Names) -> TokenStream {
-    try_model(robot, names).unwrap_or_else(|error| {
-        let message = error.to_string();
-        quote_spanned!(names.robot.span()=> ::core::compile_error! { #message })
-    })
+    let identifiability = pid_derive::identifiability(robot);
+    identifiability
+        .and_then(|found| try_model(robot, names, &found))
+        .unwrap_or_else(|error| {
+            let message = error.to_string();
+            quote_spanned!(names.robot.span()=> ::core::compile_error! { #message })
+        })
 }
 
 /// Everything generated for a robot.
 ///
 /// # Errors
 /// If its equations cannot be derived; see [`pid_derive::Error`].
-pub fn try_model(robot: &Robot, names: &Names) -> Result<TokenStream, pid_derive::Error> {
+pub fn try_model(
+    robot: &Robot,
+    names: &Names,
+    identifiability: &Identifiability,
+) -> Result<TokenStream, pid_derive::Error> {
     let mut g = Graph::new();
     let equations = pid_derive::equations(&mut g, robot)?;
     let derivatives = pid_derive::derivatives(&mut g, &equations, robot.emit);
@@ -65,21 +75,36 @@ pub fn try_model(robot: &Robot, names: &Names) -> Result<TokenStream, pid_derive
         .second_derivatives
         .then(|| derivatives::hessian(&g, &layout, &derivatives));
 
+    let linear = match robot.emit.regressor || robot.emit.base_parameters {
+        false => None,
+        true => Some(Linear::new(&mut g, robot, &equations, &layout)?),
+    };
+
     let robot_docs = docs::robot(
         robot,
         &equations,
         &bodies,
         jacobian.as_ref(),
         hessian.as_ref(),
+        identifiability,
+        linear.as_ref(),
     );
     let types = types::types(robot, names, &robot_docs);
     let lanes = lanes::Lanes::new(&g, &layout, &equations, jacobian.as_ref(), hessian.as_ref());
-    let values = impls::values(robot, names, &layout, &bodies, &lanes);
+    let values = impls::values(robot, names, &layout, &bodies, identifiability, &lanes);
     let jacobian =
         jacobian.map(|jacobian| derivatives::jacobian_impls(names, &layout, &jacobian, &lanes));
     let hessian =
         hessian.map(|hessian| derivatives::hessian_impls(names, &layout, &hessian, &lanes));
     let lanes = lanes.definitions();
+    let regressor = linear.map(|linear| {
+        let Linear {
+            regressor,
+            base,
+            bodies,
+        } = linear;
+        regressor::impls(robot, names, &layout, &regressor, base.as_ref(), &bodies)
+    });
     Ok(quote! {
         #types
         #[allow(
@@ -99,6 +124,43 @@ pub fn try_model(robot: &Robot, names: &Names) -> Result<TokenStream, pid_derive
             #values
             #jacobian
             #hessian
+            #regressor
         };
     })
+}
+
+/// The linear form of a robot with its functions.
+#[derive(Debug, Clone)]
+pub struct Linear {
+    regressor: pid_derive::Regressor,
+    base: Option<pid_derive::BaseParameters>,
+    bodies: regressor::Bodies,
+}
+
+impl Linear {
+    fn new(
+        g: &mut Graph,
+        robot: &Robot,
+        equations: &pid_derive::Equations,
+        layout: &Layout,
+    ) -> Result<Self, pid_derive::Error> {
+        let linear = pid_derive::regressor(g, equations).map_err(|found| {
+            let name = |k: usize| robot.params[k].name.clone();
+            pid_derive::Error::NotLinear {
+                robot: robot.name.clone(),
+                first: name(found.first),
+                second: name(found.second),
+            }
+        })?;
+        let base = robot
+            .emit
+            .base_parameters
+            .then(|| pid_derive::base_parameters(g, robot, equations, &linear));
+        let bodies = regressor::Bodies::new(g, layout, &linear);
+        Ok(Self {
+            regressor: linear,
+            base,
+            bodies,
+        })
+    }
 }

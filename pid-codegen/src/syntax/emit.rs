@@ -1,10 +1,9 @@
-//! What to generate: `emit { dynamics, first_derivatives, second_derivatives }`.
+//! What to generate: `emit { dynamics, first_derivatives, second_derivatives, regressor, base_parameters }`.
 
 use proc_macro2::{Delimiter, Ident, Span};
 
 use super::cursor::{Cursor, Parsed};
 use super::unknown_item;
-use crate::diag::Loc;
 
 /// The `emit` item.
 #[derive(Debug, Clone, Default)]
@@ -13,11 +12,21 @@ pub struct EmitDecl {
     pub first: Option<Span>,
     /// Place of `second_derivatives`.
     pub second: Option<Span>,
+    /// Place of `regressor`.
+    pub regressor: Option<Span>,
+    /// Place of `base_parameters`.
+    pub base: Option<Span>,
 }
 
 /// `{ … }` after `emit`.
 pub(super) fn parse(c: &mut Cursor) -> Parsed<EmitDecl> {
-    const PARTS: &[&str] = &["dynamics", "first_derivatives", "second_derivatives"];
+    const PARTS: &[&str] = &[
+        "dynamics",
+        "first_derivatives",
+        "second_derivatives",
+        "regressor",
+        "base_parameters",
+    ];
     let group = c.group(Delimiter::Brace, "`{` after `emit`")?;
     let mut emit = EmitDecl::default();
     let parts: Vec<Ident> = Cursor::list(&group, |c| c.ident("what to emit"))?;
@@ -26,11 +35,8 @@ pub(super) fn parse(c: &mut Cursor) -> Parsed<EmitDecl> {
             "dynamics" => {}
             "first_derivatives" => emit.first = Some(part.span()),
             "second_derivatives" => emit.second = Some(part.span()),
-            "regressor" | "base_parameters" => {
-                return Err(Loc::from(&part).error(format!(
-                    "`{part}` is not supported yet\nhelp: remove it; the Jacobian with respect to the parameters is in `first_derivatives`"
-                )));
-            }
+            "regressor" => emit.regressor = Some(part.span()),
+            "base_parameters" => emit.base = Some(part.span()),
             _ => return Err(unknown_item(&part, PARTS)),
         }
     }

@@ -5,6 +5,7 @@
 mod cursor;
 mod drive;
 mod emit;
+mod expect;
 mod expr;
 mod joint;
 mod link;
@@ -19,6 +20,7 @@ use cursor::{Cursor, Parsed};
 
 pub use drive::{ForceOn, PerJoint};
 pub use emit::EmitDecl;
+pub use expect::ExpectDecl;
 pub use expr::{Entry, Expr, ExprKind, Op, Range, Vector};
 pub use joint::{Axis, AxisKind, JointDecl, Motion};
 pub use link::{Free, Inertia, LinkDecl};
@@ -50,6 +52,8 @@ pub struct Ast {
     pub forces: Vec<ForceOn>,
     /// `emit`.
     pub emit: Option<EmitDecl>,
+    /// `expect`, all items.
+    pub expect: Vec<ExpectDecl>,
 }
 
 impl Ast {
@@ -76,6 +80,7 @@ const ITEMS: &[&str] = &[
     "per joint",
     "force on",
     "emit",
+    "expect",
 ];
 
 /// Items of later versions of the language, with what to do until then.
@@ -83,10 +88,6 @@ const LATER: &[(&str, &str)] = &[
     (
         "variant",
         "declare the reduced robot in a `robot!` of its own",
-    ),
-    (
-        "expect",
-        "remove it; identifiability is reported by the identification",
     ),
     (
         "potential",
@@ -163,6 +164,7 @@ fn header(c: &mut Cursor) -> Parsed<(Ast, Option<Cursor>)> {
         per_joint: Vec::new(),
         forces: Vec::new(),
         emit: None,
+        expect: Vec::new(),
     };
     Ok((ast, body))
 }
@@ -209,6 +211,10 @@ fn item(
             let e = emit::parse(c)?;
             ast.emit.get_or_insert(e);
             again
+        }
+        "expect" => {
+            ast.expect.push(expect::parse(c)?);
+            Ok(())
         }
         word => match LATER.iter().find(|l| l.0 == word) {
             Some((_, instead)) => Err(Loc::from(&keyword)

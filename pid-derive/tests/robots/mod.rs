@@ -65,6 +65,7 @@ impl Builder {
             emit: Emit {
                 first_derivatives: true,
                 second_derivatives: true,
+                ..Emit::default()
             },
         })
     }

@@ -1,0 +1,76 @@
+//! Structural identifiability: what was expected, and groups of parameters that no motion tells apart.
+
+use crate::diag::Diagnostics;
+use crate::syntax::Ast;
+use pid_derive::identifiability::{GroupKind, Structure};
+use pid_derive::model::Robot;
+
+use super::Resolved;
+use super::physics::is_free;
+
+/// Computes the rank, holds it against `expect rank`, warns of groups of declared parameters that enter only through
+/// combinations. Parameters of `inertial: free` are never all identifiable; groups with one of them are in the docs only.
+pub(super) fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -> Resolved {
+    if !diag.is_ok() {
+        return resolved;
+    }
+    // Equations that cannot be derived are reported where they are written.
+    let Ok(found) = pid_derive::identifiability(&resolved.robot) else {
+        return resolved;
+    };
+    let robot = &resolved.robot;
+    for expect in &ast.expect {
+        let (structure, place) = match expect.nominal {
+            true => (&found.free.nominal, " at the nominal values"),
+            false => (&found.free.generic, ""),
+        };
+        if structure.rank != expect.rank {
+            diag.error(
+                expect.number,
+                format!(
+                    "expected rank {}, found {} of {} parameters{place}{}\nhelp: write `expect rank {}{};` if that is meant",
+                    expect.rank,
+                    structure.rank,
+                    structure.params.len(),
+                    listed(robot, structure),
+                    structure.rank,
+                    if expect.nominal { " at nominal" } else { "" },
+                ),
+            );
+        }
+    }
+    if ast.expect.is_empty() {
+        for group in &found.free.generic.groups {
+            let declared = group
+                .params
+                .iter()
+                .chain(&group.touched)
+                .all(|&k| !robot.links.iter().any(|l| is_free(&l.inertial, k)));
+            if declared && group.kind != GroupKind::NoEffect {
+                let text = group.text(|k| robot.params[k].name.clone());
+                let fewer = match group.kind {
+                    GroupKind::CommonFactor => "mark one of them `fixed`",
+                    _ => "declare fewer, mark some `fixed`",
+                };
+                diag.warn(
+                    resolved.places.param_decls[group.params[0]],
+                    format!(
+                        "{text}: no motion tells them apart\nhelp: {fewer}, or write `expect rank {};`",
+                        found.free.generic.rank
+                    ),
+                );
+            }
+        }
+    }
+    resolved.identifiability = found;
+    resolved
+}
+
+/// One line per group, for the message of a rank that differs.
+fn listed(robot: &Robot, structure: &Structure) -> String {
+    structure
+        .groups
+        .iter()
+        .map(|group| format!("\n  {}", group.text(|k| robot.params[k].name.clone())))
+        .collect()
+}

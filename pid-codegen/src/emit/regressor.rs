@@ -1,0 +1,297 @@
+//! Regressor and base parameters: bodies, typed functions, trait.
+
+use pid_symbolic::{Cost, Graph, Id};
+use proc_macro2::{Literal, TokenStream};
+use quote::quote;
+
+use super::Names;
+use super::docs;
+use super::functions::{Function, Layout, Part, Scalar, number};
+use super::impls::from_slices;
+use super::types::derived;
+use pid_derive::model::Robot;
+use pid_derive::{BaseParameters, Regressor};
+
+/// The functions of a regressor.
+#[derive(Debug, Clone)]
+pub struct Bodies {
+    /// r₀, then the non-zeros of Y.
+    all: Function,
+    /// The non-zeros of the constant columns.
+    constant: Function,
+    /// r at u = 0 without them.
+    offset: Function,
+}
+
+impl Bodies {
+    /// Writes the bodies.
+    pub fn new(g: &Graph, layout: &Layout, regressor: &Regressor) -> Self {
+        let of = |name: &str, doc: &str, outputs: &[Id]| {
+            Function::new(g, layout, name, doc, outputs, Scalar::F64)
+        };
+        let values = regressor.entries.iter().map(|entry| entry.value);
+        let all: Vec<Id> = regressor.offset.iter().copied().chain(values).collect();
+        let constant: Vec<Id> = constant(regressor).map(|entry| entry.value).collect();
+        Self {
+            all: of("regressor_values", "r₀ and the non-zeros of Y.", &all),
+            constant: of(
+                "constant_regressor_values",
+                "The non-zeros of the constant columns of Y.",
+                &constant,
+            ),
+            offset: of(
+                "regressor_offset_values",
+                "r at u = 0 without the constant columns of Y.",
+                &regressor.constant_offset,
+            ),
+        }
+    }
+
+    /// The functions with the symbols of their values, for the robot's documentation.
+    pub fn table(&self) -> [(&'static str, &Function); 3] {
+        [
+            ("r₀ and Y", &self.all),
+            ("Y(q, v, a)", &self.constant),
+            ("tau − Y p", &self.offset),
+        ]
+    }
+}
+
+fn constant(regressor: &Regressor) -> impl Iterator<Item = &pid_symbolic::diff::Entry> {
+    regressor
+        .entries
+        .iter()
+        .filter(|entry| entry.col < regressor.constant)
+}
+
+/// Typed functions and trait of the regressor, with base parameters where asked for.
+pub fn impls(
+    robot: &Robot,
+    names: &Names,
+    layout: &Layout,
+    regressor: &Regressor,
+    base: Option<&BaseParameters>,
+    bodies: &Bodies,
+) -> TokenStream {
+    let ty = &names.robot;
+    let (params, param) = (derived(names, "Params"), derived(names, "Param"));
+    let (nq, nu, nl) = (layout.nq, layout.nu, regressor.constant);
+    let definitions = [&bodies.all, &bodies.constant, &bodies.offset].map(|f| &f.definition);
+    let [_, constant_ops, offset_ops] =
+        [&bodies.all, &bodies.constant, &bodies.offset].map(docs::operations);
+
+    let columns = regressor.params[..nl]
+        .iter()
+        .map(|&k| Literal::usize_unsuffixed(k));
+    let values = bodies.constant.outputs;
+    let argument = |part: Part| match part {
+        Part::U => quote!(&[0.0_f64; #nu]),
+        Part::P => quote!(&params.as_array()),
+        _ => {
+            let ident = part.ident();
+            quote!(#ident)
+        }
+    };
+    let constant_call = bodies.constant.call(argument, &quote!(&mut out));
+    let offset_call = bodies.offset.call(argument, &quote!(&mut out));
+    let scatter = constant(regressor).enumerate().map(|(k, entry)| {
+        let [row, col, k] = [entry.row, entry.col, k].map(Literal::usize_unsuffixed);
+        quote!(y[#row][#col] = out[#k];)
+    });
+
+    let linear: Vec<Literal> = regressor
+        .params
+        .iter()
+        .map(|&k| Literal::usize_unsuffixed(k))
+        .collect();
+    let all = regressor.params.len();
+    let count = regressor.entries.len();
+    let list = |of: fn(&pid_symbolic::diff::Entry) -> usize| {
+        let positions = regressor
+            .entries
+            .iter()
+            .map(|entry| Literal::usize_unsuffixed(of(entry)));
+        quote!([#(#positions),*])
+    };
+    let (rows, cols) = (list(|entry| entry.row), list(|entry| entry.col));
+    let total = bodies.all.outputs;
+    let (convert, call) = from_slices(&bodies.all, layout, &quote!(&mut out));
+
+    let (base_typed, base_static, base_function) = match base {
+        Some(base) => base_parameters(robot, names, regressor, base, bodies, layout),
+        None => Default::default(),
+    };
+    quote! {
+        static LINEAR_PARAMS: [usize; #all] = [#(#linear),*];
+        static REGRESSOR_ROWS: [u32; #count] = #rows;
+        static REGRESSOR_COLS: [u32; #count] = #cols;
+        #(#definitions)*
+        #base_static
+
+        impl #ty {
+            /// Number of parameters of the regressor of the inverse dynamics.
+            pub const NL: usize = #nl;
+            /// The parameters of the regressor's columns: those whose effect on `tau` depends on no parameter.
+            pub const REGRESSOR_PARAMS: [#param; #nl] = [#(#param::ALL[#columns]),*];
+
+            /// Regressor Y of the inverse dynamics: `tau = Y p + tau₀` with the parameters of
+            /// [`REGRESSOR_PARAMS`](Self::REGRESSOR_PARAMS) and [`regressor_offset`](Self::regressor_offset).
+            #constant_ops
+            pub fn regressor(q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq]) -> [[f64; #nl]; #nq] {
+                let mut out = [0.0_f64; #values];
+                #constant_call;
+                let mut y = [[0.0_f64; #nl]; #nq];
+                #(#scatter)*
+                y
+            }
+
+            /// The inverse dynamics with all parameters of the regressor zero: known bodies, and forces that are not linear
+            /// in their parameters.
+            #offset_ops
+            pub fn regressor_offset(q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq], params: &#params) -> [f64; #nq] {
+                let mut out = [0.0_f64; #nq];
+                #offset_call;
+                out
+            }
+
+            #base_typed
+        }
+
+        #[automatically_derived]
+        impl ::pid_runtime::dynamics::Regressor for #ty {
+            fn linear_params(&self) -> &[usize] {
+                &LINEAR_PARAMS
+            }
+            fn regressor_pattern(&self) -> ::pid_runtime::dynamics::Pattern<'_> {
+                ::pid_runtime::dynamics::Pattern { rows: &REGRESSOR_ROWS, cols: &REGRESSOR_COLS }
+            }
+            fn regressor(&self, at: &::pid_runtime::dynamics::At<'_>, offset: &mut [f64], values: &mut [f64]) {
+                #convert
+                let mut out = [0.0_f64; #total];
+                #call;
+                let (first, rest) = out.split_at(#nq);
+                offset.copy_from_slice(first);
+                values.copy_from_slice(rest);
+            }
+            #base_function
+        }
+    }
+}
+
+/// Typed functions, static and trait function of the base parameters.
+fn base_parameters(
+    robot: &Robot,
+    names: &Names,
+    regressor: &Regressor,
+    base: &BaseParameters,
+    bodies: &Bodies,
+    layout: &Layout,
+) -> (TokenStream, TokenStream, TokenStream) {
+    let params = derived(names, "Params");
+    let nb = base.constant;
+    let nq = layout.nq;
+    let formulas = formulas(robot, regressor, base);
+    let typed_formulas = &formulas[..nb];
+    let doc: Vec<String> = typed_formulas
+        .iter()
+        .enumerate()
+        .map(|(k, formula)| format!("{k}. `{formula}`"))
+        .collect();
+    let doc = docs::attributes(&doc);
+    let sums = base.terms[..nb].iter().map(|terms| {
+        let terms = terms.iter().enumerate().map(|(position, term)| {
+            let field = &names.params[regressor.params[term.column]];
+            let size = number(term.coefficient.abs());
+            let value = if term.coefficient.abs() == 1.0 {
+                quote!(params.#field)
+            } else {
+                quote!(#size * params.#field)
+            };
+            match (position, term.coefficient < 0.0) {
+                (0, false) => value,
+                (_, false) => quote!(+ #value),
+                (_, true) => quote!(- #value),
+            }
+        });
+        quote!(#(#terms)*)
+    });
+    let ops = docs::operations_of(&cost(base));
+    let columns = base.independent[..nb]
+        .iter()
+        .map(|&k| Literal::usize_unsuffixed(k));
+    let regressor_ops = docs::operations(&bodies.constant);
+
+    let all = base.independent.len();
+    let independent = base
+        .independent
+        .iter()
+        .map(|&k| Literal::usize_unsuffixed(k));
+    let terms: Vec<(usize, &pid_derive::base_parameters::Term)> = base
+        .terms
+        .iter()
+        .enumerate()
+        .flat_map(|(row, terms)| terms.iter().map(move |term| (row, term)))
+        .collect();
+    let rows = terms.iter().map(|t| Literal::usize_unsuffixed(t.0));
+    let cols = terms.iter().map(|t| Literal::usize_unsuffixed(t.1.column));
+    let coefficients = terms.iter().map(|t| number(t.1.coefficient));
+    let borrowed = quote!(::std::borrow::Cow::Borrowed);
+    debug_assert_eq!(all, formulas.len());
+    let typed = quote! {
+        /// Number of base parameters of the inverse dynamics.
+        pub const NB: usize = #nb;
+        /// Formulas of the base parameters, the combinations of parameters on which `tau` depends:
+        ///
+        #doc
+        pub const BASE: [&'static str; #nb] = [#(#typed_formulas),*];
+
+        /// The base parameters with the formulas of [`BASE`](Self::BASE):
+        /// `tau = Y_b β + tau₀` with [`base_regressor`](Self::base_regressor).
+        #ops
+        pub fn base_parameters(params: &#params) -> [f64; #nb] {
+            [#(#sums),*]
+        }
+
+        /// The columns of [`regressor`](Self::regressor) that belong to the base parameters; linearly independent.
+        #regressor_ops
+        pub fn base_regressor(q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq]) -> [[f64; #nb]; #nq] {
+            Self::regressor(q, v, a).map(|row| [#(row[#columns]),*])
+        }
+    };
+    let statics = quote! {
+        static BASE_PARAMETERS: ::pid_runtime::dynamics::BaseParameters = ::pid_runtime::dynamics::BaseParameters {
+            columns: #borrowed(&[#(#independent),*]),
+            rows: #borrowed(&[#(#rows),*]),
+            cols: #borrowed(&[#(#cols),*]),
+            coefficients: #borrowed(&[#(#coefficients),*]),
+            formulas: #borrowed(&[#(#borrowed(#formulas)),*]),
+        };
+    };
+    let function = quote! {
+        fn base_parameters(&self) -> ::core::option::Option<&::pid_runtime::dynamics::BaseParameters> {
+            ::core::option::Option::Some(&BASE_PARAMETERS)
+        }
+    };
+    (typed, statics, function)
+}
+
+/// Formulas of all base parameters.
+pub fn formulas(robot: &Robot, regressor: &Regressor, base: &BaseParameters) -> Vec<String> {
+    let name = |column: usize| robot.params[regressor.params[column]].name.clone();
+    (0..base.terms.len())
+        .map(|k| base.formula(k, name))
+        .collect()
+}
+
+/// Operations of the base parameters of the constant columns.
+pub fn cost(base: &BaseParameters) -> Cost {
+    let terms = || base.terms[..base.constant].iter();
+    Cost {
+        additions: terms().map(|terms| terms.len() - 1).sum(),
+        multiplications: terms()
+            .flatten()
+            .filter(|term| term.coefficient.abs() != 1.0)
+            .count(),
+        ..Cost::default()
+    }
+}
