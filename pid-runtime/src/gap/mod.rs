@@ -2,4 +2,3 @@
 
 pub mod force;
 pub mod metrics;
-mod smoother;

@@ -1,34 +1,13 @@
-//! The missing generalised force: what would have to act beside the model for it to follow the record.
-//!
-//! ```text
-//! w(t) = r(q, v, a, u, p) = M(q, p) a + b(q, v, p) − f_L(q, v, p, u)
-//!
-//! minimise  Σ_i |y_i − (q_i, v_i)|²_R⁻¹ + Σ_i |w_{i+1} − w_i|²_(h S)⁻¹     over q_0, v_0, a_0 … a_{N−2}
-//! with      q_{i+1} = q_i + h v_i + h²/2 a_i,   v_{i+1} = v_i + h a_i,
-//!           w_i = r at the middle of the interval
-//! ```
-//!
-//! the weak-constraint form of data assimilation (Y. Trémolet, Accounting for an imperfect model in 4D-Var, 2006), with the
-//! dynamic rows of the implicit midpoint rule as the weak ones. Gauss-Newton steps, each one fixed-interval smoothing of the
-//! linearised chain, alternate with expectation maximisation of the noise levels R and the drift S of the force, so that nothing
-//! has to be chosen: a record that follows the model gets a small S and a w near zero. For the band, the
-//! posterior variance of w.
-
-use std::fmt;
+//! The weak-constraint problem on one record: trajectories, their objective, its linearisation, the noise levels.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::smoother::{Prior, Smoothed, Step, Variances, smooth};
+use super::smoother::{Prior, Smoothed, Step, Variances};
+use super::{MissingForceError, MissingForceEstimate, NoiseLevels, Values};
 use crate::data::{Dataset, Experiment, InputHold, VelocityKind};
 use crate::dynamics::{At, Jacobian};
-use crate::signal::{
-    SignalError, column, fill_missing, noise_level_without_jumps, state_from_data,
-};
+use crate::signal::{column, fill_missing, noise_level_without_jumps};
 
-/// Most Gauss-Newton steps.
-const STEPS: usize = 40;
-/// The noise levels have settled when none moves by more than this share.
-const SETTLED: f64 = 0.02;
 /// Shortest step of the line search.
 const SHORTEST: f64 = 1.0 / 64.0;
 /// Noise is never taken as smaller than this share of a channel's spread: records without noise leave rounding only.
@@ -41,147 +20,16 @@ const HURRY: f64 = 2.0;
 /// Largest such power.
 const FASTEST: f64 = 1000.0;
 
-/// Missing force of one experiment, at the middle of each of its N − 1 intervals; (N − 1) × nq, row by row.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MissingForceEstimate {
-    /// Times, s; N − 1.
-    pub t: Vec<f64>,
-    /// Positions, rad or m.
-    pub q: Vec<f64>,
-    /// Velocities, rad/s or m/s.
-    pub v: Vec<f64>,
-    /// Missing force w, N·m or N.
-    pub w: Vec<f64>,
-    /// Two standard deviations of w, given the record.
-    pub band: Vec<f64>,
-    /// Total generalised force of drives and friction, f_L + w = M a + b.
-    pub total: Vec<f64>,
-    /// Noise levels that went with it.
-    pub noise: NoiseLevels,
-    /// Whether the noise levels settled; if not, w is that of the last ones.
-    pub settled: bool,
-}
-
-/// Standard deviations found by expectation maximisation, one per joint.
-#[derive(Debug, Clone, PartialEq)]
-pub struct NoiseLevels {
-    /// Of the position channel, rad or m.
-    pub position: Vec<f64>,
-    /// Of the velocity channel, rad/s or m/s; NaN where there is none of its own.
-    pub velocity: Vec<f64>,
-    /// Change of the missing force within one second, N·m or N.
-    pub drift: Vec<f64>,
-}
-
-/// A missing force that cannot be estimated.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum MissingForceError {
-    /// No states to start from.
-    #[error(transparent)]
-    Signal(#[from] SignalError),
-    /// The model cannot be evaluated along the record.
-    #[error(
-        "experiment `{experiment}`, t = {time} s: the model has no finite value, or no regular mass matrix, at q = {q}, v = {v}\n  help: check the parameters, and whether the record leaves the range the model is meant for"
-    )]
-    Model {
-        /// The experiment.
-        experiment: String,
-        /// Time, s.
-        time: f64,
-        /// Positions there.
-        q: Values,
-        /// Velocities there.
-        v: Values,
-    },
-}
-
-/// Numbers in a message.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Values(pub Vec<f64>);
-
-impl fmt::Display for Values {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("[")?;
-        for (i, x) in self.0.iter().enumerate() {
-            write!(f, "{}{x:.6}", if i > 0 { ", " } else { "" })?;
-        }
-        f.write_str("]")
-    }
-}
-
-/// Estimates w on one experiment.
-///
-/// A velocity channel counts where it is a measurement of its own ([`VelocityKind::Measured`]). Missing samples of q and v count
-/// as not measured; missing inputs are bridged by straight lines. Inputs that are held from sample to sample act as
-/// they are on each interval, others with their mean.
-///
-/// # Errors
-/// [`MissingForceError`] for records too short or empty, and where the model cannot be evaluated.
-pub fn missing_force(
-    model: &dyn Jacobian,
-    p: &[f64],
-    dataset: &Dataset,
-    experiment: &Experiment,
-) -> Result<MissingForceEstimate, MissingForceError> {
-    let start = state_from_data(experiment, None)?;
-    let (n, nq) = (experiment.len(), experiment.nq);
-    let mut problem = Problem::new(model, p, dataset, experiment);
-
-    // The filtered record is not a trajectory of the chain; the first step makes one of it.
-    let mut path = Path {
-        q: start.q,
-        v: start.v,
-        a: Vec::with_capacity((n - 1) * nq),
-        w: vec![0.0; (n - 1) * nq],
-    };
-    for i in 0..n - 1 {
-        let h = experiment.t[i + 1] - experiment.t[i];
-        for j in i * nq..(i + 1) * nq {
-            path.a.push((path.v[j + nq] - path.v[j]) / h);
-        }
-    }
-    problem.force(&mut path)?;
-    let mut noise = problem.first_levels(&path);
-    let prior = problem.prior(&path, &noise);
-
-    let mut pace = Pace::new(nq);
-    let mut settled = false;
-    let mut smoothed = None;
-    for step in 0..STEPS {
-        let steps = problem.linearise(&path)?;
-        let s = smooth(&steps, &problem.y, &noise, &prior);
-        let mut next = problem.path(&steps, &s);
-        let arrived = if step == 0 {
-            problem.force(&mut next)?;
-            path = next;
-            false
-        } else {
-            problem.search(&mut path, next, &noise, &prior)
-        };
-        let moved = pace.hurry(&mut noise, &s.moments, &problem.floor);
-        smoothed = Some(s);
-        if arrived && moved < SETTLED {
-            settled = true;
-            break;
-        }
-    }
-    let Some(smoothed) = smoothed else {
-        unreachable!("at least one step is taken")
-    };
-    Ok(problem.estimate(path, &smoothed, noise, settled))
-}
-
 /// A trajectory of the chain: N states, N − 1 accelerations and missing forces.
 #[derive(Debug, Clone)]
-struct Path {
-    q: Vec<f64>,
-    v: Vec<f64>,
-    a: Vec<f64>,
-    w: Vec<f64>,
+pub(super) struct Path {
+    pub(super) q: Vec<f64>,
+    pub(super) v: Vec<f64>,
+    pub(super) a: Vec<f64>,
+    pub(super) w: Vec<f64>,
 }
 
-struct Problem<'a> {
+pub(super) struct Problem<'a> {
     model: &'a dyn Jacobian,
     p: &'a [f64],
     experiment: &'a Experiment,
@@ -189,16 +37,16 @@ struct Problem<'a> {
     /// Inputs on the intervals; (N − 1) × nq.
     u: Vec<f64>,
     /// Measurements; N × 2 nq.
-    y: Vec<f64>,
+    pub(super) y: Vec<f64>,
     /// Smallest admitted variances of q, v and drift; 3 nq.
-    floor: Vec<f64>,
+    pub(super) floor: Vec<f64>,
     values: Vec<f64>,
     q: Vec<f64>,
     v: Vec<f64>,
 }
 
 impl<'a> Problem<'a> {
-    fn new(
+    pub(super) fn new(
         model: &'a dyn Jacobian,
         p: &'a [f64],
         dataset: &Dataset,
@@ -264,7 +112,7 @@ impl<'a> Problem<'a> {
     }
 
     /// w along a path.
-    fn force(&mut self, path: &mut Path) -> Result<(), MissingForceError> {
+    pub(super) fn force(&mut self, path: &mut Path) -> Result<(), MissingForceError> {
         let nq = self.nq;
         for i in 0..path.w.len() / nq {
             self.middle(path, i);
@@ -285,7 +133,7 @@ impl<'a> Problem<'a> {
     }
 
     /// a as an affine function of (q, v, w) on every interval, at a path whose w is known.
-    fn linearise(&mut self, path: &Path) -> Result<Vec<Step>, MissingForceError> {
+    pub(super) fn linearise(&mut self, path: &Path) -> Result<Vec<Step>, MissingForceError> {
         let nq = self.nq;
         let model = self.model;
         let pattern = model.jacobian_pattern();
@@ -347,7 +195,7 @@ impl<'a> Problem<'a> {
     }
 
     /// The path of smoothed means; its w is that of the linearised model.
-    fn path(&self, steps: &[Step], s: &Smoothed) -> Path {
+    pub(super) fn path(&self, steps: &[Step], s: &Smoothed) -> Path {
         let nq = self.nq;
         let part = |i: usize, k: usize| &s.mean[(3 * i + k) * nq..(3 * i + k + 1) * nq];
         let n = steps.len() + 1;
@@ -400,7 +248,13 @@ impl<'a> Problem<'a> {
     }
 
     /// Goes from `path` towards `next` as far as the objective falls. Whether the whole way was possible and short.
-    fn search(&mut self, path: &mut Path, next: Path, noise: &Variances, prior: &Prior) -> bool {
+    pub(super) fn search(
+        &mut self,
+        path: &mut Path,
+        next: Path,
+        noise: &Variances,
+        prior: &Prior,
+    ) -> bool {
         let before = self.cost(path, noise, prior);
         let mut share = 1.0;
         while share >= SHORTEST {
@@ -457,7 +311,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Noise levels from differences, and the drift of the force along the filtered record.
-    fn first_levels(&mut self, path: &Path) -> Variances {
+    pub(super) fn first_levels(&mut self, path: &Path) -> Variances {
         let nq = self.nq;
         let t = &self.experiment.t;
         let duration = t[t.len() - 1] - t[0];
@@ -497,7 +351,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Wide enough to leave the first state to the record.
-    fn prior(&self, path: &Path, noise: &Variances) -> Prior {
+    pub(super) fn prior(&self, path: &Path, noise: &Variances) -> Prior {
         let nq = self.nq;
         let spread = |x: &[f64], j: usize| {
             let (count, sum) = x
@@ -525,7 +379,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    fn estimate(
+    pub(super) fn estimate(
         &mut self,
         path: Path,
         s: &Smoothed,
@@ -577,13 +431,13 @@ impl<'a> Problem<'a> {
 }
 
 /// How fast each noise level may move.
-struct Pace {
+pub(super) struct Pace {
     power: Vec<f64>,
     last: Vec<f64>,
 }
 
 impl Pace {
-    fn new(nq: usize) -> Self {
+    pub(super) fn new(nq: usize) -> Self {
         Pace {
             power: vec![1.0; 3 * nq],
             last: vec![0.0; 3 * nq],
@@ -591,7 +445,12 @@ impl Pace {
     }
 
     /// Moves the noise levels towards what the smoothing bore out; the largest logarithmic change.
-    fn hurry(&mut self, noise: &mut Variances, moments: &Variances, floor: &[f64]) -> f64 {
+    pub(super) fn hurry(
+        &mut self,
+        noise: &mut Variances,
+        moments: &Variances,
+        floor: &[f64],
+    ) -> f64 {
         let nq = noise.drift.len();
         let mut most: f64 = 0.0;
         for k in 0..3 * nq {
@@ -633,168 +492,4 @@ fn inputs_on_intervals(experiment: &Experiment, hold: InputHold) -> Vec<f64> {
         }
     }
     out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::data::{InputQuantity, JointChannels, Kind, Role, VelocityKind};
-    use crate::integrate::test_models::{PENDULUM, Pendulum};
-    use crate::integrate::{Drive, Settings, simulate};
-
-    /// A record of the pendulum with white noise of 1e-4 rad on the position.
-    fn record(noise: f64) -> (Dataset, Experiment) {
-        let t: Vec<f64> = (0..4000).map(|i| 0.002 * f64::from(i)).collect();
-        let u: Vec<f64> = t.iter().map(|t| 4.0 * (2.0 * t).sin()).collect();
-        let drive = Drive {
-            t: &t,
-            u: &u,
-            hold: InputHold::ZeroOrder,
-        };
-        let m = simulate(
-            &Pendulum,
-            &PENDULUM,
-            &[1.0],
-            &[0.0],
-            &drive,
-            Settings::default(),
-        )
-        .unwrap();
-        let mut state = 9_u64;
-        let mut uniform = || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (state >> 11) as f64 / (1_u64 << 53) as f64
-        };
-        let q =
-            m.q.iter()
-                .map(|q| q + noise * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0))
-                .collect();
-        let experiment = Experiment {
-            name: "e".into(),
-            role: Role::Train,
-            note: String::new(),
-            nq: 1,
-            t: t.clone(),
-            q,
-            v: None,
-            u,
-            tau: None,
-            qref: None,
-            missing: 0,
-        };
-        let dataset = Dataset {
-            name: "d".into(),
-            title: String::new(),
-            source: String::new(),
-            license: String::new(),
-            kind: Kind::Simulated,
-            input_hold: InputHold::ZeroOrder,
-            joints: vec![JointChannels {
-                name: "hinge".into(),
-                prismatic: false,
-                input: InputQuantity::Torque,
-                input_unit: "N*m".into(),
-                velocity: VelocityKind::Absent,
-            }],
-            experiments: Vec::new(),
-            warnings: Vec::new(),
-        };
-        (dataset, experiment)
-    }
-
-    fn rms(x: &[f64]) -> f64 {
-        (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt()
-    }
-
-    fn share_inside(error: impl Iterator<Item = f64>, band: &[f64]) -> f64 {
-        let inside = error.zip(band).filter(|(e, b)| e.abs() <= **b).count();
-        inside as f64 / band.len() as f64
-    }
-
-    #[test]
-    fn a_term_taken_from_the_model_comes_back_as_missing_force() {
-        let (dataset, e) = record(0.0);
-        let whole = missing_force(&Pendulum, &PENDULUM, &dataset, &e).unwrap();
-        assert!(
-            rms(&whole.w) < 1e-3 * rms(&whole.total),
-            "{}",
-            rms(&whole.w)
-        );
-        // Without viscous friction the missing force is −d v (as part of f_L).
-        let mut p = PENDULUM;
-        p[2] = 0.0;
-        let part = missing_force(&Pendulum, &p, &dataset, &e).unwrap();
-        // The ends know one neighbour only.
-        for (i, w) in part.w.iter().enumerate().skip(20).take(part.w.len() - 40) {
-            let expected = -PENDULUM[2] * part.v[i];
-            assert!((w - expected).abs() < 0.01, "{i}: {w} {expected}");
-        }
-    }
-
-    #[test]
-    fn a_record_of_the_model_leaves_no_force_and_tells_its_noise() {
-        let (dataset, e) = record(1e-4);
-        let m = missing_force(&Pendulum, &PENDULUM, &dataset, &e).unwrap();
-        assert!(m.settled);
-        assert!(
-            (m.noise.position[0] / 1e-4 - 1.0).abs() < 0.05,
-            "{:?}",
-            m.noise
-        );
-        assert!(m.noise.velocity[0].is_nan());
-        assert!(
-            rms(&m.w) < 0.01 * rms(&m.total),
-            "{} {}",
-            rms(&m.w),
-            rms(&m.total)
-        );
-        let inside = share_inside(m.w.iter().copied(), &m.band);
-        assert!(inside > 0.9, "{inside}");
-    }
-
-    #[test]
-    fn the_band_holds_the_missing_force() {
-        let (dataset, e) = record(1e-4);
-        let mut p = PENDULUM;
-        p[2] = 0.0;
-        let m = missing_force(&Pendulum, &p, &dataset, &e).unwrap();
-        let exact = missing_force(&Pendulum, &PENDULUM, &dataset, &record(0.0).1).unwrap();
-        let error = m.w.iter().zip(&exact.v).map(|(w, v)| w + PENDULUM[2] * v);
-        let inside = share_inside(error, &m.band);
-        assert!(
-            (0.9..=1.0).contains(&inside),
-            "two standard deviations hold 95 %: {inside}"
-        );
-        assert!(rms(&m.band) < 0.5 * rms(&m.w), "and say something");
-    }
-
-    #[test]
-    fn a_gap_in_the_record_widens_the_band_there() {
-        let (dataset, mut e) = record(1e-4);
-        let mut p = PENDULUM;
-        p[2] = 0.0;
-        e.q[1800..2200].fill(f64::NAN);
-        let m = missing_force(&Pendulum, &p, &dataset, &e).unwrap();
-        assert!(
-            m.band[2000] > 2.0 * m.band[1500],
-            "{} {}",
-            m.band[2000],
-            m.band[1500]
-        );
-        assert!(m.w.iter().all(|w| w.is_finite()));
-    }
-
-    #[test]
-    fn a_model_without_mass_is_named() {
-        let (dataset, e) = record(0.0);
-        let message = missing_force(&Pendulum, &[0.0; 5], &dataset, &e)
-            .unwrap_err()
-            .to_string();
-        assert!(
-            message.starts_with("experiment `e`, t = 0.001 s: the model has no finite value"),
-            "{message}"
-        );
-    }
 }
