@@ -30,6 +30,8 @@ pub(crate) enum Command {
     Models,
     /// Make the embedded demonstration data anew.
     DemoData(DemoArgs),
+    /// Reproduce the study of the paper on the idealised two-link robot: tables, figures, and what it left open.
+    Paper(PaperArgs),
 }
 
 /// Model, data and place of the results.
@@ -123,6 +125,23 @@ pub(crate) struct SimulateArgs {
     /// Parameters: a fit.json, or a TOML file of lines `name = value`; nominal ones if absent.
     #[arg(long, value_name = "FILE")]
     pub(crate) parameters: Option<PathBuf>,
+}
+
+/// Arguments of `pid paper`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct PaperArgs {
+    /// Folder for paper.html and paper.json; made if needed.
+    #[arg(long, short, value_name = "FOLDER", default_value = "pid-paper")]
+    pub(crate) out: PathBuf,
+    /// Few starts, few numbers of nodes, few iterations: a minute.
+    #[arg(long, conflicts_with = "long")]
+    pub(crate) quick: bool,
+    /// Twenty starts and every number of nodes that the figures show: hours on one core.
+    #[arg(long)]
+    pub(crate) long: bool,
+    /// Seed of the starts.
+    #[arg(long, default_value_t = 0, value_name = "S")]
+    pub(crate) seed: u64,
 }
 
 /// Arguments of `pid demo-data`.

@@ -35,6 +35,8 @@ pub(crate) enum CliError {
     Identification(#[from] IdentError),
     #[error(transparent)]
     CrossValidation(#[from] CrossValidationError),
+    #[error("the figures of the study cannot be written as JSON: {0}")]
+    PaperJson(serde_json::Error),
     #[error("{}: cannot be written: {error}\n  help: choose another folder with --out", path.display())]
     Write { path: PathBuf, error: io::Error },
 }

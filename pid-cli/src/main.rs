@@ -11,6 +11,7 @@ mod findings;
 mod horizon;
 mod identify;
 mod output;
+mod paper;
 mod parameters;
 mod progress;
 mod simulate;
@@ -34,6 +35,7 @@ fn main() -> ExitCode {
             Ok(0)
         }
         Some(Command::DemoData(args)) => demo_data(&args),
+        Some(Command::Paper(args)) => paper::run(&args),
     };
     match outcome {
         Ok(code) => ExitCode::from(code),

@@ -493,6 +493,7 @@ pub(super) fn identify(
     }
     Ok(Identification {
         optima: Vec::new(),
+        motion: Vec::new(),
         runs,
         best,
         deviations: spread.deviations,

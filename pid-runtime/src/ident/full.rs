@@ -135,6 +135,7 @@ pub(super) fn identify(
     let spread = deviations(&mut problem, &solutions[best], &fixed);
     Ok(Identification {
         optima: starts::optima(&runs, &motions, 2 * model.dims().nq),
+        motion: motions.swap_remove(best),
         best,
         runs,
         deviations: spread.deviations,

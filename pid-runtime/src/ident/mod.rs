@@ -78,6 +78,8 @@ pub struct Identification {
     pub best: usize,
     /// The local optima that the starts reached, the lowest objective first; empty for the equation error.
     pub optima: Vec<Optimum>,
+    /// Its fitted states (q, v) at the samples, windows one after another; empty for the equation error.
+    pub motion: Vec<f64>,
     /// Standard deviations of its parameters; `None` where the data do not determine a parameter by itself, where it lies at
     /// a bound and where it is held.
     pub deviations: Vec<Option<f64>>,

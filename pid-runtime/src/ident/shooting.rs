@@ -13,6 +13,9 @@ use crate::solver::{Solution, ip};
 use crate::transcribe::{FullDiscretization, ResidualFit, Shooting, ShootingKkt};
 use std::time::Instant;
 
+/// Barrier parameter and relative distance to the bounds of a start that is nearly optimal.
+const WARM: f64 = 1e-9;
+
 /// Identifies by shooting.
 pub(super) fn identify(
     model: &dyn Hessian,
@@ -68,6 +71,7 @@ pub(super) fn identify(
     let spread = deviations(&mut problem, &solutions[best], &fixed);
     Ok(Identification {
         optima: starts::optima(&runs, &motions, 2 * model.dims().nq),
+        motion: motions.swap_remove(best),
         best,
         runs,
         deviations: spread.deviations,
@@ -130,7 +134,7 @@ fn solve(
             x0[at..].copy_from_slice(&prepared.x);
         }
     }
-    let options = crate::solver::Settings {
+    let mut options = crate::solver::Settings {
         objective_scale: settings.solver.objective_scale * problem.samples() as f64,
         ..settings.solver.clone()
     };
@@ -163,6 +167,8 @@ fn solve(
                 x0[x..x + nx].copy_from_slice(&states[sample * nx..(sample + 1) * nx]);
             }
             x0[at..].copy_from_slice(&solution.x[place..]);
+            // A long integration is sensitive: the start must stay where it is, also at its bounds.
+            (options.mu_start, options.push) = (WARM, WARM);
         }
     }
     let mut kkt = ShootingKkt::from(&*problem);

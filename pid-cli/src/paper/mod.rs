@@ -1,0 +1,182 @@
+//! `pid paper`: the study of K. Schäfer, M. Runge, K. Flaßkamp, C. Büskens, *Parameter Identification for Dynamical Systems
+//! Using Optimal Control Techniques*, on the idealised two-link robot.
+//!
+//! Everything is made here: the records by accurate simulation with the values of Table II, the starts from a seed, sizes and
+//! non-zeros by counting in the programs that are solved.
+
+mod page;
+mod plot;
+mod robot;
+mod size;
+mod study;
+
+use std::time::Instant;
+
+use pid_runtime::data::Dataset;
+use pid_runtime::transcribe::{Curvature, Scheme};
+use serde::Serialize;
+
+use crate::args::PaperArgs;
+use crate::error::{CliError, make_folder, write};
+use crate::output;
+use crate::progress::{Interrupt, Progress};
+use size::Size;
+use study::{HESSIANS, Job, Outcome};
+
+/// How much is done.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Plan {
+    nodes: Vec<usize>,
+    /// Numbers of nodes at which sizes are counted.
+    counted: Vec<usize>,
+    starts: usize,
+    max_iterations: usize,
+    schemes: Vec<(Scheme, usize)>,
+}
+
+impl Plan {
+    fn of(args: &PaperArgs) -> Self {
+        let scheme = |name: &str| name.parse().expect("invariant: a name of a scheme");
+        let mut schemes: Vec<(Scheme, usize)> = vec![
+            (Scheme::ExplicitEuler, 4),
+            (Scheme::Trapezoidal, 1),
+            (Scheme::ImplicitMidpoint, 1),
+            (scheme("gauss-legendre-2"), 1),
+        ];
+        let counted = vec![1, 2, 3, 5, 10, 20, 50, 100, 150, 200, 250, 300];
+        if args.quick {
+            schemes.truncate(2);
+            return Self {
+                nodes: vec![1, 5, 50],
+                counted: vec![1, 2, 5, 50, 300],
+                starts: 2,
+                max_iterations: 100,
+                schemes,
+            };
+        }
+        schemes.extend([
+            (Scheme::ExplicitEuler, 2),
+            (Scheme::Heun, 2),
+            (Scheme::RungeKutta4, 2),
+            (Scheme::HermiteSimpson, 1),
+            (scheme("radau-2"), 1),
+            (scheme("radau-3"), 1),
+        ]);
+        if args.long {
+            Self {
+                nodes: vec![
+                    1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 50, 75, 100, 150, 200, 250, 300,
+                ],
+                counted,
+                starts: 20,
+                max_iterations: 1000,
+                schemes,
+            }
+        } else {
+            Self {
+                nodes: vec![1, 2, 5, 20, 50, 100],
+                counted,
+                starts: 5,
+                max_iterations: 500,
+                schemes,
+            }
+        }
+    }
+
+    fn jobs(&self) -> Vec<Job> {
+        let mut jobs = Vec::new();
+        let euler = |nodes, hessian, lift, start| Job {
+            nodes,
+            scheme: Scheme::ExplicitEuler,
+            substeps: 1,
+            hessian,
+            lift,
+            start,
+        };
+        for start in 0..self.starts {
+            for (hessian, _) in HESSIANS {
+                jobs.push(euler(None, hessian, false, start));
+                for &nodes in &self.nodes {
+                    jobs.push(euler(Some(nodes), hessian, false, start));
+                }
+            }
+            for &nodes in &self.nodes {
+                jobs.push(euler(Some(nodes), Curvature::Exact, true, start));
+            }
+            for &(scheme, substeps) in &self.schemes {
+                jobs.push(Job {
+                    scheme,
+                    substeps,
+                    ..euler(None, Curvature::Exact, false, start)
+                });
+            }
+        }
+        jobs
+    }
+}
+
+/// Everything the page shows.
+#[derive(Debug, Serialize)]
+struct Findings {
+    program: String,
+    command: String,
+    seed: u64,
+    plan: Plan,
+    sizes: Vec<Size>,
+    outcomes: Vec<Outcome>,
+    seconds: f64,
+    interrupted: bool,
+    /// Start parameters, for the record.
+    starts: Vec<Vec<f64>>,
+    #[serde(skip)]
+    dataset: Dataset,
+}
+
+/// Runs the command; the exit code.
+pub(crate) fn run(args: &PaperArgs) -> Result<u8, CliError> {
+    let interrupt = Interrupt::listen();
+    let progress = Progress::start("simulating the idealised robot");
+    let started = Instant::now();
+    let plan = Plan::of(args);
+    let dataset = robot::records()?;
+    let starts = robot::starts(plan.starts, args.seed);
+    progress.step("counting sizes and non-zeros");
+    let sizes = size::sizes(&dataset, &plan.counted, &starts[0]);
+    let jobs = plan.jobs();
+    let news = |done: usize| {
+        progress.step(format!("{done} of {} identifications done", jobs.len()));
+    };
+    let stop = || interrupt.requested();
+    let outcomes = study::run(&dataset, &starts, &jobs, plan.max_iterations, &news, &stop)?;
+    let interrupted = interrupt.requested();
+    let level = match (args.quick, args.long) {
+        (true, _) => " --quick",
+        (_, true) => " --long",
+        _ => "",
+    };
+    let findings = Findings {
+        program: format!("pid {}", env!("CARGO_PKG_VERSION")),
+        command: format!("pid paper{level} --seed {}", args.seed),
+        seed: args.seed,
+        plan,
+        sizes,
+        outcomes,
+        seconds: started.elapsed().as_secs_f64(),
+        interrupted,
+        starts,
+        dataset,
+    };
+    drop(progress);
+    make_folder(&args.out)?;
+    let (html, json) = (args.out.join("paper.html"), args.out.join("paper.json"));
+    write(&html, &page::html(&findings))?;
+    let text = serde_json::to_string_pretty(&findings).map_err(CliError::PaperJson)?;
+    write(&json, &text)?;
+    output::print(&page::text(&findings));
+    output::print(&format!(
+        "\nwritten: {}, {}\n",
+        html.display(),
+        json.display()
+    ));
+    Ok(if interrupted { 130 } else { 0 })
+}

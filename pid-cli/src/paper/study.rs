@@ -1,0 +1,155 @@
+//! The runs behind the figures.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use pid_models::TwoLink;
+use pid_runtime::data::{Dataset, Horizon};
+use pid_runtime::gap::metrics::{FreeRunSettings, free_run_table};
+use pid_runtime::ident::{
+    self, IdentError, Identification, InitialState, Method, Settings, Weighting,
+};
+use pid_runtime::solver;
+use pid_runtime::transcribe::{Curvature, Scheme};
+use serde::Serialize;
+use std::ops::ControlFlow;
+
+/// Second derivatives that the study compares.
+pub(super) const HESSIANS: [(Curvature, &str); 2] = [
+    (Curvature::Exact, "exact"),
+    (Curvature::GaussNewton, "Gauss-Newton"),
+];
+
+/// One identification to be made.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Job {
+    /// Nodes M of shooting; `None` for full discretization.
+    pub(super) nodes: Option<usize>,
+    pub(super) scheme: Scheme,
+    pub(super) substeps: usize,
+    pub(super) hessian: Curvature,
+    /// Whether shooting starts from the solution with a node at every sample.
+    pub(super) lift: bool,
+    /// Number of the start.
+    pub(super) start: usize,
+}
+
+/// What became of it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Outcome {
+    pub(super) job: Job,
+    /// J; `None` where the point is not feasible to 1e-6 or not finite.
+    pub(super) objective: Option<f64>,
+    /// J of an accurate simulation with the parameters: train, then the unseen records; `None` where it diverges.
+    pub(super) accurate: Vec<Option<f64>>,
+    pub(super) converged: bool,
+    pub(super) status: String,
+    pub(super) iterations: usize,
+    pub(super) seconds: f64,
+    pub(super) parameters: Vec<f64>,
+    /// Directions in parameter space that the record does not determine.
+    pub(super) undetermined: usize,
+    /// Fitted states.
+    #[serde(skip)]
+    pub(super) motion: Vec<f64>,
+}
+
+/// Largest violation of a constraint at a point that counts.
+const FEASIBLE: f64 = 1e-6;
+
+fn settings(job: &Job, max_iterations: usize) -> Settings {
+    Settings {
+        method: if job.nodes.is_some() {
+            Method::Shooting
+        } else {
+            Method::FullDiscretization
+        },
+        scheme: job.scheme,
+        substeps: job.substeps,
+        nodes: job.nodes.unwrap_or(1),
+        lift: job.lift,
+        curvature: job.hessian,
+        horizon: Horizon::Record,
+        initial_state: InitialState::Free,
+        weighting: Weighting::Unit,
+        prepare: false,
+        solver: solver::Settings {
+            max_iterations,
+            ..Settings::default().solver
+        },
+        ..Settings::default()
+    }
+}
+
+fn outcome(dataset: &Dataset, job: &Job, found: Identification) -> Outcome {
+    let best = found.best();
+    let usable = best.objective.is_finite() && best.check.primal_inf <= FEASIBLE;
+    let accurate = free_run_table(
+        &TwoLink,
+        &best.parameters,
+        dataset,
+        &FreeRunSettings::new(Horizon::Record),
+    )
+    .map(|table| table.experiments.iter().map(|e| e.objective).collect())
+    .unwrap_or_default();
+    Outcome {
+        job: job.clone(),
+        objective: usable.then_some(best.objective),
+        accurate,
+        converged: best.status.converged(),
+        status: best.status.reason().to_owned(),
+        iterations: best.iterations,
+        seconds: best.seconds,
+        parameters: best.parameters.clone(),
+        undetermined: found.undetermined,
+        motion: found.motion,
+    }
+}
+
+/// Makes all identifications, as many at a time as there are cores; `news` hears how many are done, `stop` ends early and
+/// keeps what is finished.
+pub(super) fn run(
+    dataset: &Dataset,
+    starts: &[Vec<f64>],
+    jobs: &[Job],
+    max_iterations: usize,
+    news: &(dyn Fn(usize) + Sync),
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Result<Vec<Outcome>, IdentError> {
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let results: Mutex<Vec<(usize, Result<Outcome, IdentError>)>> = Mutex::new(Vec::new());
+    let workers = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..workers.min(jobs.len()) {
+            scope.spawn(|| {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(job) = jobs.get(index).filter(|_| !stop()) else {
+                        return;
+                    };
+                    let found = ident::identify(
+                        &TwoLink,
+                        dataset,
+                        &settings(job, max_iterations),
+                        Some(&starts[job.start]),
+                        &mut |_| {
+                            if stop() {
+                                ControlFlow::Break(())
+                            } else {
+                                ControlFlow::Continue(())
+                            }
+                        },
+                    );
+                    let result = found.map(|found| outcome(dataset, job, found));
+                    if let Ok(mut results) = results.lock() {
+                        results.push((index, result));
+                    }
+                    news(done.fetch_add(1, Ordering::Relaxed) + 1);
+                }
+            });
+        }
+    });
+    let mut results = results.into_inner().unwrap_or_default();
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, outcome)| outcome).collect()
+}
