@@ -7,7 +7,8 @@
 //! s = √( mean over left-out records and joints of  (RMS error of q / standard deviation of q)² )
 //! ```
 //!
-//! Test records play no part. A single training record is cut into three parts of equal length.
+//! with the standard deviation of the joint within the training records, pooled: a joint that is locked in one of them must not
+//! decide by its noise. Test records play no part. A single training record is cut into three parts of equal length.
 
 use super::{Callback, IdentError, Settings, identify};
 use crate::data::{Dataset, Experiment, Horizon, Role};
@@ -64,6 +65,7 @@ pub fn cross_validate(
     callback: &mut Callback<'_>,
 ) -> Result<Vec<CandidateScore>, CrossValidationError> {
     let folds = folds(dataset)?;
+    let spread = spread(&folds[0]);
     let mut stopped = false;
     let mut scores = Vec::new();
     'candidates: for (candidate, settings) in candidates.iter().enumerate() {
@@ -82,7 +84,7 @@ pub fn cross_validate(
             let p = &found.best().parameters;
             let out = fold.with_role(Role::Test).next();
             let (name, square) = match out {
-                Some(e) => (e.name.clone(), score(model, p, fold, e, judged)?),
+                Some(e) => (e.name.clone(), score(model, p, fold, e, judged, &spread)?),
                 None => continue,
             };
             sum += square;
@@ -144,13 +146,31 @@ fn part(e: &Experiment, from: usize, to: usize) -> Experiment {
     }
 }
 
-/// Mean square over the joints of RMS error over standard deviation.
+/// Variance of each joint's position about its mean in each record, pooled over all records of a fold.
+fn spread(fold: &Dataset) -> Vec<f64> {
+    let joints = fold.experiments.first().map_or(0, |e| e.nq);
+    let variance = |j: usize| {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for e in &fold.experiments {
+            let q = e.q.iter().skip(j).step_by(e.nq).filter(|q| q.is_finite());
+            let n = q.clone().count() as f64;
+            let mean = q.clone().sum::<f64>() / f64::max(n, 1.0);
+            sum += q.map(|q| (q - mean).powi(2)).sum::<f64>();
+            count += n;
+        }
+        sum / f64::max(count, 1.0)
+    };
+    (0..joints).map(variance).collect()
+}
+
+/// Mean square over the joints of RMS error over spread.
 fn score(
     model: &dyn Hessian,
     p: &[f64],
     dataset: &Dataset,
     experiment: &Experiment,
     judged: Horizon,
+    spread: &[f64],
 ) -> Result<f64, FreeRunError> {
     let alone = Dataset {
         experiments: vec![experiment.clone()],
@@ -163,28 +183,16 @@ fn score(
     if found.diverged > 0 {
         return Ok(f64::INFINITY);
     }
-    let nq = experiment.nq;
     let mut sum = 0.0;
-    for (j, joint) in found.joints.iter().enumerate() {
-        let known: Vec<f64> = experiment
-            .q
-            .iter()
-            .skip(j)
-            .step_by(nq)
-            .copied()
-            .filter(|q| q.is_finite())
-            .collect();
-        let n = known.len() as f64;
-        let mean = known.iter().sum::<f64>() / n;
-        let variance = known.iter().map(|q| (q - mean).powi(2)).sum::<f64>() / n;
+    for (joint, variance) in found.joints.iter().zip(spread) {
         match &joint.q {
-            Some(error) if variance > 0.0 => sum += error.rms * error.rms / variance,
-            // A joint that does not move has nothing to predict.
+            Some(error) if *variance > 0.0 => sum += error.rms * error.rms / variance,
+            // A joint that never moves has nothing to predict.
             Some(_) => {}
             None => return Ok(f64::INFINITY),
         }
     }
-    Ok(sum / nq as f64)
+    Ok(sum / spread.len() as f64)
 }
 
 #[cfg(test)]
@@ -259,6 +267,15 @@ mod tests {
         assert_eq!(all, record("a", Role::Train, 31).q);
         assert_eq!(folds[1].experiments[1].name, "a [10..20]");
         assert_eq!(folds[1].experiments[1].role, Role::Test);
+    }
+
+    #[test]
+    fn the_spread_is_pooled_and_takes_no_offset_for_motion() {
+        let mut still = record("b", Role::Train, 20);
+        still.q.fill(7.0);
+        let d = dataset(vec![record("a", Role::Train, 20), still]);
+        // 0 … 19 has the variance (20² − 1)/12; half of the samples do not move.
+        assert!((spread(&d)[0] - 0.5 * 399.0 / 12.0).abs() < 1e-12);
     }
 
     #[test]
