@@ -32,6 +32,37 @@ pub(crate) enum Command {
     DemoData(DemoArgs),
     /// Reproduce the study of the paper on the idealised two-link robot: tables, figures, and what it left open.
     Paper(PaperArgs),
+    /// Show what `robot!` makes of the declarations in a Rust source file.
+    Dump(DumpArgs),
+}
+
+/// Arguments of `pid dump`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct DumpArgs {
+    /// Rust source file with `robot! { … }`.
+    pub(crate) file: PathBuf,
+    /// Show this robot only.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) robot: Option<String>,
+    #[command(flatten)]
+    pub(crate) parts: DumpParts,
+}
+
+/// What to show; without any: equations as text, and counts.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct DumpParts {
+    /// Generated code, formatted.
+    #[arg(long)]
+    pub(crate) code: bool,
+    /// Equations of motion as text.
+    #[arg(long)]
+    pub(crate) text: bool,
+    /// Equations of motion as LaTeX (amsmath).
+    #[arg(long)]
+    pub(crate) latex: bool,
+    /// Operations of every function.
+    #[arg(long)]
+    pub(crate) counts: bool,
 }
 
 /// Model, data and place of the results.

@@ -37,6 +37,19 @@ pub(crate) enum CliError {
     CrossValidation(#[from] CrossValidationError),
     #[error("the figures of the study cannot be written as JSON: {0}")]
     PaperJson(serde_json::Error),
+    #[error("{}: {error}", path.display())]
+    Dump {
+        path: PathBuf,
+        error: pid_dump::Error,
+    },
+    #[error("{}: cannot be read: {error}", path.display())]
+    Read { path: PathBuf, error: io::Error },
+    #[error("{}: no robot named `{name}`; the file has {found}", path.display())]
+    NoSuchRobot {
+        path: PathBuf,
+        name: String,
+        found: String,
+    },
     #[error("{}: cannot be written: {error}\n  help: choose another folder with --out", path.display())]
     Write { path: PathBuf, error: io::Error },
 }

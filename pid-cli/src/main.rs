@@ -6,6 +6,7 @@
 mod args;
 mod assemble;
 mod demo;
+mod dump;
 mod error;
 mod findings;
 mod horizon;
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
         }
         Some(Command::DemoData(args)) => demo_data(&args),
         Some(Command::Paper(args)) => paper::run(&args),
+        Some(Command::Dump(args)) => dump::run(&args),
     };
     match outcome {
         Ok(code) => ExitCode::from(code),

@@ -19,6 +19,21 @@ use proc_macro2::TokenStream;
 use check::Resolved;
 use diag::Diagnostics;
 
+/// The robots that the contents of a `robot! { … }` declare, checked.
+///
+/// # Errors
+/// The messages of a declaration with mistakes, each with line and column where places are known.
+pub fn robots(input: TokenStream) -> Result<Vec<pid_derive::model::Robot>, Vec<String>> {
+    let mut diag = Diagnostics::new();
+    let resolved = syntax::parse(input, &mut diag)
+        .filter(|_| diag.is_ok())
+        .and_then(|ast| check::resolve(&ast, &mut diag));
+    match resolved {
+        Some(resolved) => Ok(vec![resolved.robot]),
+        None => Err(diag.located()),
+    }
+}
+
 /// Expands the contents of `robot! { … }`.
 ///
 /// A declaration with mistakes gives `compile_error!`s at the tokens to change and the types of the robot with the names

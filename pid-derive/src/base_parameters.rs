@@ -8,8 +8,8 @@
 //! first moment and the mass, then rotors, friction and drives. Each column joins the set if it is independent of those
 //! before, so that what is regrouped moves towards the base.
 //!
-//! Entries of C are polynomials of the geometry. Those that agree with a number, a length, a product or sum of squares of
-//! lengths of the declaration are written as such.
+//! Entries of C are polynomials of the geometry. Those that agree with a simple expression of the declared lengths (a sum of
+//! up to three, its square, its product with a length) are written as such.
 
 use pid_symbolic::random::Random;
 use pid_symbolic::{Graph, Tape};
@@ -204,6 +204,56 @@ fn samples(g: &Graph, robot: &Robot, equations: &Equations, regressor: &Regresso
     y
 }
 
+/// Positive sums and differences of one, two and three lengths, with their texts; single lengths without brackets.
+fn sums(lengths: &[f64]) -> Vec<(f64, String)> {
+    let mut sums: Vec<(f64, String)> = lengths.iter().map(|&x| (x, x.to_string())).collect();
+    let mut push = |terms: &[f64]| {
+        let value: f64 = terms.iter().sum();
+        // A sum that cancels has no digits left to be known by.
+        if value <= 1e-6 * terms.iter().map(|x| x.abs()).sum::<f64>() {
+            return;
+        }
+        let mut text = String::from("(");
+        // A positive term stands first.
+        let (plus, minus): (Vec<f64>, Vec<f64>) = terms.iter().partition(|&&x| x > 0.0);
+        for (k, x) in plus.iter().enumerate() {
+            text += if k > 0 { " + " } else { "" };
+            text += &x.to_string();
+        }
+        for x in minus {
+            text += &format!(" - {}", -x);
+        }
+        sums.push((value, text + ")"));
+    };
+    let n = lengths.len();
+    for i in 0..n {
+        for j in i + 1..n {
+            let (x, y) = (lengths[i], lengths[j]);
+            for [a, b] in [[x, y], [x, -y], [-x, y]] {
+                push(&[a, b]);
+            }
+        }
+    }
+    for i in 0..n {
+        for j in i + 1..n {
+            for k in j + 1..n {
+                for signs in 0..8 {
+                    let signed = |bit: u32, x: f64| if signs >> bit & 1 == 1 { -x } else { x };
+                    push(&[
+                        signed(0, lengths[i]),
+                        signed(1, lengths[j]),
+                        signed(2, lengths[k]),
+                    ]);
+                }
+            }
+        }
+    }
+    sums
+}
+
+/// Lengths of the geometry that are combined; further ones are left as numbers.
+const MANY: usize = 16;
+
 /// Numbers of the geometry, and what can be written with them.
 struct Lengths {
     /// Value and text, the simplest first.
@@ -225,32 +275,23 @@ impl Lengths {
                 }
             }
         }
+        lengths.truncate(MANY);
         let mut known: Vec<(f64, String)> = [2.0, 0.5, 3.0, 4.0]
             .map(|x: f64| (x, x.to_string()))
             .to_vec();
-        let product = |factor: &str, text: String| match factor {
-            "" => text,
-            _ => format!("{factor}*{text}"),
-        };
-        for (factor, prefix) in [(1.0, ""), (2.0, "2")] {
+        for sum in sums(&lengths) {
+            let (value, text) = &sum;
+            known.push((*value, text.clone()));
+            known.push((2.0 * value, format!("2*{text}")));
+            known.push((value * value, format!("{text}^2")));
             for &x in &lengths {
-                known.push((factor * x, product(prefix, x.to_string())));
-            }
-        }
-        for (factor, prefix) in [(1.0, ""), (2.0, "2")] {
-            for (k, &x) in lengths.iter().enumerate() {
-                known.push((factor * x * x, product(prefix, format!("{x}^2"))));
-                for &y in &lengths[k + 1..] {
-                    known.push((factor * x * y, product(prefix, format!("{x}*{y}"))));
-                }
+                known.push((value * x, format!("{x}*{text}")));
+                known.push((2.0 * value * x, format!("2*{x}*{text}")));
             }
         }
         for (k, &x) in lengths.iter().enumerate() {
             for &y in &lengths[k + 1..] {
                 known.push((x * x + y * y, format!("({x}^2 + {y}^2)")));
-                known.push((x + y, format!("({x} + {y})")));
-                let (long, short) = (x.max(y), x.min(y));
-                known.push((long - short, format!("({long} - {short})")));
             }
         }
         Self { known }

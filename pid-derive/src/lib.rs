@@ -13,7 +13,8 @@
 //! - [`facts`](mod@facts): what the checker wants proved;
 //! - [`plausible`]: which masses and inertias a body can have;
 //! - [`identifiability`](mod@identifiability): which combinations of parameters a motion determines; [`dense`]: ranks;
-//! - [`regressor`](mod@regressor), [`base_parameters`](mod@base_parameters): the equations as a linear function of parameters.
+//! - [`regressor`](mod@regressor), [`base_parameters`](mod@base_parameters): the equations as a linear function of parameters;
+//! - [`readable`]: the equations as text and LaTeX.
 
 pub mod base_parameters;
 pub mod dense;
@@ -27,6 +28,7 @@ pub mod lagrangian;
 pub mod model;
 pub mod newton_euler;
 pub mod plausible;
+pub mod readable;
 pub mod regressor;
 pub mod sample;
 pub mod symbols;

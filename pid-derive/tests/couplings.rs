@@ -185,6 +185,7 @@ fn cart_pole() -> Robot {
     robot.emit = Emit {
         first_derivatives: true,
         second_derivatives: true,
+        ..Emit::default()
     };
     let (v, w, th) = (Expr::Velocity(0), Expr::Velocity(1), Expr::Position(1));
     let square = |x: &Expr| Expr::Powi(Box::new(x.clone()), 2);

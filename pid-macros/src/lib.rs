@@ -114,8 +114,11 @@ use proc_macro::TokenStream;
 /// ## `force on joint = expr;`
 /// A law for one joint. All laws of a joint are added up.
 ///
-/// ## `emit { dynamics, first_derivatives, second_derivatives }`
-/// What to generate; everything if left out.
+/// ## `emit { dynamics, first_derivatives, second_derivatives, regressor, base_parameters }`
+/// What to generate; the first three if left out.
+/// - `regressor`: Y of `tau = Y p + tau₀`, for links with `inertial: free` (or numbers); columns are the parameters whose
+///   effect depends on motion alone. `pid_runtime::dynamics::Regressor` has all parameters in which r is linear;
+/// - `base_parameters`: the smallest set of combinations of them that the torques depend on, as values and as formulas.
 ///
 /// ## `expect rank n;`, `expect rank n at nominal;`
 /// The number of combinations of parameters that a motion determines (those marked `fixed` known), at almost all values or at
