@@ -85,7 +85,7 @@ fn what_is_wrong_has_a_place() {
         panic!("`k` is not declared");
     };
     assert!(
-        messages[0].starts_with("14:45: ") && messages[0].contains("`k`"),
+        messages[0].starts_with("14:42: ") && messages[0].contains("`k`"),
         "{messages:?}"
     );
     assert_eq!(
