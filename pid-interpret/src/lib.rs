@@ -42,7 +42,7 @@
 //!     potential: None,
 //!     lagrangian: None,
 //!     blanks: vec![],
-//!     emit: Emit { first_derivatives: true, second_derivatives: true },
+//!     emit: Emit { first_derivatives: true, second_derivatives: true, ..Emit::default() },
 //! })?;
 //! // r = m l² a + m g l sin q.
 //! let mut r = [0.0];

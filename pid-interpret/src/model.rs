@@ -122,6 +122,7 @@ impl Model {
         let first = Emit {
             first_derivatives: true,
             second_derivatives: false,
+            ..Emit::default()
         };
         let jacobian = derivatives(&mut g, &equations, first).jacobian;
         let net: Vec<Id> = equations
@@ -160,6 +161,7 @@ impl Model {
             let both = Emit {
                 first_derivatives: true,
                 second_derivatives: true,
+                ..Emit::default()
             };
             let entries = derivatives(&mut g, &self.equations, both).hessian;
             Derivative::new(&g, self.dims, &[], &entries)

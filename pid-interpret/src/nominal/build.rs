@@ -46,6 +46,7 @@ pub(super) fn nominal(source: &Source<'_>) -> Result<Nominal, NominalError> {
             emit: Emit {
                 first_derivatives: true,
                 second_derivatives: true,
+                ..Emit::default()
             },
         },
     };
