@@ -97,3 +97,28 @@ fn what_is_wrong_has_a_place() {
         Err(Error::Syntax { line: 1, .. })
     ));
 }
+
+#[test]
+fn every_model_of_the_workspace() {
+    let mut found = 0;
+    for entry in std::fs::read_dir("../models/src").expect("the models are beside this crate") {
+        let source = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+        if !source.contains("robot! {\n") {
+            continue;
+        }
+        for robot in pid_dump::robots(&source).unwrap() {
+            let lines = robot.counts().unwrap().lines().count();
+            assert!(lines >= 10, "{}", robot.name());
+            let text = robot.text().unwrap();
+            assert!(text.starts_with(robot.name()) && text.contains("\nb["));
+            let latex = robot.latex().unwrap();
+            assert_eq!(
+                latex.matches("\\begin{").count(),
+                latex.matches("\\end{").count()
+            );
+            assert_eq!(latex.matches('{').count(), latex.matches('}').count());
+            found += 1;
+        }
+    }
+    assert!(found >= 7, "{found}");
+}

@@ -211,8 +211,7 @@ fn accelerations(nq: usize, m: &[f64], r: &[f64]) -> Option<Vec<f64>> {
         let pivot = (k..nq).max_by(|&i, &j| a[i][k].abs().total_cmp(&a[j][k].abs()))?;
         a.swap(k, pivot);
         let head = a[k][k];
-        // Written so that NaN counts as singular.
-        if !(head.abs() > 1e-12 * size) {
+        if head.is_nan() || head.abs() <= 1e-12 * size {
             return None;
         }
         for i in k + 1..nq {
