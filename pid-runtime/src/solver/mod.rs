@@ -3,6 +3,7 @@
 pub mod ip;
 pub mod kkt;
 mod outcome;
+pub mod quasi_newton;
 mod settings;
 
 pub use outcome::{Counts, Iteration, Seconds, Solution, Status};

@@ -1,0 +1,380 @@
+//! Quasi-Newton Hessians for any program and any linear system: damped BFGS in compact form.
+//!
+//! ```text
+//! B = δ I − W M⁻¹ Wᵀ,   W = [δ S  Y],   M = [ δ SᵀS   L ]
+//!                                          [ Lᵀ     −D ]
+//! ```
+//!
+//! (R. H. Byrd, J. Nocedal, R. B. Schnabel, Math. Program. 63 (1994), theorem 2.3), from the last steps s and changes y of the
+//! Lagrangian's gradient at fixed multipliers. With Powell's damping (Math. Program. 14 (1978)) B stays positive definite. The
+//! linear system keeps its structure: it is factorised with δ I in place of the Hessian, and the part of low rank follows by
+//! Sherman, Morrison and Woodbury. A memory as long as the solve makes it the full BFGS matrix.
+
+use super::ip::{self, Callback};
+use super::kkt::{Kkt, KktError, KktValues, Regularisation};
+use super::outcome::Solution;
+use super::settings::Settings;
+use crate::nlp::{Nlp, SparsePattern};
+use nalgebra::{DMatrix, DVector};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Damping begins where sᵀy falls below this share of sᵀBs.
+const DAMPING: f64 = 0.2;
+/// Bounds on δ.
+const SMALLEST: f64 = 1e-8;
+const LARGEST: f64 = 1e8;
+/// Relative length below which a step carries no curvature.
+const NO_STEP: f64 = 1e-14;
+
+/// Pairs of steps and gradient changes.
+#[derive(Debug)]
+struct Memory {
+    capacity: usize,
+    delta: f64,
+    s: VecDeque<Vec<f64>>,
+    y: VecDeque<Vec<f64>>,
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+impl Memory {
+    /// Columns of W.
+    fn columns(&self) -> Vec<Vec<f64>> {
+        let scaled = |s: &Vec<f64>| s.iter().map(|s| self.delta * s).collect();
+        let first = self.s.iter().map(scaled);
+        first.chain(self.y.iter().cloned()).collect()
+    }
+
+    /// The matrix M.
+    fn middle(&self) -> DMatrix<f64> {
+        let k = self.s.len();
+        let mut m = DMatrix::zeros(2 * k, 2 * k);
+        for i in 0..k {
+            for j in 0..k {
+                m[(i, j)] = self.delta * dot(&self.s[i], &self.s[j]);
+                if i > j {
+                    let l = dot(&self.s[i], &self.y[j]);
+                    m[(i, k + j)] = l;
+                    m[(k + j, i)] = l;
+                }
+            }
+            m[(k + i, k + i)] = -dot(&self.s[i], &self.y[i]);
+        }
+        m
+    }
+
+    /// B x; `None` if M is singular.
+    fn multiply(&self, x: &[f64]) -> Option<Vec<f64>> {
+        let mut out: Vec<f64> = x.iter().map(|x| self.delta * x).collect();
+        if self.s.is_empty() {
+            return Some(out);
+        }
+        let w = self.columns();
+        let right = DVector::from_iterator(w.len(), w.iter().map(|w| dot(w, x)));
+        let t = self.middle().lu().solve(&right)?;
+        for (w, t) in w.iter().zip(t.iter()) {
+            for (o, w) in out.iter_mut().zip(w) {
+                *o -= t * w;
+            }
+        }
+        Some(out)
+    }
+
+    fn update(&mut self, s: Vec<f64>, mut y: Vec<f64>) {
+        let length = dot(&s, &s);
+        if !(length > 0.0) || !dot(&y, &y).is_finite() {
+            return;
+        }
+        let Some(bs) = self.multiply(&s) else {
+            self.s.clear();
+            self.y.clear();
+            return;
+        };
+        let (curvature, model) = (dot(&s, &y), dot(&s, &bs));
+        if curvature < DAMPING * model {
+            let theta = (1.0 - DAMPING) * model / (model - curvature);
+            for (y, b) in y.iter_mut().zip(&bs) {
+                *y = theta * *y + (1.0 - theta) * b;
+            }
+        }
+        let product = dot(&s, &y);
+        if !(product > 1e-12 * (length * dot(&y, &y)).sqrt()) {
+            return;
+        }
+        if self.s.len() == self.capacity {
+            self.s.pop_front();
+            self.y.pop_front();
+        }
+        self.delta = (dot(&y, &y) / product).clamp(SMALLEST, LARGEST);
+        self.s.push_back(s);
+        self.y.push_back(y);
+    }
+}
+
+/// What the program and its linear system share.
+#[derive(Debug, Clone)]
+struct Shared(Arc<Mutex<Memory>>);
+
+impl Shared {
+    fn get(&self) -> MutexGuard<'_, Memory> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Point, gradient and Jacobian of the last update.
+struct Previous {
+    x: Vec<f64>,
+    gradient: Vec<f64>,
+    jacobian: Vec<f64>,
+}
+
+/// A program whose second derivatives are never asked for.
+struct QuasiNewton<'a> {
+    problem: &'a mut dyn Nlp,
+    memory: Shared,
+    previous: Option<Previous>,
+}
+
+impl Nlp for QuasiNewton<'_> {
+    fn n(&self) -> usize {
+        self.problem.n()
+    }
+    fn m(&self) -> usize {
+        self.problem.m()
+    }
+    fn bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
+        self.problem.bounds(lower, upper);
+    }
+    fn constraint_bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
+        self.problem.constraint_bounds(lower, upper);
+    }
+    fn objective(&mut self, x: &[f64]) -> f64 {
+        self.problem.objective(x)
+    }
+    fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) {
+        self.problem.gradient(x, gradient);
+    }
+    fn constraints(&mut self, x: &[f64], c: &mut [f64]) {
+        self.problem.constraints(x, c);
+    }
+    fn jacobian_pattern(&self) -> &SparsePattern {
+        self.problem.jacobian_pattern()
+    }
+    fn jacobian(&mut self, x: &[f64], values: &mut [f64]) {
+        self.problem.jacobian(x, values);
+    }
+    fn hessian_pattern(&self) -> &SparsePattern {
+        self.problem.hessian_pattern()
+    }
+
+    /// Updates the memory by the step since the last call and leaves zeros; their sign tells the linear system to take the
+    /// memory in. Without the objective (σ = 0, a feasibility problem) there is no curvature.
+    fn hessian(&mut self, x: &[f64], sigma: f64, lambda: &[f64], values: &mut [f64]) {
+        if sigma == 0.0 {
+            values.fill(0.0);
+            return;
+        }
+        values.fill(-0.0);
+        let mut gradient = vec![0.0; x.len()];
+        let mut jacobian = vec![0.0; self.problem.jacobian_pattern().nnz()];
+        self.problem.gradient(x, &mut gradient);
+        self.problem.jacobian(x, &mut jacobian);
+        gradient.iter_mut().for_each(|g| *g *= sigma);
+        if let Some(previous) = &self.previous {
+            let s: Vec<f64> = x.iter().zip(&previous.x).map(|(a, b)| a - b).collect();
+            let change = |now: &[f64], then: &[f64]| -> Vec<f64> {
+                now.iter().zip(then).map(|(a, b)| a - b).collect()
+            };
+            let mut y = change(&gradient, &previous.gradient);
+            let rows = change(&jacobian, &previous.jacobian);
+            let pattern = self.problem.jacobian_pattern();
+            pattern.transpose_multiply_add(&rows, lambda, &mut y);
+            if dot(&s, &s) > NO_STEP * NO_STEP * (1.0 + dot(x, x)) {
+                self.memory.get().update(s, y);
+            }
+        }
+        self.previous = Some(Previous {
+            x: x.to_vec(),
+            gradient,
+            jacobian,
+        });
+    }
+}
+
+/// The linear system with B in place of the Hessian.
+struct QuasiNewtonKkt<'a> {
+    inner: &'a mut dyn Kkt,
+    memory: Shared,
+    sigma: Vec<f64>,
+    w: Vec<Vec<f64>>,
+    /// K₀⁻¹ [W; 0], variables and multipliers.
+    z: Vec<(Vec<f64>, Vec<f64>)>,
+    capacitance: Option<nalgebra::LU<f64, nalgebra::Dyn, nalgebra::Dyn>>,
+    rows: usize,
+}
+
+impl Kkt for QuasiNewtonKkt<'_> {
+    fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
+        self.capacitance = None;
+        let takes_part = |v: &f64| *v == 0.0 && v.is_sign_negative();
+        if !values.hessian.first().is_some_and(takes_part) {
+            return self.inner.factorise(values);
+        }
+        let memory = self.memory.get();
+        self.sigma.clear();
+        let sigma = values.sigma.iter().map(|s| s + memory.delta);
+        self.sigma.extend(sigma);
+        let done = self.inner.factorise(KktValues {
+            sigma: &self.sigma,
+            ..values
+        })?;
+        if memory.s.is_empty() {
+            return Ok(done);
+        }
+        self.w = memory.columns();
+        let middle = memory.middle();
+        drop(memory);
+        let (n, k) = (values.sigma.len(), self.w.len());
+        let zero = vec![0.0; self.rows];
+        self.z.clear();
+        for w in &self.w {
+            let (mut x, mut l) = (vec![0.0; n], vec![0.0; self.rows]);
+            self.inner.solve(w, &zero, &mut x, &mut l);
+            self.z.push((x, l));
+        }
+        let capacitance =
+            DMatrix::from_fn(k, k, |i, j| middle[(i, j)] - dot(&self.w[i], &self.z[j].0));
+        let lu = capacitance.lu();
+        self.capacitance = lu.is_invertible().then_some(lu);
+        Ok(done)
+    }
+
+    fn relaxable(&self) -> bool {
+        self.inner.relaxable()
+    }
+
+    fn relax(&mut self, diagonal: &[f64]) {
+        self.inner.relax(diagonal);
+    }
+
+    fn solve(&mut self, rx: &[f64], rc: &[f64], dx: &mut [f64], dlambda: &mut [f64]) -> f64 {
+        let residual = self.inner.solve(rx, rc, dx, dlambda);
+        let Some(lu) = &self.capacitance else {
+            return residual;
+        };
+        let right = DVector::from_iterator(self.w.len(), self.w.iter().map(|w| dot(w, dx)));
+        let Some(t) = lu.solve(&right) else {
+            return residual;
+        };
+        for ((x, l), t) in self.z.iter().zip(t.iter()) {
+            for (d, x) in dx.iter_mut().zip(x) {
+                *d += t * x;
+            }
+            for (d, l) in dlambda.iter_mut().zip(l) {
+                *d += t * l;
+            }
+        }
+        residual
+    }
+}
+
+/// Minimises a problem by the interior-point method with damped BFGS from the last `memory` steps (at least 1; 6 to 20 is usual,
+/// the number of iterations for the full matrix). The problem's [`Nlp::hessian`] is not called.
+///
+/// `kkt` must have been built for the same problem, as for [`ip::solve`].
+pub fn solve(
+    problem: &mut dyn Nlp,
+    kkt: &mut dyn Kkt,
+    x0: &[f64],
+    memory: usize,
+    settings: &Settings,
+    callback: &mut Callback<'_>,
+) -> Solution {
+    let shared = Shared(Arc::new(Mutex::new(Memory {
+        capacity: memory.max(1),
+        delta: 1.0,
+        s: VecDeque::new(),
+        y: VecDeque::new(),
+    })));
+    let rows = problem.m();
+    let mut system = QuasiNewtonKkt {
+        inner: kkt,
+        memory: shared.clone(),
+        sigma: Vec::new(),
+        w: Vec::new(),
+        z: Vec::new(),
+        capacitance: None,
+        rows,
+    };
+    let mut wrapped = QuasiNewton {
+        problem,
+        memory: shared,
+        previous: None,
+    };
+    ip::solve(&mut wrapped, &mut system, x0, settings, callback)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// B of the textbook recursion `B ← B − B s sᵀ B / sᵀBs + y yᵀ / sᵀy` from δ I.
+    fn recursion(delta: f64, pairs: &[(Vec<f64>, Vec<f64>)]) -> DMatrix<f64> {
+        let n = pairs[0].0.len();
+        let mut b = DMatrix::identity(n, n) * delta;
+        for (s, y) in pairs {
+            let (s, y) = (DVector::from_column_slice(s), DVector::from_column_slice(y));
+            let bs = &b * &s;
+            b = &b - &bs * bs.transpose() / s.dot(&bs) + &y * y.transpose() / s.dot(&y);
+        }
+        b
+    }
+
+    fn memory() -> (Memory, Vec<(Vec<f64>, Vec<f64>)>) {
+        // y = A s of a positive definite A: no damping.
+        let pairs = vec![
+            (vec![1.0, 0.0, 0.5], vec![4.5, 1.0, 1.5]),
+            (vec![0.0, 1.0, -0.5], vec![0.5, 3.0, -1.0]),
+        ];
+        let mut memory = Memory {
+            capacity: 5,
+            delta: 1.0,
+            s: VecDeque::new(),
+            y: VecDeque::new(),
+        };
+        for (s, y) in &pairs {
+            memory.update(s.clone(), y.clone());
+        }
+        (memory, pairs)
+    }
+
+    #[test]
+    fn compact_form_is_the_recursion() {
+        let (memory, pairs) = memory();
+        assert_eq!(memory.s.len(), 2);
+        let expected = recursion(memory.delta, &pairs);
+        for j in 0..3 {
+            let mut unit = vec![0.0; 3];
+            unit[j] = 1.0;
+            let column = memory.multiply(&unit).unwrap();
+            for i in 0..3 {
+                assert!((column[i] - expected[(i, j)]).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn damping_keeps_the_matrix_positive() {
+        let (mut memory, _) = memory();
+        memory.update(vec![1.0, 1.0, 1.0], vec![-5.0, 0.0, -1.0]);
+        let product = dot(&memory.s[2], &memory.y[2]);
+        assert_eq!(memory.s.len(), 3);
+        assert!(product > 0.0, "{product}");
+        for x in [[1.0, 1.0, 1.0], [1.0, -1.0, 0.0], [0.1, 0.0, -2.0]] {
+            assert!(dot(&x, &memory.multiply(&x).unwrap()) > 0.0);
+        }
+    }
+}
