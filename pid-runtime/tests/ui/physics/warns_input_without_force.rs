@@ -24,6 +24,8 @@ robot! {
             viscous: N*m*s/rad = 0.1 in 0.0..=1.0;
             force = -viscous*v;
         }
+
+        expect rank 2;
     }
 }
 
