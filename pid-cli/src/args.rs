@@ -68,14 +68,40 @@ pub(crate) struct DumpParts {
 /// Model, data and place of the results.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct Source {
-    /// Model, as `pid models` lists them.
-    #[arg(requires = "folder")]
+    /// Model, as `pid models` lists them; left out with --urdf.
     pub(crate) model: Option<String>,
     /// Folder with dataset.toml and CSV files (docs/data-format.md).
     pub(crate) folder: Option<PathBuf>,
+    /// Robot from a URDF instead of a model: joints and links of the file, input torque or force at each joint. Identified
+    /// values are written back to identified.urdf.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) urdf: Option<PathBuf>,
+    /// With --urdf: masses and inertias are identified, or held as written.
+    #[arg(long, value_enum, default_value_t, requires = "urdf")]
+    pub(crate) inertias: InertiasArg,
+    /// With --urdf: a rotor inertia per joint is identified.
+    #[arg(long, requires = "urdf")]
+    pub(crate) armature: bool,
     /// Folder for the results; made if needed.
     #[arg(long, short, value_name = "FOLDER", default_value = "pid-report")]
     pub(crate) out: PathBuf,
+}
+
+impl Source {
+    /// Whether nothing was said: the embedded model and records.
+    pub(crate) fn embedded(&self) -> bool {
+        self.model.is_none() && self.folder.is_none() && self.urdf.is_none()
+    }
+}
+
+/// Masses and inertias of a URDF.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum InertiasArg {
+    /// Ten standard parameters per moving body, from the values of the file.
+    #[default]
+    Free,
+    /// The numbers of the file.
+    Fixed,
 }
 
 /// Arguments of `pid identify`.
@@ -312,7 +338,8 @@ mod tests {
         );
         assert_eq!((a.starts, a.tol), (Some(20), 1e-6));
         for bad in [
-            "identify emps",
+            "identify emps d --armature",
+            "identify emps d --inertias fixed",
             "identify emps d --horizon soon",
             "--starts 0",
             "--tol -1",

@@ -1,6 +1,5 @@
 //! From identified (or given) parameters to the report: free runs, missing forces, tables, words.
 
-use pid_models::Entry;
 use pid_runtime::data::{Dataset, Horizon, Kind, Role};
 use pid_runtime::gap::force::{MissingForceEstimate, missing_force};
 use pid_runtime::gap::metrics::{FreeRunSettings, StartVelocity, free_run, free_run_table};
@@ -13,6 +12,7 @@ use pid_runtime::solver::Iteration;
 use crate::error::CliError;
 use crate::findings::findings;
 use crate::progress::Progress;
+use crate::source::Subject;
 
 /// Parameters and how they were come by.
 pub(crate) struct Fit {
@@ -77,12 +77,12 @@ fn free_run_settings(dataset: &Dataset, horizon: Horizon, cutoff: Option<f64>) -
 
 /// Judges the parameters on all records and puts everything into a report.
 pub(crate) fn assemble(
-    entry: &Entry,
+    entry: &Subject,
     dataset: &Dataset,
     fit: Fit,
     progress: &Progress,
 ) -> Result<Report, CliError> {
-    let model = entry.model;
+    let model = entry.model();
     let p = &fit.values;
     let mut scores = Vec::new();
     for horizon in HORIZONS {
@@ -200,7 +200,7 @@ pub(crate) fn assemble(
         program: format!("pid {}", env!("CARGO_PKG_VERSION")),
         title: fit.title,
         model: ModelSection {
-            name: entry.name.to_owned(),
+            name: entry.name.clone(),
             source: format!("{}: {}. {}.", entry.name, entry.summary, entry.source),
             nq: dims.nq,
             nu: dims.nu,

@@ -10,6 +10,7 @@ use pid_runtime::gap::metrics::FreeRunError;
 use pid_runtime::ident::{CrossValidationError, IdentError};
 use pid_runtime::integrate::SimulateError;
 use pid_runtime::report::ReportError;
+use pid_urdf::UrdfError;
 
 use crate::parameters::ParameterFileError;
 
@@ -19,6 +20,16 @@ use crate::parameters::ParameterFileError;
 pub(crate) enum CliError {
     #[error(transparent)]
     Model(#[from] UnknownModel),
+    #[error(transparent)]
+    Urdf(#[from] UrdfError),
+    #[error(transparent)]
+    Interpret(#[from] pid_interpret::Error),
+    #[error(
+        "`{model}` is given without a data folder\n  help: give the folder with dataset.toml after it"
+    )]
+    NoFolder { model: String },
+    #[error("model `{model}` and --urdf are given\n  help: leave one of them out")]
+    TwoModels { model: String },
     #[error(transparent)]
     Data(#[from] DataError),
     #[error(transparent)]

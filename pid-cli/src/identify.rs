@@ -28,7 +28,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     let interrupt = Interrupt::listen();
     let progress = Progress::start("reading the data");
     let (entry, dataset) = source::load(&args.source)?;
-    let model = entry.model;
+    let model = entry.model();
     let start = match &args.start {
         Some(file) => Some(parameters::read(file, model.params())?),
         None => None,
@@ -109,6 +109,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     }
     drop(progress);
     source::deliver(&report, &args.source.out)?;
+    entry.write_urdf(&best.parameters, &args.source.out)?;
     Ok(match (verdict, best.status) {
         (_, Status::Interrupted) => 130,
         (Verdict::Bad, _) => 3,
@@ -117,7 +118,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
 }
 
 fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
-    let embedded = args.source.folder.is_none();
+    let embedded = args.source.embedded();
     let method = match args.method {
         MethodArg::FullDiscretization => Method::FullDiscretization,
         MethodArg::Shooting => Method::Shooting,

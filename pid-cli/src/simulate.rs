@@ -15,7 +15,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<u8, CliError> {
     let started = Instant::now();
     let progress = Progress::start("reading the data");
     let (entry, dataset) = source::load(&args.source)?;
-    let params = entry.model.params();
+    let params = entry.model().params();
     let (values, origin) = match &args.parameters {
         Some(file) => (parameters::read(file, params)?, file.display().to_string()),
         None => (

@@ -2,28 +2,140 @@
 
 use std::path::Path;
 
-use pid_models::Entry;
+use pid_interpret::Model;
 use pid_runtime::data::Dataset;
+use pid_runtime::dynamics::{Dynamics, Hessian};
 use pid_runtime::report::Report;
+use pid_urdf::{Description, Inertias, Options};
 
-use crate::args::Source;
+use crate::args::{InertiasArg, Source};
 use crate::error::{CliError, make_folder, write};
 use crate::{demo, output};
 
+/// A model, and what to call it.
+pub(crate) struct Subject {
+    pub(crate) name: String,
+    pub(crate) summary: String,
+    pub(crate) source: String,
+    origin: Origin,
+}
+
+/// Where a model comes from.
+enum Origin {
+    Compiled(&'static dyn Hessian),
+    Urdf(Box<FromUrdf>),
+}
+
+/// A robot read from a URDF.
+struct FromUrdf {
+    model: Model,
+    description: Description,
+    options: Options,
+}
+
+impl Subject {
+    pub(crate) fn model(&self) -> &dyn Hessian {
+        match &self.origin {
+            Origin::Compiled(model) => *model,
+            Origin::Urdf(urdf) => &urdf.model,
+        }
+    }
+
+    fn compiled(name: &str) -> Result<Self, CliError> {
+        let model = pid_models::by_name(name)?;
+        let entry = pid_models::all()
+            .into_iter()
+            .find(|e| e.model.name() == model.name())
+            .expect("invariant: by_name returns a model of all()");
+        Ok(Self {
+            name: entry.name.to_owned(),
+            summary: entry.summary.to_owned(),
+            source: entry.source.to_owned(),
+            origin: Origin::Compiled(model),
+        })
+    }
+
+    fn from_urdf(file: &Path, source: &Source) -> Result<Self, CliError> {
+        let description = Description::read(file)?;
+        for warning in &description.warnings {
+            output::print(&format!("warning: {warning}\n"));
+        }
+        let mut options = Options::default();
+        options.armature = source.armature;
+        options.inertias = match source.inertias {
+            InertiasArg::Free => Inertias::Standard,
+            InertiasArg::Fixed => Inertias::Numbers,
+        };
+        let model = Model::new(&pid_urdf::robot(&description, &options)?)?;
+        Ok(Self {
+            name: description.name.clone(),
+            summary: format!(
+                "{} coordinates, {} parameters",
+                model.dims().nq,
+                model.dims().np
+            ),
+            source: file.display().to_string(),
+            origin: Origin::Urdf(Box::new(FromUrdf {
+                model,
+                description,
+                options,
+            })),
+        })
+    }
+
+    /// Writes the URDF with these parameters beside the report, for a model that came from one.
+    pub(crate) fn write_urdf(&self, values: &[f64], out: &Path) -> Result<(), CliError> {
+        let Origin::Urdf(urdf) = &self.origin else {
+            return Ok(());
+        };
+        let params = urdf.model.params();
+        let value = |name: &str| Some(values[params.iter().position(|p| p.name == name)?]);
+        let written = pid_urdf::write(&urdf.description, &urdf.options, value);
+        make_folder(out)?;
+        let file = out.join("identified.urdf");
+        write(&file, &written.text)?;
+        output::print(&format!("written: {}\n", file.display()));
+        for lost in &written.lost {
+            output::print(&format!("  not in it: {lost}\n"));
+        }
+        Ok(())
+    }
+}
+
 /// The model and the data asked for, or the embedded ones; checked against each other.
-pub(crate) fn load(source: &Source) -> Result<(Entry, Dataset), CliError> {
-    let name = source.model.as_deref().unwrap_or(demo::MODEL);
-    let model = pid_models::by_name(name)?;
-    let dataset = match &source.folder {
-        Some(folder) => Dataset::read(folder)?,
-        None => demo::dataset()?,
+pub(crate) fn load(source: &Source) -> Result<(Subject, Dataset), CliError> {
+    // With --urdf the one positional argument is the folder.
+    let (subject, folder) = match (&source.urdf, &source.model, &source.folder) {
+        (Some(file), folder, None) => (
+            Subject::from_urdf(file, source)?,
+            folder.as_ref().map(Path::new),
+        ),
+        (Some(_), Some(model), Some(_)) => {
+            return Err(CliError::TwoModels {
+                model: model.clone(),
+            });
+        }
+        (_, Some(model), None) => {
+            return Err(CliError::NoFolder {
+                model: model.clone(),
+            });
+        }
+        (_, model, folder) => {
+            let name = model.as_deref().unwrap_or(demo::MODEL);
+            (Subject::compiled(name)?, folder.as_deref())
+        }
     };
-    dataset.check_model(model)?;
-    let entry = pid_models::all()
-        .into_iter()
-        .find(|e| e.model.name() == model.name())
-        .expect("invariant: by_name returns a model of all()");
-    Ok((entry, dataset))
+    let dataset = match (folder, &source.urdf) {
+        (Some(folder), _) => Dataset::read(folder)?,
+        (None, Some(file)) => {
+            return Err(CliError::NoFolder {
+                model: file.display().to_string(),
+            });
+        }
+        (None, None) => demo::dataset()?,
+    };
+    dataset.check_model(subject.model())?;
+    Ok((subject, dataset))
 }
 
 /// Writes fit.json and report.html and prints the summary.
@@ -39,4 +151,33 @@ pub(crate) fn deliver(report: &Report, out: &Path) -> Result<(), CliError> {
         json.display()
     ));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::load;
+    use crate::args::{Cli, Command};
+    use clap::Parser;
+
+    #[test]
+    fn a_model_needs_a_folder_and_stands_alone() {
+        for (line, message) in [
+            ("pid identify emps", "`emps` is given without a data folder"),
+            (
+                "pid identify --urdf arm.urdf emps data",
+                "model `emps` and --urdf are given",
+            ),
+            (
+                "pid identify --urdf nowhere.urdf data",
+                "nowhere.urdf: cannot be read",
+            ),
+        ] {
+            let cli = Cli::try_parse_from(line.split(' ')).unwrap();
+            let Some(Command::Identify(args)) = cli.command else {
+                panic!("{cli:?}")
+            };
+            let error = load(&args.source).err().expect(line).to_string();
+            assert!(error.contains(message), "{line}: {error}");
+        }
+    }
 }

@@ -1,0 +1,233 @@
+//! Parameter values back into the text of a URDF.
+//!
+//! Only the numbers that the parameters stand for change; visuals, meshes, comments, unknown elements and the layout stay.
+//! Read again, with the numbers as numbers, the text gives the dynamics of the robot with those parameters.
+
+use std::ops::Range;
+
+use crate::description::{Description, Motion, rotation, transposed, turned};
+use crate::robot::{Options, STANDARD, free_links};
+
+/// A text with what it could not hold.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Written {
+    /// The URDF.
+    pub text: String,
+    /// Parameters that have no field, or no value a field may have.
+    pub lost: Vec<Lost>,
+}
+
+/// A parameter that URDF cannot express.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Lost {
+    /// A drive's inertia is not zero: URDF has no field for it.
+    Armature {
+        /// The parameter.
+        parameter: String,
+        /// Its value.
+        value: f64,
+    },
+    /// Values that no body or joint has; the text keeps what it had.
+    Refused {
+        /// The link or joint.
+        item: String,
+        /// Why.
+        reason: String,
+    },
+    /// No value was given for a parameter; the text keeps what it had.
+    NotGiven {
+        /// The parameter.
+        parameter: String,
+    },
+}
+
+impl std::fmt::Display for Lost {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Armature { parameter, value } => write!(
+                f,
+                "`{parameter}` is {value}; URDF has no field for the inertia of a drive, state it where the simulator expects it"
+            ),
+            Self::Refused { item, reason } => write!(f, "{item} keeps its old values: {reason}"),
+            Self::NotGiven { parameter } => {
+                write!(f, "no value given for `{parameter}`, the old one stays")
+            }
+        }
+    }
+}
+
+/// The text of a description with the values of the parameters of its [`robot`](crate::robot()). `value` gives the value of a
+/// parameter by its name.
+pub fn write(
+    description: &Description,
+    options: &Options,
+    value: impl Fn(&str) -> Option<f64>,
+) -> Written {
+    let mut edits = Edits::default();
+    let mut lost = Vec::new();
+    for (link, free) in description
+        .links
+        .iter()
+        .zip(free_links(description, options))
+    {
+        if !free {
+            continue;
+        }
+        let mut p = [0.0; 10];
+        let mut complete = true;
+        for (place, stem) in p.iter_mut().zip(STANDARD) {
+            let parameter = format!("{}_{stem}", link.identifier);
+            match value(&parameter) {
+                Some(x) => *place = x,
+                None => {
+                    complete = false;
+                    lost.push(Lost::NotGiven { parameter });
+                }
+            }
+        }
+        if !complete {
+            continue;
+        }
+        let rpy = link.inertial.map_or([0.0; 3], |inertial| inertial.rpy);
+        let (mass, com, inertia) = about_com(p, rpy);
+        if let Err(reason) = pid_derive::plausible::check(mass, inertia) {
+            lost.push(Lost::Refused {
+                item: format!("link `{}`", link.name),
+                reason: reason.to_string(),
+            });
+            continue;
+        }
+        let places = &link.places;
+        let xyz = com.map(|x| x.to_string()).join(" ");
+        edits.attribute(places.mass.clone(), None, "value", &mass.to_string());
+        match &places.origin {
+            Some((tag, range)) => edits.attribute(range.clone(), Some(*tag), "xyz", &xyz),
+            None => edits.insert(places.inside, format!("<origin xyz=\"{xyz}\"/>")),
+        }
+        const NAMES: [&str; 6] = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"];
+        let values = inertia.map(|x| x.to_string());
+        match places.inertia_tag {
+            Some(tag) => {
+                for ((range, name), value) in places.inertia.iter().zip(NAMES).zip(&values) {
+                    edits.attribute(range.clone(), Some(tag), name, value);
+                }
+            }
+            None => {
+                let pairs = NAMES
+                    .iter()
+                    .zip(&values)
+                    .map(|(n, v)| format!(" {n}=\"{v}\""));
+                edits.insert(
+                    places.inside,
+                    format!("<inertia{}/>", pairs.collect::<String>()),
+                );
+            }
+        }
+    }
+    for joint in &description.joints {
+        if joint.motion == Motion::Fixed {
+            continue;
+        }
+        let mut coefficient = |stem: &str, old: f64| {
+            let parameter = format!("{stem}_{}", joint.identifier);
+            match value(&parameter) {
+                Some(x) if x >= 0.0 && x.is_finite() => x,
+                Some(x) => {
+                    lost.push(Lost::Refused {
+                        item: format!("joint `{}`", joint.name),
+                        reason: format!("`{parameter}` is {x}; friction is zero or positive"),
+                    });
+                    old
+                }
+                None => {
+                    lost.push(Lost::NotGiven { parameter });
+                    old
+                }
+            }
+        };
+        if options.friction {
+            let dry = coefficient("dry", joint.friction).to_string();
+            let viscous = coefficient("viscous", joint.damping).to_string();
+            let places = &joint.places;
+            match places.dynamics {
+                Some(tag) => {
+                    edits.attribute(places.damping.clone(), Some(tag), "damping", &viscous);
+                    edits.attribute(places.friction.clone(), Some(tag), "friction", &dry);
+                }
+                None => edits.insert(
+                    places.inside,
+                    format!("<dynamics damping=\"{viscous}\" friction=\"{dry}\"/>"),
+                ),
+            }
+        }
+        if options.armature {
+            let parameter = format!("rotor_{}", joint.identifier);
+            match value(&parameter) {
+                Some(0.0) => {}
+                Some(value) => lost.push(Lost::Armature { parameter, value }),
+                None => lost.push(Lost::NotGiven { parameter }),
+            }
+        }
+    }
+    Written {
+        text: edits.apply(&description.text),
+        lost,
+    }
+}
+
+/// Mass, centre of mass, and inertia about it in axes turned by `rpy`, of standard parameters.
+fn about_com(p: [f64; 10], rpy: [f64; 3]) -> (f64, [f64; 3], [f64; 6]) {
+    let [m, mx, my, mz, xx, yy, zz, xy, xz, yz] = p;
+    let c = [mx / m, my / m, mz / m];
+    let about = [
+        xx - m * (c[1] * c[1] + c[2] * c[2]),
+        yy - m * (c[0] * c[0] + c[2] * c[2]),
+        zz - m * (c[0] * c[0] + c[1] * c[1]),
+        xy + m * c[0] * c[1],
+        xz + m * c[0] * c[2],
+        yz + m * c[1] * c[2],
+    ];
+    (m, c, turned(transposed(rotation(rpy)), about))
+}
+
+/// Replacements and insertions of a text.
+#[derive(Default)]
+struct Edits(Vec<(Range<usize>, String)>);
+
+impl Edits {
+    /// Replaces the value of an attribute, or inserts the attribute after the name of its tag.
+    fn attribute(
+        &mut self,
+        range: Option<Range<usize>>,
+        tag: Option<usize>,
+        name: &str,
+        value: &str,
+    ) {
+        match (range, tag) {
+            (Some(range), _) => self.0.push((range, value.to_owned())),
+            (None, Some(tag)) => self.0.push((tag..tag, format!(" {name}=\"{value}\""))),
+            (None, None) => {}
+        }
+    }
+
+    fn insert(&mut self, at: Option<usize>, text: String) {
+        if let Some(at) = at {
+            self.0.push((at..at, text));
+        }
+    }
+
+    fn apply(mut self, text: &str) -> String {
+        // Stable: insertions at one place keep their order.
+        self.0.sort_by_key(|(range, _)| range.start);
+        let mut out = String::with_capacity(text.len());
+        let mut at = 0;
+        for (range, new) in &self.0 {
+            out.push_str(text.get(at..range.start).unwrap_or(""));
+            out.push_str(new);
+            at = range.end;
+        }
+        out.push_str(text.get(at..).unwrap_or(""));
+        out
+    }
+}
