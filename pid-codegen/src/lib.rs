@@ -6,13 +6,17 @@
 //! ```
 //!
 //! The pipeline is an ordinary library because a procedural macro cannot be called from tests; `pid-macros` is its shell.
-//! Expansion is pure: the same tokens give the same output, no files, no environment.
+//! Expansion is pure: the same tokens give the same output, no files, no environment. The one exception is a robot `from urdf`,
+//! whose file is an input like the tokens.
 
 pub mod check;
 pub mod diag;
 pub mod emit;
+mod from_urdf;
 pub mod si;
 pub mod syntax;
+
+use std::path::Path;
 
 use proc_macro2::TokenStream;
 
@@ -38,7 +42,18 @@ pub fn robots(input: TokenStream) -> Result<Vec<pid_derive::model::Robot>, Vec<S
 ///
 /// A declaration with mistakes gives `compile_error!`s at the tokens to change and the types of the robot with the names
 /// that were accepted, so that its uses do not fail as well.
+///
+/// A robot `from urdf` is read from a file below the folder of the crate that is being compiled.
 pub fn expand(input: TokenStream) -> TokenStream {
+    let folder = std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default();
+    expand_in(input, folder.as_ref())
+}
+
+/// As [`expand`], with the folder that paths of files are relative to.
+pub fn expand_in(input: TokenStream, folder: &Path) -> TokenStream {
+    if from_urdf::is_meant(&input) {
+        return from_urdf::expand(input, folder);
+    }
     let mut diag = Diagnostics::new();
     let Some(ast) = syntax::parse(input, &mut diag) else {
         return diag.errors_to_tokens();

@@ -1,44 +1,17 @@
 //! Every robot of `pid-models`, compiled and interpreted from the same declaration: equal values, equal derivatives.
 
-use std::path::Path;
+mod common;
 
-use pid_codegen::check::{Resolved, resolve};
-use pid_codegen::diag::Diagnostics;
-use pid_codegen::syntax;
-use pid_derive::model::Robot;
+use common::declared;
 use pid_interpret::Model;
 use pid_runtime::dynamics::{At, Dims, Dynamics, Hessian, Jacobian, Pattern};
 use pid_runtime::generic;
 use pid_runtime::lanes::{LANES, Lane, LanesAt};
 use pid_symbolic::random::Random;
-use proc_macro2::TokenStream;
 
 /// Agreement relative to the largest entry. The generated code is the same graph: only rounding of libraries may differ.
 const AGREEMENT: f64 = 1e-13;
 const POINTS: usize = 20;
-
-/// The declaration of a robot in a source file of `pid-models`.
-fn declared(file: &str) -> Robot {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../models/src")
-        .join(file);
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let file = syn::parse_file(&text).expect("the file compiles");
-    let tokens: TokenStream = file
-        .items
-        .iter()
-        .find_map(|item| match item {
-            syn::Item::Macro(item) if item.mac.path.is_ident("robot") => {
-                Some(item.mac.tokens.clone())
-            }
-            _ => None,
-        })
-        .expect("a declaration with robot!");
-    let mut diag = Diagnostics::new();
-    let ast = syntax::parse(tokens, &mut diag).expect("the declaration parses");
-    let Resolved { robot, .. } = resolve(&ast, &mut diag).expect("the declaration is sound");
-    robot
-}
 
 /// A point, parameters within 20 % of nominal.
 struct Point {
