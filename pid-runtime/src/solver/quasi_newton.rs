@@ -377,4 +377,62 @@ mod tests {
             assert!(dot(&x, &memory.multiply(&x).unwrap()) > 0.0);
         }
     }
+
+    /// Rosenbrock's function on the circle of radius √2: the optimum (1, 1). The exact Hessian must not be asked for.
+    struct Circle(SparsePattern, SparsePattern);
+    impl Nlp for Circle {
+        fn n(&self) -> usize {
+            2
+        }
+        fn m(&self) -> usize {
+            1
+        }
+        fn bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
+            lower.fill(-2.0);
+            upper.fill(2.0);
+        }
+        fn objective(&mut self, x: &[f64]) -> f64 {
+            10.0 * (x[1] - x[0] * x[0]).powi(2) + (1.0 - x[0]).powi(2)
+        }
+        fn gradient(&mut self, x: &[f64], g: &mut [f64]) {
+            let r = x[1] - x[0] * x[0];
+            g[0] = -40.0 * r * x[0] - 2.0 * (1.0 - x[0]);
+            g[1] = 20.0 * r;
+        }
+        fn constraints(&mut self, x: &[f64], c: &mut [f64]) {
+            c[0] = x[0] * x[0] + x[1] * x[1] - 2.0;
+        }
+        fn jacobian_pattern(&self) -> &SparsePattern {
+            &self.0
+        }
+        fn jacobian(&mut self, x: &[f64], values: &mut [f64]) {
+            values.copy_from_slice(&[2.0 * x[0], 2.0 * x[1]]);
+        }
+        fn hessian_pattern(&self) -> &SparsePattern {
+            &self.1
+        }
+        fn hessian(&mut self, _: &[f64], _: f64, _: &[f64], _: &mut [f64]) {
+            panic!("second derivatives are not asked for");
+        }
+    }
+
+    #[test]
+    fn solves_without_second_derivatives() {
+        let (mut jacobian, mut hessian) = (SparsePattern::default(), SparsePattern::default());
+        (0..2).for_each(|j| jacobian.push(0, j));
+        (0..2).for_each(|i| (0..=i).for_each(|j| hessian.push(i, j)));
+        let mut problem = Circle(jacobian, hessian);
+        let mut kkt = crate::solver::kkt::sparse::SparseKkt::new(&problem);
+        let settings = Settings::default();
+        let solution = solve(
+            &mut problem,
+            &mut kkt,
+            &[0.5, 1.5],
+            6,
+            &settings,
+            &mut |_, _| std::ops::ControlFlow::Continue(()),
+        );
+        assert!(solution.status.converged(), "{:?}", solution.status);
+        assert!((solution.x[0] - 1.0).abs() < 1e-5 && (solution.x[1] - 1.0).abs() < 1e-5);
+    }
 }
