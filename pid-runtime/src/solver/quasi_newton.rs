@@ -85,7 +85,7 @@ impl Memory {
 
     fn update(&mut self, s: Vec<f64>, mut y: Vec<f64>) {
         let length = dot(&s, &s);
-        if !(length > 0.0) || !dot(&y, &y).is_finite() {
+        if length == 0.0 || !length.is_finite() || !dot(&y, &y).is_finite() {
             return;
         }
         let Some(bs) = self.multiply(&s) else {
@@ -101,7 +101,7 @@ impl Memory {
             }
         }
         let product = dot(&s, &y);
-        if !(product > 1e-12 * (length * dot(&y, &y)).sqrt()) {
+        if product <= 1e-12 * (length * dot(&y, &y)).sqrt() || product.is_nan() {
             return;
         }
         if self.s.len() == self.capacity {

@@ -95,7 +95,7 @@ impl Solver<'_> {
     /// Solves for the step; rows that depend on each other make a poor solution and are relaxed.
     fn solve_step(&mut self, regularisation: &mut Regularisation) -> Result<(), Status> {
         let residual = self.solve_system();
-        if !(residual <= POOR) && self.m > 0 && self.kkt.relaxable() {
+        if (residual > POOR || residual.is_nan()) && self.m > 0 && self.kkt.relaxable() {
             let delta = 1e-8 * self.mu.powf(0.25);
             let relaxation = vec![delta; self.m];
             self.kkt.relax(&relaxation);

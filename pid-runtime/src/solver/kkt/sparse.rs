@@ -200,7 +200,7 @@ impl Kkt for SparseKkt {
                 .multiply_add(&self.jacobian_values, dx, bottom);
             let size = largest(dx).max(largest(dlambda)).min(1e6 * scale);
             let next = largest(&self.residual) / (scale + size);
-            if pass > 0 && !(next < relative) {
+            if pass > 0 && (next >= relative || next.is_nan()) {
                 // The last correction made it worse: take it back.
                 for i in 0..n {
                     dx[i] -= self.solution[i];
