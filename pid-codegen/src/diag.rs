@@ -63,12 +63,35 @@ pub struct Warning {
 pub struct Diagnostics {
     errors: Vec<syn::Error>,
     warnings: Vec<Warning>,
+    /// The variant that messages are about.
+    variant: Option<String>,
 }
 
 impl Diagnostics {
     /// No errors, no warnings.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// No errors yet, all to come about a variant.
+    pub fn of_variant(name: &proc_macro2::Ident) -> Self {
+        Self {
+            variant: Some(name.to_string()),
+            ..Self::default()
+        }
+    }
+
+    /// Takes over the errors of `other`.
+    pub fn extend_errors(&mut self, other: Diagnostics) {
+        self.errors.extend(other.errors);
+    }
+
+    /// The message, naming the variant it is about.
+    fn said(&self, message: impl std::fmt::Display) -> String {
+        match &self.variant {
+            Some(variant) => format!("in variant `{variant}`: {message}"),
+            None => message.to_string(),
+        }
     }
 
     /// Adds an error.
@@ -78,6 +101,7 @@ impl Diagnostics {
 
     /// Adds an error at `at`.
     pub fn error(&mut self, at: impl Into<Loc>, message: impl std::fmt::Display) {
+        let message = self.said(message);
         self.errors.push(at.into().error(message));
     }
 
@@ -89,7 +113,7 @@ impl Diagnostics {
         other: impl Into<Loc>,
         note: impl std::fmt::Display,
     ) {
-        let mut e = at.into().error(message);
+        let mut e = at.into().error(self.said(message));
         e.combine(other.into().error(note));
         self.errors.push(e);
     }

@@ -22,6 +22,7 @@ use proc_macro2::TokenStream;
 
 use check::Resolved;
 use diag::Diagnostics;
+use syntax::Ast;
 
 /// The robots that the contents of a `robot! { … }` declare, checked.
 ///
@@ -31,9 +32,9 @@ pub fn robots(input: TokenStream) -> Result<Vec<pid_derive::model::Robot>, Vec<S
     let mut diag = Diagnostics::new();
     let resolved = syntax::parse(input, &mut diag)
         .filter(|_| diag.is_ok())
-        .and_then(|ast| check::resolve(&ast, &mut diag));
+        .and_then(|ast| models(&ast, &mut diag));
     match resolved {
-        Some(resolved) => Ok(vec![resolved.robot]),
+        Some(models) => Ok(models.into_iter().map(|m| m.0.robot).collect()),
         None => Err(diag.located()),
     }
 }
@@ -58,37 +59,56 @@ pub fn expand_in(input: TokenStream, folder: &Path) -> TokenStream {
     let Some(ast) = syntax::parse(input, &mut diag) else {
         return diag.errors_to_tokens();
     };
-    let resolved = match diag.is_ok() {
-        true => check::resolve(&ast, &mut diag),
+    let models = match diag.is_ok() {
+        true => models(&ast, &mut diag),
         false => None,
     };
-    let Some(Resolved {
-        robot,
-        places,
-        identifiability,
-    }) = resolved
-    else {
+    let Some(models) = models else {
         return emit::fallback::fallback(&ast, &diag);
     };
+    let mut tokens = TokenStream::new();
+    for (resolved, names) in models {
+        match emit::try_model(&resolved.robot, &names, &resolved.identifiability) {
+            Ok(model) => tokens.extend(model),
+            Err(e) => diag.error(&names.robot, e),
+        }
+    }
+    if !diag.is_ok() {
+        return emit::fallback::fallback(&ast, &diag);
+    }
+    tokens.extend(diag.warnings_to_tokens(&ast.attrs));
+    tokens
+}
+
+/// The robot, then its variants, with their identifiers. `None` after an error.
+fn models(ast: &Ast, diag: &mut Diagnostics) -> Option<Vec<(Resolved, emit::Names)>> {
+    let robot = check::resolve(ast, diag)?;
+    let own = names(ast, &robot);
+    let mut out = vec![(robot, own)];
+    for k in 0..ast.variants.len() {
+        let held = ast.variant(k);
+        // Warnings of the description have been given with the robot.
+        let mut own = Diagnostics::of_variant(&held.name);
+        let resolved = check::resolve(&held, &mut own);
+        diag.extend_errors(own);
+        if let Some(resolved) = resolved {
+            let names = names(&held, &resolved).without_places();
+            out.push((resolved, names));
+        }
+    }
+    diag.is_ok().then_some(out)
+}
+
+fn names(ast: &Ast, Resolved { robot, places, .. }: &Resolved) -> emit::Names {
     let moving = |j: &usize| robot.joints[*j].coord.is_some();
-    let names = emit::Names {
+    emit::Names {
         vis: ast.visibility(),
         robot: ast.name.clone(),
         joints: (0..robot.joints.len())
             .filter(moving)
             .map(|j| places.joints[j].clone())
             .collect(),
-        params: places.params,
-        inputs: places.inputs,
-    };
-    match emit::try_model(&robot, &names, &identifiability) {
-        Ok(mut tokens) => {
-            tokens.extend(diag.warnings_to_tokens(&ast.attrs));
-            tokens
-        }
-        Err(e) => {
-            diag.error(&ast.name, e);
-            emit::fallback::fallback(&ast, &diag)
-        }
+        params: places.params.clone(),
+        inputs: places.inputs.clone(),
     }
 }

@@ -3,8 +3,11 @@
 //! Stages run in order (names, units and values, tree, physics). A stage reports everything it finds; the first stage with
 //! an error is the last to run, since the later ones would only echo it.
 
+mod bodies;
+mod drives;
 mod identifiability;
 mod linearity;
+pub mod motion;
 pub mod names;
 mod numbers;
 pub mod physics;
@@ -13,6 +16,7 @@ pub mod tree;
 pub mod units;
 pub mod uses;
 pub mod values;
+pub mod variants;
 
 use proc_macro2::{Ident, Span};
 
@@ -55,6 +59,7 @@ pub struct Places {
 pub fn resolve(ast: &Ast, diag: &mut Diagnostics) -> Option<Resolved> {
     let symbols = names::collect(ast, diag);
     uses::check(ast, &symbols, diag);
+    variants::check(ast, &symbols, diag);
     if !diag.is_ok() {
         return None;
     }

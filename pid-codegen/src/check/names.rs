@@ -3,7 +3,9 @@
 use proc_macro2::{Ident, Span};
 
 use crate::diag::{Diagnostics, nearest, one_of};
-use crate::syntax::{Ast, InputDecl, JointDecl, LinkDecl, Motion, ParamDecl, PerJoint};
+use crate::syntax::{
+    Ast, Expr, ExprKind, InputDecl, JointDecl, LinkDecl, Motion, MotorDecl, ParamDecl, PerJoint,
+};
 use pid_derive::model::{About, Func};
 
 /// Everything declared, ranges and `per joint` blocks expanded.
@@ -15,8 +17,10 @@ pub struct Symbols<'a> {
     pub inputs: Vec<InputSymbol<'a>>,
     /// Links.
     pub links: Vec<LinkSymbol<'a>>,
-    /// Joints.
+    /// Joints, or the coordinates of a bare Lagrangian.
     pub joints: Vec<JointSymbol<'a>>,
+    /// Motors. Where a "joint" is meant by its index, motor `k` is number `joints.len() + k`.
+    pub motors: Vec<&'a MotorDecl>,
     /// Names whose declaration was refused: their uses are not reported again.
     pub refused: Vec<String>,
     /// `per joint` blocks with the joints they cover.
@@ -68,8 +72,8 @@ pub struct InputSymbol<'a> {
     pub field: Ident,
     /// The declaration.
     pub decl: &'a InputDecl,
-    /// Index of the joint.
-    pub joint: usize,
+    /// Index of the joint or motor; none of inputs of the whole robot.
+    pub joint: Option<usize>,
 }
 
 /// A link, taken out of a range.
@@ -86,8 +90,10 @@ pub struct LinkSymbol<'a> {
 pub struct JointSymbol<'a> {
     /// The declaration.
     pub decl: &'a JointDecl,
-    /// Its coordinate, if it moves.
+    /// Its coordinate, if it moves on its own.
     pub coord: Option<usize>,
+    /// Where a variant holds it.
+    pub lock: Option<&'a Expr>,
 }
 
 /// Where an expression stands, which decides what it may use.
@@ -101,6 +107,12 @@ pub enum Scope {
     Drive(usize),
     /// Everything: force laws of a joint.
     Force(usize),
+    /// Parameters, and joints by their bare names: what a joint or motor follows.
+    Coupling,
+    /// Parameters and positions: potentials.
+    Potential,
+    /// Parameters, positions and velocities.
+    Lagrangian,
 }
 
 /// What a name means.
@@ -110,9 +122,9 @@ pub enum Meaning {
     Param(usize),
     /// An input.
     Input(usize),
-    /// A coordinate.
+    /// The position of a joint or motor.
     Position(usize),
-    /// A velocity.
+    /// The velocity of a joint or motor.
     Velocity(usize),
     /// π.
     Pi,
@@ -161,20 +173,23 @@ pub fn variant_name(name: &str) -> String {
 pub fn collect<'a>(ast: &'a Ast, diag: &mut Diagnostics) -> Symbols<'a> {
     let links = collect_links(ast, diag);
     let joints = collect_joints(ast, diag);
-    let blocks = ast
-        .per_joint
-        .iter()
-        .map(|b| (b, covered(b, &joints, diag)))
-        .collect();
+    let motors = collect_motors(ast, &joints, diag);
+    let blocks = ast.per_joint.iter().map(|b| (b, covered(b, &joints, diag)));
+    let driven = (joints.len()..)
+        .zip(&motors)
+        .map(|(j, m)| (&m.body, vec![j]));
+    let blocks = blocks.chain(driven).collect();
     let mut s = Symbols {
         params: Vec::new(),
         inputs: Vec::new(),
         links,
         joints,
+        motors,
         refused: Vec::new(),
         blocks,
     };
     s.declare_params(ast, diag);
+    s.declare_inputs(ast, diag);
     s.declare_free(diag);
     s.declare_per_joint(diag);
     s.refuse_shadowing(ast, diag);
@@ -217,29 +232,74 @@ fn collect_joints<'a>(ast: &'a Ast, diag: &mut Diagnostics) -> Vec<JointSymbol<'
         {
             same_variant(diag, name, &first.decl.name);
         } else if usable(name, diag) {
-            let coord = match decl.motion {
-                Motion::Fixed => None,
-                _ => Some(coords),
-            };
-            coords += usize::from(coord.is_some());
-            joints.push(JointSymbol { decl, coord });
+            if matches!(decl.motion, Motion::Coordinate(_)) && !declarable(name, diag) {
+                continue;
+            }
+            let held = ast
+                .locks
+                .iter()
+                .find(|l| l.joints.idents.iter().any(|i| i == name));
+            let lock = held.map(|l| &l.value);
+            let own = is_own(decl) && lock.is_none();
+            let coord = own.then_some(coords);
+            coords += usize::from(own);
+            joints.push(JointSymbol { decl, coord, lock });
         }
     }
     joints
+}
+
+/// Whether a joint has a coordinate of its own, unless it is locked.
+pub(super) fn is_own(decl: &JointDecl) -> bool {
+    !matches!(decl.motion, Motion::Fixed) && decl.follows.is_none()
+}
+
+fn collect_motors<'a>(
+    ast: &'a Ast,
+    joints: &[JointSymbol<'a>],
+    diag: &mut Diagnostics,
+) -> Vec<&'a MotorDecl> {
+    let mut motors: Vec<&MotorDecl> = Vec::new();
+    for decl in &ast.motors {
+        let name = &decl.name;
+        let declared = joints.iter().map(|j| &j.decl.name);
+        let mut declared = declared.chain(motors.iter().map(|m| &m.name));
+        if let Some(first) = declared.find(|first| *first == name) {
+            twice(diag, name, first);
+        } else if usable(name, diag) {
+            motors.push(decl);
+        }
+    }
+    motors
+}
+
+/// All names in an expression, functions left out.
+pub(super) fn names_in<'e>(e: &'e Expr, out: &mut Vec<&'e Ident>) {
+    match &e.kind {
+        ExprKind::Number(..) => {}
+        ExprKind::Name(name) => out.push(name),
+        ExprKind::Member(_, joint) => out.push(joint),
+        ExprKind::Neg(x) | ExprKind::Pow(x, _) => names_in(x, out),
+        ExprKind::Binary(_, _, a, b) => {
+            names_in(a, out);
+            names_in(b, out);
+        }
+        ExprKind::Call(_, args) => args.iter().for_each(|a| names_in(a, out)),
+    }
 }
 
 /// The joints a `per joint` block covers.
 fn covered(block: &PerJoint, joints: &[JointSymbol<'_>], diag: &mut Diagnostics) -> Vec<usize> {
     let Some(named) = &block.joints else {
         return (0..joints.len())
-            .filter(|&j| joints[j].coord.is_some())
+            .filter(|&j| is_own(joints[j].decl))
             .collect();
     };
     let mut out = Vec::new();
     for ident in named.iter().flat_map(|n| &n.idents) {
         match joints.iter().position(|j| j.decl.name == *ident) {
             None => unknown_joint(diag, ident, joints),
-            Some(j) if joints[j].coord.is_none() => diag.error(
+            Some(j) if matches!(joints[j].decl.motion, Motion::Fixed) => diag.error(
                 ident,
                 format!(
                     "joint `{ident}` is fixed: it has no drive\nhelp: leave it out of `per joint`"
@@ -269,7 +329,7 @@ pub(super) fn unknown_joint(diag: &mut Diagnostics, ident: &Ident, joints: &[Joi
     diag.error(ident, format!("no joint named `{ident}`{help}"));
 }
 
-fn twice(diag: &mut Diagnostics, second: &Ident, first: &Ident) {
+pub(super) fn twice(diag: &mut Diagnostics, second: &Ident, first: &Ident) {
     diag.error2(
         second,
         format!("the name `{second}` is declared twice"),
@@ -309,10 +369,78 @@ fn usable(ident: &Ident, diag: &mut Diagnostics) -> bool {
 }
 
 impl<'a> Symbols<'a> {
+    /// Name of a joint or motor.
+    pub fn name(&self, joint: usize) -> &'a Ident {
+        match self.joints.get(joint) {
+            Some(j) => &j.decl.name,
+            None => &self.motors[joint - self.joints.len()].name,
+        }
+    }
+
+    /// Index of the joint or motor with this name.
+    pub fn mover(&self, name: &Ident) -> Option<usize> {
+        (0..self.joints.len() + self.motors.len()).find(|&j| self.name(j) == name)
+    }
+
+    /// What a joint or motor follows, if it has no coordinate of its own.
+    pub fn follows(&self, joint: usize) -> Option<&'a Expr> {
+        match self.joints.get(joint) {
+            Some(j) => j.decl.follows.as_ref(),
+            None => Some(&self.motors[joint - self.joints.len()].moves),
+        }
+    }
+
+    /// Whether a joint or motor is at rest in this variant: locked, or following nothing but locked joints.
+    pub fn is_held(&self, joint: usize) -> bool {
+        if self.joints.get(joint).is_some_and(|j| j.lock.is_some()) {
+            return true;
+        }
+        let Some(e) = self.follows(joint) else {
+            return false;
+        };
+        let mut names = Vec::new();
+        names_in(e, &mut names);
+        let mut leaders = self
+            .joints
+            .iter()
+            .filter(|j| names.iter().any(|n| j.decl.name == **n))
+            .peekable();
+        leaders.peek().is_some() && leaders.all(|j| j.lock.is_some())
+    }
+
+    fn coordinate(&self, name: &Ident) -> Option<usize> {
+        self.joints
+            .iter()
+            .position(|j| matches!(j.decl.motion, Motion::Coordinate(_)) && j.decl.name == *name)
+    }
+
+    fn declare_inputs(&mut self, ast: &'a Ast, diag: &mut Diagnostics) {
+        for decl in &ast.inputs {
+            let name = &decl.name;
+            let params = self.params.iter().map(|p| &p.field);
+            let mut fields = params.chain(self.inputs.iter().map(|u| &u.field));
+            let first = fields.find(|f| *f == name).cloned();
+            let coordinate = self.coordinate(name).map(|j| self.name(j).clone());
+            if let Some(first) = first.or(coordinate) {
+                twice(diag, name, &first);
+            } else if declarable(name, diag) {
+                self.inputs.push(InputSymbol {
+                    field: name.clone(),
+                    decl,
+                    joint: None,
+                });
+            } else {
+                self.refused.push(name.to_string());
+            }
+        }
+    }
+
     fn declare_params(&mut self, ast: &'a Ast, diag: &mut Diagnostics) {
         for decl in &ast.params {
             if let Some(first) = self.params.iter().find(|p| p.field == decl.name) {
                 twice(diag, &decl.name, &first.field);
+            } else if let Some(first) = self.coordinate(&decl.name) {
+                twice(diag, &decl.name, self.name(first));
             } else if declarable(&decl.name, diag) {
                 self.params.push(ParamSymbol {
                     field: decl.name.clone(),
@@ -378,11 +506,18 @@ impl<'a> Symbols<'a> {
                 .collect::<Vec<_>>()
             {
                 for (nth, &joint) in joints.iter().enumerate() {
+                    if self.is_held(joint) {
+                        continue;
+                    }
                     let Some(field) = self.generated(&decl.name, joint, nth, diag) else {
                         self.refused.push(decl.name.to_string());
                         break;
                     };
-                    self.inputs.push(InputSymbol { field, decl, joint });
+                    self.inputs.push(InputSymbol {
+                        field,
+                        decl,
+                        joint: Some(joint),
+                    });
                 }
             }
             for decl in block
@@ -392,6 +527,9 @@ impl<'a> Symbols<'a> {
                 .collect::<Vec<_>>()
             {
                 for (nth, &joint) in joints.iter().enumerate() {
+                    if self.is_held(joint) {
+                        continue;
+                    }
                     let Some(field) = self.generated(&decl.name, joint, nth, diag) else {
                         self.refused.push(decl.name.to_string());
                         break;
@@ -419,7 +557,7 @@ impl<'a> Symbols<'a> {
         nth: usize,
         diag: &mut Diagnostics,
     ) -> Option<Ident> {
-        let joint = &self.joints[joint].decl.name;
+        let joint = self.name(joint);
         let field = format!("{name}_{joint}");
         let taken = self
             .params
@@ -446,12 +584,18 @@ impl<'a> Symbols<'a> {
 
     /// A bare name must not mean a parameter of the robot and one of the joint at once.
     fn refuse_shadowing(&self, ast: &Ast, diag: &mut Diagnostics) {
-        for block in &ast.per_joint {
+        for block in ast
+            .per_joint
+            .iter()
+            .chain(ast.motors.iter().map(|m| &m.body))
+        {
             let bare =
                 (block.params.iter().map(|p| &p.name)).chain(block.inputs.iter().map(|u| &u.name));
             for name in bare {
-                if let Some(first) = ast.params.iter().find(|p| p.name == *name) {
-                    twice(diag, name, &first.name);
+                let params = ast.params.iter().map(|p| &p.name);
+                let mut all = params.chain(ast.inputs.iter().map(|u| &u.name));
+                if let Some(first) = all.find(|first| *first == name) {
+                    twice(diag, name, first);
                 }
             }
         }
@@ -477,23 +621,33 @@ impl<'a> Symbols<'a> {
         }
         let joint = match scope {
             Scope::Constant(_) => return None,
-            Scope::Geometry(_) => None,
             Scope::Drive(j) | Scope::Force(j) => Some(j),
+            _ => None,
         };
-        if let (Scope::Force(j), Some(coord)) = (scope, joint.and_then(|j| self.joints[j].coord)) {
+        if let Scope::Force(j) = scope {
             if name == "q" {
-                return Some(Meaning::Position(coord));
+                return Some(Meaning::Position(j));
             }
             if name == "v" {
-                return Some(Meaning::Velocity(coord));
+                return Some(Meaning::Velocity(j));
             }
             let found = self
                 .inputs
                 .iter()
-                .position(|u| (u.joint == j && u.decl.name == *name) || u.field == *name);
+                .position(|u| (u.joint == Some(j) && u.decl.name == *name) || u.field == *name);
             if let Some(k) = found {
                 return Some(Meaning::Input(k));
             }
+        }
+        if let Scope::Force(_) | Scope::Potential | Scope::Lagrangian = scope
+            && let Some(j) = self.coordinate(name)
+        {
+            return Some(Meaning::Position(j));
+        }
+        if let Scope::Coupling = scope
+            && let Some(j) = self.joints.iter().position(|j| j.decl.name == *name)
+        {
+            return Some(Meaning::Position(j));
         }
         let own = joint.and_then(|j| {
             self.params.iter().position(|p| {
@@ -506,10 +660,10 @@ impl<'a> Symbols<'a> {
 
     /// What `q.joint` or `v.joint` means.
     pub fn member(&self, what: &Ident, joint: &Ident) -> Option<Meaning> {
-        let coord = self.joints.iter().find(|j| j.decl.name == *joint)?.coord?;
+        let j = self.mover(joint)?;
         match what.to_string().as_str() {
-            "q" => Some(Meaning::Position(coord)),
-            "v" => Some(Meaning::Velocity(coord)),
+            "q" => Some(Meaning::Position(j)),
+            "v" => Some(Meaning::Velocity(j)),
             _ => None,
         }
     }
@@ -519,8 +673,8 @@ impl<'a> Symbols<'a> {
         let mut out = Vec::new();
         let joint = match scope {
             Scope::Constant(_) => return out,
-            Scope::Geometry(_) => None,
             Scope::Drive(j) | Scope::Force(j) => Some(j),
+            _ => None,
         };
         for p in &self.params {
             match p.origin {
@@ -531,9 +685,20 @@ impl<'a> Symbols<'a> {
             }
         }
         if let Scope::Force(j) = scope {
-            let own = self.inputs.iter().filter(|u| u.joint == j);
+            let own = self
+                .inputs
+                .iter()
+                .filter(|u| u.joint.is_none_or(|of| of == j));
             out.extend(own.map(|u| u.decl.name.to_string()));
         }
+        let joints = self.joints.iter().filter(|j| match scope {
+            Scope::Coupling => true,
+            Scope::Force(_) | Scope::Potential | Scope::Lagrangian => {
+                matches!(j.decl.motion, Motion::Coordinate(_))
+            }
+            _ => false,
+        });
+        out.extend(joints.map(|j| j.decl.name.to_string()));
         out
     }
 }

@@ -12,7 +12,15 @@ pub fn check(ast: &Ast, resolved: &Resolved, diag: &mut Diagnostics) {
     let facts = pid_derive::facts(&resolved.robot);
     let errors = diag.count();
     blanks(resolved, &facts, diag);
-    if diag.count() == errors {
+    if let (Some(coord), Some(l)) = (facts.velocity_in_mass, &ast.lagrangian) {
+        diag.error(
+            l.loc,
+            format!(
+                "the Lagrangian is not quadratic in the velocities: the inertia of coordinate `{}` depends on them\nhelp: write what does not belong to kinetic or potential energy as `force on …`",
+                coordinates(&resolved.robot)[coord]
+            ),
+        );
+    } else if diag.count() == errors {
         // A wrong `_` counts as zero in M and would be reported twice.
         singular_mass(resolved, &facts, diag);
     }
@@ -21,7 +29,11 @@ pub fn check(ast: &Ast, resolved: &Resolved, diag: &mut Diagnostics) {
             .per_joint
             .iter()
             .flat_map(|b| b.force.iter().chain(&b.armature));
-        for e in laws.chain(ast.forces.iter().map(|f| &f.force)) {
+        let motors = ast.motors.iter().map(|m| &m.body);
+        let motors = motors.flat_map(|b| b.force.iter().chain(&b.armature));
+        let energies = ast.potentials.iter().chain(&ast.lagrangian);
+        let forces = ast.forces.iter().map(|f| &f.force);
+        for e in laws.chain(motors).chain(energies).chain(forces) {
             refuse_kinks(e, diag);
         }
     }
@@ -68,6 +80,16 @@ fn singular_mass(resolved: &Resolved, facts: &Facts, diag: &mut Diagnostics) {
         return;
     };
     let joint = &robot.joints[j];
+    if robot.lagrangian.is_some() {
+        diag.error(
+            &resolved.places.joints[j],
+            format!(
+                "coordinate `{}` has no inertia: ∂²L/∂v² is not positive definite at the nominal values\nhelp: the Lagrangian needs its kinetic energy, such as `0.5*m*v.{0}^2`",
+                joint.name
+            ),
+        );
+        return;
+    }
     let link = &robot.links[joint.child];
     let lacks = match (&link.inertial, joint.kind) {
         (Inertial::None, _) => "has no mass and no inertia",
@@ -127,14 +149,17 @@ fn without_effect(resolved: &Resolved, facts: &Facts, diag: &mut Diagnostics) {
     }
     for &k in &facts.unused_inputs {
         let u = &robot.inputs[k];
-        let joint = u.coord.map(|c| coordinates(robot)[c]).unwrap_or_default();
-        diag.warn(
-            resolved.places.input_decls[k],
-            format!(
+        let message = match u.coord.map(|c| coordinates(robot)[c]) {
+            Some(joint) => format!(
                 "joint `{joint}` has the input `{}`, but no force uses it\nhelp: use it in `force = …`, or remove it",
                 u.name
             ),
-        );
+            None => format!(
+                "no force uses the input `{0}`\nhelp: use it in `force on joint = …`, or remove it",
+                u.name
+            ),
+        };
+        diag.warn(resolved.places.input_decls[k], message);
     }
 }
 

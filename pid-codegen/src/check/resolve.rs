@@ -5,30 +5,25 @@ use proc_macro2::Span;
 use crate::diag::Diagnostics;
 use crate::si::Unit;
 use crate::syntax::{
-    self, Ast, Axis, AxisKind, Entry, InputDecl, JointDecl, LinkDecl, Motion, Vector,
+    self, Ast, Axis, AxisKind, Entry, InputDecl, JointDecl, LinkDecl, Motion, UnitExpr, Vector,
 };
 use pid_derive::model::{
-    About, Blank, Expr, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
+    About, Blank, Expr, Inertial, Input, Joint, JointKind, Link, Motor, Param, Robot, Tensor,
 };
 
 use super::names::{Origin, Scope, Symbols};
 use super::numbers::constant;
 use super::units::{self, Role, Units};
-use super::{Places, Resolved, values};
+use super::{Places, Resolved, motion, values};
 
 /// The resolved robot but for `order` and the links of the joints. `None` after an error.
 pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) -> Option<Resolved> {
-    let units = Units::new(
+    let mut units = Units::new(
         symbols,
         declared_units(symbols, diag),
         input_units(symbols, diag),
-        symbols
-            .joints
-            .iter()
-            .filter(|j| j.coord.is_some())
-            .map(|j| matches!(j.decl.motion, Motion::Prismatic(_)))
-            .collect(),
     );
+    motion::resolve(symbols, &mut units, diag);
     let params = values::params(symbols, &units, diag);
     let mut b = Builder {
         symbols,
@@ -37,9 +32,19 @@ pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) ->
         blanks: Vec::new(),
         blank_places: Vec::new(),
     };
-    let gravity = b.gravity(ast);
+    let gravity = match ast.is_bare() {
+        true => Some([0, 1, 2].map(|_| Expr::Num(0.0))),
+        false => b.gravity(ast),
+    };
+    let potential = b.energies(&ast.potentials, Scope::Potential, "the potential");
+    let lagrangian = b.energies(
+        ast.lagrangian.as_slice(),
+        Scope::Lagrangian,
+        "the Lagrangian",
+    );
     let links = b.links(params.as_deref());
     let joints: Vec<Option<Joint>> = (0..symbols.joints.len()).map(|j| b.joint(ast, j)).collect();
+    let motors: Vec<Option<Motor>> = (0..symbols.motors.len()).map(|k| b.motor(ast, k)).collect();
     let (blanks, blank_places) = (b.blanks, b.blank_places);
     if !diag.is_ok() {
         return None;
@@ -54,7 +59,7 @@ pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) ->
             name: u.field.to_string(),
             docs: u.decl.docs.clone(),
             unit: unit.as_ref()?.to_string(),
-            coord: symbols.joints[u.joint].coord,
+            coord: u.joint.and_then(|j| coordinate(symbols, &units, j)),
         })
     });
     let robot = Robot {
@@ -66,9 +71,9 @@ pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) ->
         links,
         joints: joints.into_iter().collect::<Option<_>>()?,
         order: Vec::new(),
-        motors: Vec::new(),
-        potential: None,
-        lagrangian: None,
+        motors: motors.into_iter().collect::<Option<_>>()?,
+        potential: potential?,
+        lagrangian: lagrangian?,
         blanks,
         emit: super::emit(ast),
     };
@@ -76,6 +81,15 @@ pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) ->
         robot,
         places: places(symbols, blank_places),
         identifiability: Default::default(),
+    })
+}
+
+/// The coordinate an input counts to: that of its joint, or the last one that the joint or motor moves.
+fn coordinate(symbols: &Symbols<'_>, units: &Units<'_>, joint: usize) -> Option<usize> {
+    let own = symbols.joints.get(joint).and_then(|j| j.coord);
+    own.or_else(|| {
+        let affine = units.moves[joint].as_ref()?.affine.as_ref()?;
+        affine.terms.iter().map(|t| t.0).max()
     })
 }
 
@@ -125,10 +139,10 @@ fn input_units(symbols: &Symbols<'_>, diag: &mut Diagnostics) -> Vec<Option<Unit
     out
 }
 
-struct Builder<'a, 'd> {
-    symbols: &'a Symbols<'a>,
-    units: &'a Units<'a>,
-    diag: &'d mut Diagnostics,
+pub(super) struct Builder<'a, 'd> {
+    pub(super) symbols: &'a Symbols<'a>,
+    pub(super) units: &'a Units<'a>,
+    pub(super) diag: &'d mut Diagnostics,
     blanks: Vec<Blank>,
     blank_places: Vec<Span>,
 }
@@ -146,7 +160,7 @@ impl Builder<'_, '_> {
     }
 
     /// A vector in which `_` has no place.
-    fn vector(&mut self, v: &Vector, scope: Scope, role: &Role) -> Option<[Expr; 3]> {
+    pub(super) fn vector(&mut self, v: &Vector, scope: Scope, role: &Role) -> Option<[Expr; 3]> {
         let trailing = self.units.trailing(v.unit.as_ref(), role, self.diag)?;
         let e = [0, 1, 2].map(|k| match units::split(&v.entries[k]) {
             Ok(e) => self
@@ -164,6 +178,24 @@ impl Builder<'_, '_> {
             }
         });
         all(e)
+    }
+
+    /// The sum of energies, each of whose terms must be one.
+    #[allow(
+        clippy::option_option,
+        reason = "outer: an error was reported; inner: none is given"
+    )]
+    fn energies(&mut self, all: &[syntax::Expr], scope: Scope, what: &str) -> Option<Option<Expr>> {
+        let role = Role {
+            what: what.to_string(),
+            unit: Unit::of(&[("J", 1)]),
+        };
+        let each: Vec<Option<Expr>> = all
+            .iter()
+            .map(|e| self.units.law(e, scope, &role, self.diag))
+            .collect();
+        let each: Option<Vec<Expr>> = each.into_iter().collect();
+        Some(each?.into_iter().reduce(motion::plus))
     }
 
     /// An entry of a link, where `_` may stand.
@@ -242,25 +274,18 @@ impl Builder<'_, '_> {
             what: format!("{what} of link `{name}`"),
             unit: Unit::of(terms),
         };
+        if let Some(shape) = &decl.shape {
+            let com = decl.com.as_ref();
+            return self.homogeneous(k, name, shape, com, params);
+        }
         let mass_role = role("mass", &[("kg", 1)]);
-        let com_role = role("centre of mass", &[("m", 1)]);
         let inertia_role = role("inertia", &[("kg", 1), ("m", 2)]);
         let zero = || Expr::Num(0.0);
         let mass = match &decl.mass {
             None => Some(zero()),
             Some(e) => self.entry(e, &mass_role, None, (k, "mass")),
         };
-        let com = match &decl.com {
-            None => Some([zero(), zero(), zero()]),
-            Some(v) => match self.units.trailing(v.unit.as_ref(), &com_role, self.diag) {
-                None => None,
-                Some(t) => {
-                    let e = [(0, "com x"), (1, "com y"), (2, "com z")]
-                        .map(|(i, n)| self.entry(&v.entries[i], &com_role, t.as_ref(), (k, n)));
-                    all(e)
-                }
-            },
-        };
+        let com = self.com(k, name, decl.com.as_ref());
         let (inertia, about) = match &decl.inertia {
             None => (Some(Default::default()), About::Com),
             Some(i) => (self.tensor(k, i, &inertia_role), i.about),
@@ -292,6 +317,21 @@ impl Builder<'_, '_> {
             );
         }
         Some(inertial)
+    }
+
+    /// Centre of mass of link `k`; the origin if it is not given.
+    pub(super) fn com(&mut self, k: usize, name: &str, com: Option<&Vector>) -> Option<[Expr; 3]> {
+        let Some(v) = com else {
+            return Some([0, 1, 2].map(|_| Expr::Num(0.0)));
+        };
+        let role = Role {
+            what: format!("centre of mass of link `{name}`"),
+            unit: Unit::of(&[("m", 1)]),
+        };
+        let t = self.units.trailing(v.unit.as_ref(), &role, self.diag)?;
+        let e = [(0, "com x"), (1, "com y"), (2, "com z")]
+            .map(|(i, n)| self.entry(&v.entries[i], &role, t.as_ref(), (k, n)));
+        all(e)
     }
 
     fn tensor(&mut self, k: usize, i: &syntax::Inertia, role: &Role) -> Option<Tensor> {
@@ -343,7 +383,7 @@ impl Builder<'_, '_> {
             docs: d.docs.clone(),
             kind: kind?,
             coord: s.coord,
-            follows: None,
+            follows: self.units.moves[j].as_ref().and_then(|m| m.affine.clone()),
             parent: None,
             child: 0,
             origin: origin?,
@@ -357,9 +397,28 @@ impl Builder<'_, '_> {
     fn motion(&mut self, d: &JointDecl) -> Option<JointKind> {
         match &d.motion {
             Motion::Fixed => Some(JointKind::Fixed),
+            Motion::Coordinate(unit) => self.coordinate(d, unit),
             Motion::Revolute(a) => self.axis(d, a).map(JointKind::Revolute),
             Motion::Prismatic(a) => self.axis(d, a).map(JointKind::Prismatic),
         }
+    }
+
+    fn coordinate(&mut self, d: &JointDecl, written: &UnitExpr) -> Option<JointKind> {
+        let unit = units::unit(written, self.diag)?;
+        if unit.same_dims(&Unit::of(&[("m", 1)])) {
+            return Some(JointKind::Length);
+        }
+        if unit.same_dims(&Unit::of(&[("rad", 1)])) && !written.factors.is_empty() {
+            return Some(JointKind::Angle);
+        }
+        self.diag.error(
+            written.loc,
+            format!(
+                "coordinate `{}` must be a length in `m` or an angle in `rad`, found `{written}`",
+                d.name
+            ),
+        );
+        None
     }
 
     fn axis(&mut self, d: &JointDecl, axis: &Axis) -> Option<[f64; 3]> {
@@ -416,9 +475,14 @@ impl Builder<'_, '_> {
         let Some(r) = &d.limits else {
             return Some(None);
         };
+        let what = match d.motion {
+            Motion::Coordinate(_) => "coordinate",
+            _ => "joint",
+        };
         let unit = match d.motion {
             Motion::Revolute(_) => Unit::of(&[("rad", 1)]),
             Motion::Prismatic(_) => Unit::of(&[("m", 1)]),
+            Motion::Coordinate(_) => self.units.position(self.symbols.mover(&d.name)?),
             Motion::Fixed => {
                 self.diag.error(
                     r.loc,
@@ -428,10 +492,15 @@ impl Builder<'_, '_> {
             }
         };
         let role = Role {
-            what: format!("limits of joint `{}`", d.name),
+            what: format!("limits of {what} `{}`", d.name),
             unit,
         };
-        let (lo, hi) = self.units.range(r, &role, None, self.diag)?;
+        // Of a coordinate, bare numbers are in the declared unit.
+        let declared = match &d.motion {
+            Motion::Coordinate(unit) => units::unit(unit, &mut Diagnostics::new()),
+            _ => None,
+        };
+        let (lo, hi) = self.units.range(r, &role, declared.as_ref(), self.diag)?;
         if lo < hi {
             return Some(Some((lo, hi)));
         }
@@ -440,7 +509,7 @@ impl Builder<'_, '_> {
         self.diag.error(
             r.loc,
             format!(
-                "limits of joint `{}` are empty: {} is not below {}\nhelp: write the lower limit first",
+                "limits of {what} `{}` are empty: {} is not below {}\nhelp: write the lower limit first",
                 d.name,
                 end(&r.lo),
                 end(&r.hi)
@@ -448,89 +517,9 @@ impl Builder<'_, '_> {
         );
         None
     }
-
-    #[allow(
-        clippy::option_option,
-        reason = "outer: an error was reported; inner: no armature"
-    )]
-    fn armature(&mut self, j: usize) -> Option<Option<Expr>> {
-        let Some(coord) = self.symbols.joints[j].coord else {
-            return Some(None);
-        };
-        let role = Role {
-            what: format!(
-                "the armature of joint `{}`",
-                self.symbols.joints[j].decl.name
-            ),
-            unit: self.units.armature(coord),
-        };
-        let laws = self.symbols.blocks.iter().filter(|b| b.1.contains(&j));
-        let laws: Vec<_> = laws
-            .filter_map(|b| Some((b.0.armature.as_ref()?, b.1.first() == Some(&j))))
-            .collect();
-        self.sum(&laws, j, "armature", &role)
-    }
-
-    #[allow(
-        clippy::option_option,
-        reason = "outer: an error was reported; inner: no force"
-    )]
-    fn force(&mut self, ast: &Ast, j: usize) -> Option<Option<Expr>> {
-        let Some(coord) = self.symbols.joints[j].coord else {
-            return Some(None);
-        };
-        let d = self.symbols.joints[j].decl;
-        let kind = match d.motion {
-            Motion::Prismatic(_) => "prismatic",
-            _ => "revolute",
-        };
-        let role = Role {
-            what: format!("a force on {kind} joint `{}`", d.name),
-            unit: self.units.force(coord),
-        };
-        let blocks = self.symbols.blocks.iter().filter(|b| b.1.contains(&j));
-        let mut laws: Vec<_> = blocks
-            .filter_map(|b| Some((b.0.force.as_ref()?, b.1.first() == Some(&j))))
-            .collect();
-        let own = ast.forces.iter().filter(|f| f.joint == d.name);
-        laws.extend(own.map(|f| (&f.force, true)));
-        self.sum(&laws, j, "force", &role)
-    }
-
-    /// The sum of laws. What is wrong with a law for several joints is said once, unless the joints are of different kinds.
-    #[allow(
-        clippy::option_option,
-        reason = "outer: an error was reported; inner: no law"
-    )]
-    fn sum(
-        &mut self,
-        laws: &[(&syntax::Expr, bool)],
-        j: usize,
-        what: &str,
-        role: &Role,
-    ) -> Option<Option<Expr>> {
-        let mut sum: Option<Expr> = None;
-        for (law, first) in laws {
-            let before = self.diag.count();
-            let e = self.units.law(law, j, what, role, self.diag);
-            let broken = self.diag.count() > before;
-            // The first joint's report stands for the others; a joint of another kind may be the first to fail.
-            if broken && !first && before > 0 {
-                while self.diag.count() > before {
-                    self.diag.pop();
-                }
-            }
-            let e = e?;
-            sum = Some(match sum {
-                None => e,
-                Some(s) => Expr::Add(Box::new(s), Box::new(e)),
-            });
-        }
-        Some(sum)
-    }
 }
 
-fn all(e: [Option<Expr>; 3]) -> Option<[Expr; 3]> {
+pub(super) fn all(e: [Option<Expr>; 3]) -> Option<[Expr; 3]> {
     let [x, y, z] = e;
     Some([x?, y?, z?])
 }

@@ -7,6 +7,9 @@ use super::Resolved;
 
 /// Connects joints and links and orders the joints from the base outwards. `None` after an error.
 pub fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -> Option<Resolved> {
+    if ast.is_bare() {
+        return Some(resolved);
+    }
     let robot = &mut resolved.robot;
     let names: Vec<String> = robot.links.iter().map(|l| l.name.clone()).collect();
     let find = |name: &proc_macro2::Ident| names.iter().position(|l| name == l);

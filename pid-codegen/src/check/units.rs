@@ -5,6 +5,7 @@ use crate::si::{Unit, unit_names};
 use crate::syntax::{Entry, Expr, ExprKind, Op, Range, UnitExpr};
 use pid_derive::model::{self, Func};
 
+use super::motion::Moves;
 use super::names::{FUNCTIONS, Meaning, Scope, Symbols};
 use super::numbers::constant;
 
@@ -36,8 +37,8 @@ pub struct Units<'a> {
     pub params: Vec<Option<Unit>>,
     /// Unit of each input as declared.
     pub inputs: Vec<Option<Unit>>,
-    /// Whether each coordinate is a length.
-    prismatic: Vec<bool>,
+    /// Motion of each joint, then of each motor; unknown if fixed, or after an error.
+    pub moves: Vec<Option<Moves>>,
 }
 
 /// The unit as written, or an error at the name that is none.
@@ -69,18 +70,17 @@ pub fn unit(u: &UnitExpr, diag: &mut Diagnostics) -> Option<Unit> {
 }
 
 impl<'a> Units<'a> {
-    /// Units of everything declared; `params` and `inputs` as resolved from the declarations.
+    /// Units of everything declared; `params` and `inputs` as resolved from the declarations. `moves` is still unknown.
     pub fn new(
         symbols: &'a Symbols<'a>,
         params: Vec<Option<Unit>>,
         inputs: Vec<Option<Unit>>,
-        prismatic: Vec<bool>,
     ) -> Self {
         Units {
             symbols,
             params,
             inputs,
-            prismatic,
+            moves: vec![None; symbols.joints.len() + symbols.motors.len()],
         }
     }
 
@@ -94,10 +94,10 @@ impl<'a> Units<'a> {
         let (expr, unit) = match m {
             Meaning::Param(k) => (model::Expr::Param(k), si(&self.params[k])?),
             Meaning::Input(k) => (model::Expr::Input(k), si(&self.inputs[k])?),
-            Meaning::Position(c) => (model::Expr::Position(c), self.position(c)),
-            Meaning::Velocity(c) => (
-                model::Expr::Velocity(c),
-                self.position(c).div(&Unit::of(&[("s", 1)])),
+            Meaning::Position(j) => (self.moves[j].as_ref()?.position.clone(), self.position(j)),
+            Meaning::Velocity(j) => (
+                self.moves[j].as_ref()?.velocity.clone(),
+                self.position(j).div(&Unit::of(&[("s", 1)])),
             ),
             Meaning::Pi => {
                 return Some(Typed {
@@ -114,21 +114,26 @@ impl<'a> Units<'a> {
         })
     }
 
-    fn position(&self, coord: usize) -> Unit {
-        Unit::of(&[(if self.prismatic[coord] { "m" } else { "rad" }, 1)])
+    fn is_length(&self, joint: usize) -> bool {
+        self.moves[joint].as_ref().is_some_and(|m| m.length)
     }
 
-    /// Unit of the generalised force of a coordinate.
-    pub fn force(&self, coord: usize) -> Unit {
-        match self.prismatic[coord] {
+    /// Unit of the position of a joint or motor.
+    pub fn position(&self, joint: usize) -> Unit {
+        Unit::of(&[(if self.is_length(joint) { "m" } else { "rad" }, 1)])
+    }
+
+    /// Unit of the generalised force on a joint or motor.
+    pub fn force(&self, joint: usize) -> Unit {
+        match self.is_length(joint) {
             true => Unit::of(&[("N", 1)]),
             false => Unit::of(&[("N", 1), ("m", 1)]),
         }
     }
 
-    /// Unit of the inertia of a coordinate.
-    pub fn armature(&self, coord: usize) -> Unit {
-        match self.prismatic[coord] {
+    /// Unit of the inertia of a joint or motor.
+    pub fn armature(&self, joint: usize) -> Unit {
+        match self.is_length(joint) {
             true => Unit::of(&[("kg", 1)]),
             false => Unit::of(&[("kg", 1), ("m", 2)]),
         }
@@ -327,19 +332,14 @@ impl<'a> Units<'a> {
         None
     }
 
-    /// A force law: each of its terms must be a force.
+    /// A force law or an energy: each of its terms must be one.
     pub fn law(
         &self,
         e: &Expr,
-        joint: usize,
-        what: &str,
+        scope: Scope,
         role: &Role,
         diag: &mut Diagnostics,
     ) -> Option<model::Expr> {
-        let scope = match what {
-            "armature" => Scope::Drive(joint),
-            _ => Scope::Force(joint),
-        };
         let mut terms = Vec::new();
         flatten(e, false, &mut terms);
         let mut sum: Option<model::Expr> = None;
@@ -351,7 +351,7 @@ impl<'a> Units<'a> {
             };
             let zero = t.bare && constant(&t.expr) == Some(0.0);
             if !zero && !t.unit.same_dims(&role.unit) {
-                self.wrong_term(term, &t, scope, what, role, diag);
+                self.wrong_term(term, &t, scope, role, diag);
                 ok = false;
                 continue;
             }
@@ -370,7 +370,6 @@ impl<'a> Units<'a> {
         term: &Expr,
         t: &Typed,
         scope: Scope,
-        what: &str,
         role: &Role,
         diag: &mut Diagnostics,
     ) {
@@ -403,7 +402,10 @@ impl<'a> Units<'a> {
             _ => None,
         });
         let help = match dry {
-            Some(g) if what == "force" && needed.to_string() == role.unit.to_string() => {
+            Some(g)
+                if matches!(scope, Scope::Force(_))
+                    && needed.to_string() == role.unit.to_string() =>
+            {
                 format!("a factor of `{g}(..)` is dry friction and should be in `{needed}`")
             }
             _ => format!("`{factor}` would have to be in `{needed}`"),

@@ -4,7 +4,8 @@ use proc_macro2::Ident;
 
 use crate::diag::{Diagnostics, Loc, nearest, one_of};
 use crate::syntax::{
-    Ast, AxisKind, Entry, Expr, ExprKind, LinkDecl, Motion, Nominal, Range, Vector,
+    Amount, Ast, AxisKind, Entry, Expr, ExprKind, JointDecl, LinkDecl, Motion, Nominal, Range,
+    Shape, ShapeKind, Vector,
 };
 
 use super::names::{FUNCTIONS, Origin, Scope, Symbols, unknown_joint};
@@ -12,7 +13,9 @@ use super::names::{FUNCTIONS, Origin, Scope, Symbols, unknown_joint};
 /// Reports every use of a name that does not exist.
 pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
     let mut c = Uses { symbols, diag };
-    if let Some(g) = &ast.gravity {
+    if ast.is_bare() {
+        c.bare(ast);
+    } else if let Some(g) = &ast.gravity {
         c.vector(g, Scope::Geometry("gravity"));
     } else {
         c.diag.error(
@@ -56,6 +59,25 @@ pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
         if let Some(r) = &j.limits {
             c.range(r);
         }
+        if let Some(e) = &j.follows {
+            c.follower(j, e);
+        }
+    }
+    for m in &symbols.motors {
+        c.expr(&m.moves, Scope::Coupling);
+    }
+    for e in &ast.potentials {
+        c.expr(e, Scope::Potential);
+    }
+    for lock in ast
+        .locks
+        .iter()
+        .chain(ast.variants.iter().flat_map(|v| &v.locks))
+    {
+        c.expr(
+            &lock.value,
+            Scope::Constant("the position of a locked joint"),
+        );
     }
     for (block, joints) in &symbols.blocks {
         if joints.is_empty() && block.joints.is_none() {
@@ -65,12 +87,20 @@ pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
             );
         }
         // The law is the same for all joints: one report is enough.
-        for (law, scope) in [
+        let drive = block.drive.iter().flat_map(|d| {
+            let fields = [&d.ratio, &d.rotor, &d.gain, &d.resistance];
+            fields.map(|e| (e, Scope::Drive as fn(usize) -> Scope))
+        });
+        let laws = [
             (&block.armature, Scope::Drive as fn(usize) -> Scope),
             (&block.force, Scope::Force as fn(usize) -> Scope),
-        ] {
+        ];
+        for (law, scope) in laws.into_iter().chain(drive) {
             let Some(e) = law else { continue };
             for &j in joints {
+                if symbols.is_held(j) {
+                    continue;
+                }
                 let before = c.diag.count();
                 c.expr(e, scope(j));
                 if c.diag.count() > before {
@@ -80,9 +110,10 @@ pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
         }
     }
     for f in &ast.forces {
-        match symbols.joints.iter().position(|j| j.decl.name == f.joint) {
+        match symbols.mover(&f.joint) {
             None => unknown_joint(c.diag, &f.joint, &symbols.joints),
-            Some(j) if symbols.joints[j].coord.is_none() => c.diag.error(
+            Some(j) if symbols.is_held(j) => {}
+            Some(j) if is_fixed(symbols, j) => c.diag.error(
                 &f.joint,
                 format!("joint `{}` is fixed: no force can act on it", f.joint),
             ),
@@ -96,12 +127,81 @@ struct Uses<'a, 'd> {
     diag: &'d mut Diagnostics,
 }
 
+fn is_fixed(symbols: &Symbols<'_>, joint: usize) -> bool {
+    let joint = symbols.joints.get(joint);
+    joint.is_some_and(|j| matches!(j.decl.motion, Motion::Fixed))
+}
+
 impl Uses<'_, '_> {
+    /// A system given by its Lagrangian.
+    fn bare(&mut self, ast: &Ast) {
+        let mut coordinates = ast
+            .joints
+            .iter()
+            .filter(|j| matches!(j.motion, Motion::Coordinate(_)));
+        match &ast.lagrangian {
+            Some(e) => self.expr(e, Scope::Lagrangian),
+            None => {
+                if let Some(first) = coordinates.next() {
+                    self.diag.error(
+                        &first.name,
+                        "`coordinates` without a Lagrangian\nhelp: add `lagrangian = kinetic - potential;`",
+                    );
+                }
+            }
+        }
+        if let (Some(e), None) = (&ast.lagrangian, coordinates.next())
+            && ast
+                .joints
+                .iter()
+                .all(|j| !matches!(j.motion, Motion::Coordinate(_)))
+        {
+            self.diag.error(
+                e.loc,
+                "a Lagrangian without coordinates\nhelp: declare them: `coordinates x: m, th: rad;`",
+            );
+        }
+        if let Some(g) = &ast.gravity {
+            self.diag.error(
+                g.loc,
+                "gravity acts on links, and a `lagrangian` has none\nhelp: write its potential energy into the Lagrangian",
+            );
+        }
+        let links = ast.links.iter().map(|l| (l.names.loc, "links"));
+        let joints = ast
+            .joints
+            .iter()
+            .filter(|j| !matches!(j.motion, Motion::Coordinate(_)));
+        let joints = joints.map(|j| (Loc::from(&j.name), "joints"));
+        let motors = ast.motors.iter().map(|m| (Loc::from(&m.name), "motors"));
+        for (at, what) in links.chain(joints).chain(motors) {
+            self.diag.error(
+                at,
+                format!("a robot has {what}, or `coordinates` and a `lagrangian`, not both\nhelp: declare two robots"),
+            );
+        }
+    }
+
+    /// What a joint follows must be joints that move on their own.
+    fn follower(&mut self, j: &JointDecl, e: &Expr) {
+        if matches!(j.motion, Motion::Fixed) {
+            self.diag.error(
+                e.loc,
+                format!("joint `{}` is fixed: it can follow nothing", j.name),
+            );
+            return;
+        }
+        self.expr(e, Scope::Coupling);
+    }
+
     fn link(&mut self, l: &LinkDecl) {
         let scope = match l.free {
             Some(_) => Scope::Constant("a nominal value of `inertial: free`"),
             None => Scope::Geometry("a link"),
         };
+        if let Some(shape) = &l.shape {
+            self.shape(l, shape);
+        }
         let inertia = l
             .inertia
             .iter()
@@ -111,6 +211,27 @@ impl Uses<'_, '_> {
         }
         if let Some(v) = &l.com {
             self.vector(v, scope);
+        }
+    }
+
+    fn shape(&mut self, l: &LinkDecl, shape: &Shape) {
+        let given = l.mass.as_ref().map(Entry::loc);
+        if let Some(at) = given.or(l.inertia.as_ref().map(|i| i.loc)) {
+            self.diag.error(
+                at,
+                "a homogeneous body has its mass and inertia from its dimensions\nhelp: put `mass` into its braces, and remove `inertia`",
+            );
+        }
+        let scope = Scope::Geometry("a link");
+        let (Amount::Mass(amount) | Amount::Density(amount)) = &shape.amount;
+        self.expr(amount, scope);
+        match &shape.kind {
+            ShapeKind::Cylinder(r, l, _) => [r, l].into_iter().for_each(|e| self.expr(e, scope)),
+            ShapeKind::Tube(o, i, l, _) => {
+                [o, i, l].into_iter().for_each(|e| self.expr(e, scope));
+            }
+            ShapeKind::Box(size) => self.vector(size, scope),
+            ShapeKind::Sphere(r) => self.expr(r, scope),
         }
     }
 
@@ -136,6 +257,9 @@ impl Uses<'_, '_> {
         match &e.kind {
             ExprKind::Number(..) => {}
             ExprKind::Name(name) => {
+                if matches!(scope, Scope::Coupling) {
+                    self.leader(name);
+                }
                 if self.symbols.lookup(name, scope).is_none() {
                     self.unknown(name, scope);
                 }
@@ -184,11 +308,19 @@ impl Uses<'_, '_> {
 
     fn member(&mut self, what: &Ident, joint: &Ident, scope: Scope) {
         let name = what.to_string();
-        if !matches!(scope, Scope::Force(_)) {
-            return self.unknown(what, scope);
-        }
-        if name == "a" {
-            return self.acceleration(what);
+        match scope {
+            Scope::Force(_) if name == "a" => return self.acceleration(what),
+            Scope::Force(_) | Scope::Lagrangian => {}
+            Scope::Potential if name != "v" && name != "a" => {}
+            Scope::Coupling => {
+                let help = format!("write `{joint}` for its position");
+                self.diag.error(
+                    what,
+                    format!("`{name}.{joint}` cannot be followed\nhelp: {help}"),
+                );
+                return;
+            }
+            _ => return self.unknown(what, scope),
         }
         if name != "q" && name != "v" {
             self.diag.error(
@@ -197,13 +329,31 @@ impl Uses<'_, '_> {
             );
             return;
         }
-        match self.symbols.joints.iter().find(|j| j.decl.name == *joint) {
+        match self.symbols.mover(joint) {
             None => unknown_joint(self.diag, joint, &self.symbols.joints),
-            Some(j) if j.coord.is_none() => self.diag.error(
+            Some(j) if is_fixed(self.symbols, j) => self.diag.error(
                 joint,
                 format!("joint `{joint}` is fixed: it has no coordinate"),
             ),
             Some(_) => {}
+        }
+    }
+
+    /// A joint named in a coupling must have a coordinate of its own, or be held.
+    fn leader(&mut self, name: &Ident) {
+        let Some(j) = self.symbols.joints.iter().find(|j| j.decl.name == *name) else {
+            return;
+        };
+        if matches!(j.decl.motion, Motion::Fixed) {
+            self.diag.error(
+                name,
+                format!("joint `{name}` is fixed: nothing can follow it"),
+            );
+        } else if let Some(e) = &j.decl.follows {
+            self.diag.error(
+                name,
+                format!("joint `{name}` itself follows `{e}`\nhelp: follow the joints it follows"),
+            );
         }
     }
 
@@ -234,6 +384,21 @@ impl Uses<'_, '_> {
             let place = match scope {
                 Scope::Geometry(what) => what,
                 Scope::Drive(_) => "the armature",
+                Scope::Coupling => "a coupling",
+                Scope::Potential | Scope::Lagrangian => {
+                    let what = match scope {
+                        Scope::Potential => "a potential may use parameters and positions",
+                        _ => "a Lagrangian may use parameters, positions and velocities",
+                    };
+                    let help = match (text.as_str(), scope) {
+                        ("q", _) => "name the joint: `q.joint`",
+                        ("v", Scope::Lagrangian) => "name the coordinate: `v.x`",
+                        _ => "write what depends on it as `force on joint = …;`",
+                    };
+                    self.diag
+                        .error(name, format!("{what}, not `{text}`\nhelp: {help}"));
+                    return;
+                }
                 _ => {
                     self.diag.error(
                         name,
@@ -272,6 +437,8 @@ impl Uses<'_, '_> {
         };
         let kinds = match scope {
             Scope::Force(_) => "parameter, input or coordinate",
+            Scope::Coupling => "parameter or joint",
+            Scope::Potential | Scope::Lagrangian => "parameter or coordinate",
             _ => "parameter",
         };
         self.diag

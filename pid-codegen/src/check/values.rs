@@ -168,7 +168,7 @@ fn one_per_joint(
     }
     let names: Vec<String> = joints
         .iter()
-        .map(|&j| symbols.joints[j].decl.name.to_string())
+        .map(|&j| symbols.name(j).to_string())
         .collect();
     diag.error(
         loc,

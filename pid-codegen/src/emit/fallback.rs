@@ -13,12 +13,25 @@ use crate::diag::Diagnostics;
 use crate::syntax::Ast;
 use pid_derive::model::{Emit, Input, Joint, JointKind, Param, Robot};
 
-/// Errors and stubs.
+/// Errors and stubs, of the robot and its variants.
 pub fn fallback(ast: &Ast, diag: &Diagnostics) -> TokenStream {
+    let mut tokens = diag.errors_to_tokens();
+    tokens.extend(stub(ast, false));
+    for (k, variant) in ast.variants.iter().enumerate() {
+        let taken = ast.variants[..k].iter().any(|v| v.name == variant.name);
+        if !taken && variant.name != ast.name {
+            tokens.extend(stub(&ast.variant(k), true));
+        }
+    }
+    tokens
+}
+
+/// The items of one model.
+fn stub(ast: &Ast, variant: bool) -> TokenStream {
     // Names that were refused have been reported; here only the accepted ones count.
     let mut silent = Diagnostics::new();
     let symbols = names::collect(ast, &mut silent);
-    let names = Names {
+    let mut names = Names {
         vis: ast.visibility(),
         robot: ast.name.clone(),
         params: symbols.params.iter().map(|p| p.field.clone()).collect(),
@@ -30,12 +43,13 @@ pub fn fallback(ast: &Ast, diag: &Diagnostics) -> TokenStream {
             .collect(),
         inputs: symbols.inputs.iter().map(|u| u.field.clone()).collect(),
     };
-    let errors = diag.errors_to_tokens();
+    if variant {
+        names = names.without_places();
+    }
     let types = types::types(&skeleton(ast, &symbols), &names, &ast.docs);
     let functions = functions(&names);
     let traits = traits(&names.robot);
     quote! {
-        #errors
         #types
         #[allow(clippy::all, missing_docs, unused_variables)]
         const _: () = {
@@ -75,7 +89,7 @@ fn skeleton(ast: &Ast, symbols: &Symbols<'_>) -> Robot {
                 name: u.field.to_string(),
                 docs: u.decl.docs.clone(),
                 unit: String::new(),
-                coord: symbols.joints[u.joint].coord,
+                coord: None,
             })
             .collect(),
         links: Vec::new(),

@@ -20,7 +20,7 @@ pub mod regressor;
 pub mod types;
 
 use pid_symbolic::Graph;
-use proc_macro2::{Ident, TokenStream};
+use proc_macro2::{Ident, Span, TokenStream};
 use quote::{quote, quote_spanned};
 
 use functions::Layout;
@@ -40,6 +40,18 @@ pub struct Names {
     pub joints: Vec<Ident>,
     /// Inputs as generated, in order.
     pub inputs: Vec<Ident>,
+}
+
+impl Names {
+    /// The same names without the user's places, which belong to the robot that this is a variant of.
+    #[must_use]
+    pub fn without_places(mut self) -> Self {
+        let lists = [&mut self.params, &mut self.joints, &mut self.inputs];
+        for ident in lists.into_iter().flatten() {
+            ident.set_span(Span::call_site());
+        }
+        self
+    }
 }
 
 /// Everything generated for a robot; a `compile_error!` on its name if its equations cannot be derived.

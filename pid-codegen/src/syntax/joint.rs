@@ -3,7 +3,8 @@
 use proc_macro2::{Delimiter, Ident, Span, TokenTree};
 
 use super::cursor::{Cursor, Parsed};
-use super::expr::{Range, Vector};
+use super::expr::{Expr, Range, Vector};
+use super::unit::UnitExpr;
 use super::unknown_item;
 use crate::diag::{Diagnostics, Loc, nearest};
 
@@ -26,6 +27,8 @@ pub struct JointDecl {
     pub rpy: Option<Vector>,
     /// Range of the coordinate.
     pub limits: Option<Range>,
+    /// `follows …`: its position as a combination of other joints.
+    pub follows: Option<Expr>,
 }
 
 /// Motion of a joint.
@@ -37,6 +40,8 @@ pub enum Motion {
     Prismatic(Axis),
     /// `fixed`
     Fixed,
+    /// A coordinate of a bare Lagrangian, in its unit.
+    Coordinate(UnitExpr),
 }
 
 /// An axis as written.
@@ -72,10 +77,17 @@ pub(super) fn parse(
     )?;
     let mut edge = None;
     let mut limits = None;
+    let mut follows = None;
     let mut seen = Vec::new();
     let before = diag.count();
     super::items(&mut Cursor::inside(&group), diag, |c, _, _| {
-        let first = c.ident("`parent -> child` or `limits: …`")?;
+        let first = c.ident("`parent -> child`, `limits: …` or `follows …`")?;
+        if first == "follows" && !c.peek_punct("->") {
+            let again = super::once(&mut seen, &first);
+            follows = Some(Expr::parse(c)?);
+            c.semicolon("what a joint follows")?;
+            return again;
+        }
         if first == "limits" && c.peek_punct(":") {
             let again = super::once(&mut seen, &first);
             c.punct(":", "after `limits`")?;
@@ -85,7 +97,7 @@ pub(super) fn parse(
         }
         if c.eat_punct("->").is_none() {
             return Err(if c.peek_punct(":") {
-                unknown_item(&first, &["limits"])
+                unknown_item(&first, &["limits", "follows"])
             } else {
                 c.expected(format!("`->` and the child link after `{first}`"))
             });
@@ -135,6 +147,7 @@ pub(super) fn parse(
         at,
         rpy,
         limits,
+        follows,
     })
 }
 

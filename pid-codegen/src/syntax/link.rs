@@ -4,6 +4,7 @@ use proc_macro2::{Delimiter, Group, Ident, Span};
 
 use super::cursor::{Cursor, Parsed};
 use super::expr::{Entry, Vector};
+use super::shape::{self, Shape};
 use super::unit::UnitExpr;
 use super::{Names, unknown_item};
 use crate::diag::{Diagnostics, Loc};
@@ -24,6 +25,8 @@ pub struct LinkDecl {
     pub inertia: Option<Inertia>,
     /// `inertial: free`; values given beside it are nominal values.
     pub free: Option<Free>,
+    /// `inertial: solid …`: mass and inertia of a homogeneous body.
+    pub shape: Option<Shape>,
 }
 
 /// `inertial: free` or `inertial: free at com`.
@@ -66,9 +69,10 @@ pub(super) fn parse(c: &mut Cursor, docs: Vec<String>, diag: &mut Diagnostics) -
         com: None,
         inertia: None,
         free: None,
+        shape: None,
     };
     let mut seen: Vec<(String, Span)> = Vec::new();
-    super::items(&mut Cursor::inside(&group), diag, |c, _, _| {
+    super::items(&mut Cursor::inside(&group), diag, |c, _, diag| {
         let keyword = c.ident("one of `mass`, `com`, `inertia`, `inertial`")?;
         let again = super::once(&mut seen, &keyword);
         match keyword.to_string().as_str() {
@@ -81,7 +85,16 @@ pub(super) fn parse(c: &mut Cursor, docs: Vec<String>, diag: &mut Diagnostics) -
                 link.com = Some(Vector::parse(c, "the centre of mass")?);
             }
             "inertia" => link.inertia = Some(inertia(c)?),
-            "inertial" => link.free = Some(free(c, &keyword)?),
+            "inertial" => {
+                c.punct(":", "after `inertial`")?;
+                if c.peek_word("solid") || c.peek_word("hollow") {
+                    link.shape = Some(shape::parse(c, diag)?);
+                    // Braces end an item.
+                    c.eat_punct(";");
+                    return again;
+                }
+                link.free = Some(free(c, &keyword)?);
+            }
             _ => return Err(unknown_item(&keyword, FIELDS)),
         }
         c.semicolon(&format!("`{keyword}` of a link"))?;
@@ -101,9 +114,8 @@ fn about(c: &mut Cursor) -> Parsed<About> {
 }
 
 fn free(c: &mut Cursor, keyword: &Ident) -> Parsed<Free> {
-    c.punct(":", "after `inertial`")?;
     if c.eat_word("free").is_none() {
-        return Err(c.expected("`free` or `free at com`"));
+        return Err(c.expected("`free`, `free at com` or a body such as `solid cylinder { … }`"));
     }
     let about = match c.eat_word("at") {
         Some(_) => about(c)?,

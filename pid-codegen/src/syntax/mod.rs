@@ -10,7 +10,10 @@ mod expr;
 mod joint;
 mod link;
 mod params;
+mod shape;
+mod system;
 mod unit;
+mod variant;
 
 use proc_macro2::{Delimiter, Ident, Span, TokenStream, TokenTree};
 use quote::quote;
@@ -18,14 +21,16 @@ use quote::quote;
 use crate::diag::{Diagnostics, Loc, nearest, one_of};
 use cursor::{Cursor, Parsed};
 
-pub use drive::{ForceOn, PerJoint};
+pub use drive::{DriveDecl, DriveKind, ForceOn, MotorDecl, PerJoint};
 pub use emit::EmitDecl;
 pub use expect::ExpectDecl;
 pub use expr::{Entry, Expr, ExprKind, Op, Range, Vector};
 pub use joint::{Axis, AxisKind, JointDecl, Motion};
 pub use link::{Free, Inertia, LinkDecl};
 pub use params::{InputDecl, Nominal, ParamDecl, Ranges};
+pub use shape::{Amount, Shape, ShapeKind};
 pub use unit::UnitExpr;
+pub use variant::{Lock, VariantDecl};
 
 /// A `robot!` declaration as written.
 #[derive(Debug, Clone)]
@@ -46,6 +51,14 @@ pub struct Ast {
     pub links: Vec<LinkDecl>,
     /// `joint`s.
     pub joints: Vec<JointDecl>,
+    /// `coordinates` and `lagrangian` in place of links; the coordinates are among the joints.
+    pub lagrangian: Option<Expr>,
+    /// `potential +=`.
+    pub potentials: Vec<Expr>,
+    /// `input`s that belong to no joint.
+    pub inputs: Vec<InputDecl>,
+    /// `motor`s.
+    pub motors: Vec<MotorDecl>,
     /// `per joint` blocks.
     pub per_joint: Vec<PerJoint>,
     /// `force on` laws.
@@ -54,12 +67,40 @@ pub struct Ast {
     pub emit: Option<EmitDecl>,
     /// `expect`, all items.
     pub expect: Vec<ExpectDecl>,
+    /// `variant`s.
+    pub variants: Vec<VariantDecl>,
+    /// What is held: empty but in the [`Ast::variant`]s.
+    pub locks: Vec<Lock>,
 }
 
 impl Ast {
     /// Its visibility; private if what stands there is none.
     pub fn visibility(&self) -> syn::Visibility {
         syn::parse2(self.vis.clone()).unwrap_or(syn::Visibility::Inherited)
+    }
+
+    /// Whether the system is given by coordinates and a Lagrangian.
+    pub fn is_bare(&self) -> bool {
+        let coordinate = |j: &JointDecl| matches!(j.motion, Motion::Coordinate(_));
+        self.lagrangian.is_some() || self.joints.iter().any(coordinate)
+    }
+
+    /// The declaration as its variant number `k` has it.
+    pub fn variant(&self, k: usize) -> Ast {
+        let variant = &self.variants[k];
+        let mut ast = self.clone();
+        if !variant.docs.is_empty() {
+            ast.docs.clone_from(&variant.docs);
+        }
+        ast.name = variant.name.clone();
+        ast.locks.clone_from(&variant.locks);
+        if variant.emit.is_some() {
+            ast.emit.clone_from(&variant.emit);
+        }
+        ast.variants.clear();
+        // Said of the robot, not of what is left of it.
+        ast.expect.clear();
+        ast
     }
 }
 
@@ -78,28 +119,22 @@ const ITEMS: &[&str] = &[
     "link",
     "joint",
     "per joint",
+    "motor",
+    "input",
     "force on",
+    "potential",
+    "coordinates",
+    "lagrangian",
     "emit",
+    "variant",
     "expect",
 ];
 
 /// Items of later versions of the language, with what to do until then.
-const LATER: &[(&str, &str)] = &[
-    (
-        "variant",
-        "declare the reduced robot in a `robot!` of its own",
-    ),
-    (
-        "potential",
-        "write the force it causes as `force on joint = …;`",
-    ),
-    ("lagrangian", "describe the system by links and joints"),
-    ("coordinates", "describe the system by links and joints"),
-    (
-        "limit",
-        "remove it; there is no limit on the number of operations",
-    ),
-];
+const LATER: &[(&str, &str)] = &[(
+    "limit",
+    "remove it; there is no limit on the number of operations",
+)];
 
 /// Reads a declaration. `None` if not even its name could be found; items with mistakes are left out.
 pub fn parse(input: TokenStream, diag: &mut Diagnostics) -> Option<Ast> {
@@ -161,10 +196,16 @@ fn header(c: &mut Cursor) -> Parsed<(Ast, Option<Cursor>)> {
         params: Vec::new(),
         links: Vec::new(),
         joints: Vec::new(),
+        lagrangian: None,
+        potentials: Vec::new(),
+        inputs: Vec::new(),
+        motors: Vec::new(),
         per_joint: Vec::new(),
         forces: Vec::new(),
         emit: None,
         expect: Vec::new(),
+        variants: Vec::new(),
+        locks: Vec::new(),
     };
     Ok((ast, body))
 }
@@ -206,6 +247,28 @@ fn item(
             ast.forces.push(drive::parse_force(c)?);
             Ok(())
         }
+        "motor" => {
+            ast.motors.push(drive::parse_motor(c, docs, diag)?);
+            Ok(())
+        }
+        "input" => {
+            ast.inputs.push(InputDecl::parse(c, docs)?);
+            Ok(())
+        }
+        "potential" => {
+            ast.potentials.push(system::parse_potential(c)?);
+            Ok(())
+        }
+        "coordinates" => {
+            ast.joints.extend(system::parse_coordinates(c)?);
+            Ok(())
+        }
+        "lagrangian" => {
+            let again = once(seen, &keyword);
+            let e = system::parse_lagrangian(c)?;
+            ast.lagrangian.get_or_insert(e);
+            again
+        }
         "emit" => {
             let again = once(seen, &keyword);
             let e = emit::parse(c)?;
@@ -214,6 +277,10 @@ fn item(
         }
         "expect" => {
             ast.expect.push(expect::parse(c)?);
+            Ok(())
+        }
+        "variant" => {
+            ast.variants.push(variant::parse(c, docs, diag)?);
             Ok(())
         }
         word => match LATER.iter().find(|l| l.0 == word) {
