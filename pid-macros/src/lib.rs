@@ -111,6 +111,36 @@ use proc_macro::TokenStream;
 /// The generated names carry the name of the joint: `viscous_pivot`. Inside the block the bare name is that of the joint at
 /// hand, as are `q` and `v`; `q.elbow`, `v.elbow` and `viscous_elbow` are those of another joint.
 ///
+/// `drive: torque;`, `drive: current { gain: k; }` and `drive: voltage { gain: k; resistance: r; }` declare the input
+/// `torque`, `current` or `voltage` and add `n u`, `n k i` or `n k (U − k n v)/R` to the force; `ratio: n;` (1 if left out)
+/// and `rotor: j;` (adds `n² j` to the armature) may stand in their braces.
+///
+/// ## `input name: unit;`
+/// An input of the whole robot, for `force on`.
+///
+/// ## `joint name: … { …; follows ratio*other + offset; }`
+/// A joint without a coordinate of its own: its position is a linear combination of other joints, with numbers and
+/// parameters as ratios and offset.
+///
+/// ## `motor name: j5 + j6 { … }`
+/// A drive that moves several joints, declarations and laws as in `per joint`. In it `q` and `v` are the combination; with
+/// w = C v a force f acts as Cᵀ f, and the armature J adds CᵀJ C to M.
+///
+/// ## `potential += expr;`
+/// Potential energy of springs and the like in `q.joint` and parameters, in J.
+///
+/// ## `coordinates x: m, th: rad;` and `lagrangian = expr;`
+/// In place of gravity, links and joints: any system by its Lagrangian, in J, quadratic in the velocities `v.x`; a bare
+/// `x` is the position. `force on x = …;` and `per joint` hold as for joints.
+///
+/// ## `inertial: solid cylinder { density: rho; radius: r; length: l; axis: z; }` in a link
+/// Also `hollow cylinder { outer, inner, length, axis }`, `solid box { size: [a, b, c] m; }`, `solid sphere { radius }`,
+/// each with `mass` or `density`; the centre is at the link's `com`.
+///
+/// ## `variant Name { lock j3..=j6 = 0 rad; emit { … } }`
+/// A second model from the same description: locked joints are fixed at the value and lose coordinate, input and drive
+/// parameters.
+///
 /// ## `force on joint = expr;`
 /// A law for one joint. All laws of a joint are added up.
 ///
