@@ -72,6 +72,6 @@ robot! {
             force = gain*current - viscous*v - dry*tanh(sharp*v);
         }
 
-        emit { dynamics, first_derivatives, second_derivatives, regressor, base_parameters }
+        emit { dynamics, first_derivatives, second_derivatives, regressor, base_parameters, lanes }
     }
 }

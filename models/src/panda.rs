@@ -81,6 +81,6 @@ robot! {
             force = torque - viscous*v - dry*tanh(v/(0.02 rad/s));
         }
 
-        emit { dynamics, first_derivatives, second_derivatives, regressor, base_parameters }
+        emit { dynamics, first_derivatives, second_derivatives, regressor, base_parameters, lanes }
     }
 }

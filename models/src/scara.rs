@@ -76,7 +76,7 @@ robot! {
             force = push - viscous*v - dry*tanh(v/(0.005 m/s));
         }
 
-        emit { dynamics, first_derivatives, second_derivatives }
+        emit { dynamics, first_derivatives, second_derivatives, lanes }
         expect rank 19;
     }
 }

@@ -63,7 +63,7 @@ robot! {
             force = -dry*tanh(sharp*v) - viscous*v + gain*current;
         }
 
-        emit { dynamics, first_derivatives, second_derivatives }
+        emit { dynamics, first_derivatives, second_derivatives, lanes }
         expect rank 14;
         expect rank 13 at nominal;
     }

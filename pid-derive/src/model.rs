@@ -253,6 +253,8 @@ pub struct Emit {
     pub regressor: bool,
     /// Base parameters; they bring the regressor with them.
     pub base_parameters: bool,
+    /// All of these for four nodes at once as well.
+    pub lanes: bool,
 }
 
 /// An expression in parameters, inputs and coordinates. Units have been checked and angles converted.

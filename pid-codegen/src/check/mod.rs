@@ -80,7 +80,7 @@ pub fn resolve(ast: &Ast, diag: &mut Diagnostics) -> Option<Resolved> {
     resolved.filter(|_| diag.is_ok())
 }
 
-/// What the user asked for; everything if nothing was said.
+/// What the user asked for; both derivatives if nothing was said.
 fn emit(ast: &Ast) -> Emit {
     match &ast.emit {
         None => Emit {
@@ -93,6 +93,7 @@ fn emit(ast: &Ast) -> Emit {
             second_derivatives: e.second.is_some(),
             regressor: e.regressor.is_some() || e.base.is_some(),
             base_parameters: e.base.is_some(),
+            lanes: e.lanes.is_some(),
         },
     }
 }

@@ -65,8 +65,13 @@ pub fn hessian(g: &Graph, layout: &Layout, derivatives: &Derivatives) -> Body {
 }
 
 /// Typed functions and trait of the first derivatives.
-pub fn jacobian_impls(names: &Names, layout: &Layout, body: &Body, lanes: &Lanes) -> TokenStream {
-    let lanes = lanes.jacobian(layout);
+pub fn jacobian_impls(
+    names: &Names,
+    layout: &Layout,
+    body: &Body,
+    lanes: Option<&Lanes>,
+) -> TokenStream {
+    let lanes = lanes.map(|lanes| lanes.jacobian(layout));
     let robot = &names.robot;
     let params = derived(names, "Params");
     let (nq, np, nu) = (layout.nq, layout.np, layout.nu);
@@ -136,8 +141,13 @@ pub fn jacobian_impls(names: &Names, layout: &Layout, body: &Body, lanes: &Lanes
 }
 
 /// Typed function and trait of the second derivatives.
-pub fn hessian_impls(names: &Names, layout: &Layout, body: &Body, lanes: &Lanes) -> TokenStream {
-    let lanes = lanes.hessian(layout);
+pub fn hessian_impls(
+    names: &Names,
+    layout: &Layout,
+    body: &Body,
+    lanes: Option<&Lanes>,
+) -> TokenStream {
+    let lanes = lanes.map(|lanes| lanes.hessian(layout));
     let robot = &names.robot;
     let (params, inputs) = (derived(names, "Params"), derived(names, "Inputs"));
     let (nq, count) = (layout.nq, body.entries.len());

@@ -121,6 +121,7 @@ fn skeleton(ast: &Ast, symbols: &Symbols<'_>) -> Robot {
             second_derivatives: true,
             regressor: true,
             base_parameters: true,
+            lanes: false,
         },
     }
 }

@@ -132,7 +132,7 @@ pub fn values(
     layout: &Layout,
     bodies: &Bodies,
     identifiability: &Identifiability,
-    lanes: &Lanes,
+    lanes: Option<&Lanes>,
 ) -> TokenStream {
     let definitions = bodies.definitions();
     let infos = infos(robot, identifiability);
@@ -371,9 +371,9 @@ fn slices(
     names: &Names,
     layout: &Layout,
     bodies: &Bodies,
-    lanes: &Lanes,
+    lanes: Option<&Lanes>,
 ) -> TokenStream {
-    let lanes = lanes.dynamics(layout);
+    let lanes = lanes.map(|lanes| lanes.dynamics(layout));
     let ty = &names.robot;
     let name = &robot.name;
     let (nq, nu, np, nm) = (

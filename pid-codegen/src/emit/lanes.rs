@@ -290,9 +290,11 @@ fn definitions(functions: &[&LaneFunction]) -> TokenStream {
     let bodies = functions.iter().map(|function| &function.definition);
     let dispatchers = functions.iter().map(|function| &function.dispatcher);
     quote! {
+        #[allow(unused_imports)]
         use ::pid_runtime::__private::multiversion;
         #[cfg(target_arch = "x86_64")]
         mod avx2 {
+            #[allow(unused_imports)]
             use ::pid_runtime::__private::avx2::*;
             #(#bodies)*
         }

@@ -102,13 +102,17 @@ pub fn try_model(
         linear.as_ref(),
     );
     let types = types::types(robot, names, &robot_docs);
-    let lanes = lanes::Lanes::new(&g, &layout, &equations, jacobian.as_ref(), hessian.as_ref());
-    let values = impls::values(robot, names, &layout, &bodies, identifiability, &lanes);
+    let lanes = robot
+        .emit
+        .lanes
+        .then(|| lanes::Lanes::new(&g, &layout, &equations, jacobian.as_ref(), hessian.as_ref()));
+    let lanes = lanes.as_ref();
+    let values = impls::values(robot, names, &layout, &bodies, identifiability, lanes);
     let jacobian =
-        jacobian.map(|jacobian| derivatives::jacobian_impls(names, &layout, &jacobian, &lanes));
+        jacobian.map(|jacobian| derivatives::jacobian_impls(names, &layout, &jacobian, lanes));
     let hessian =
-        hessian.map(|hessian| derivatives::hessian_impls(names, &layout, &hessian, &lanes));
-    let lanes = lanes.definitions();
+        hessian.map(|hessian| derivatives::hessian_impls(names, &layout, &hessian, lanes));
+    let lanes = lanes.map(lanes::Lanes::definitions);
     let regressor = linear.map(|linear| {
         let Linear {
             regressor,
@@ -127,7 +131,6 @@ pub fn try_model(
             clippy::similar_names,
             dead_code,
             non_upper_case_globals,
-            unused_imports,
             unused_parens,
             unused_variables
         )]

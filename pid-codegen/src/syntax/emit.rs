@@ -1,4 +1,5 @@
-//! What to generate: `emit { dynamics, first_derivatives, second_derivatives, regressor, base_parameters }`.
+//! What to generate: `emit { dynamics, first_derivatives, second_derivatives, regressor, base_parameters,
+//! lanes }`.
 
 use proc_macro2::{Delimiter, Ident, Span};
 
@@ -16,6 +17,8 @@ pub struct EmitDecl {
     pub regressor: Option<Span>,
     /// Place of `base_parameters`.
     pub base: Option<Span>,
+    /// Place of `lanes`.
+    pub lanes: Option<Span>,
 }
 
 /// `{ … }` after `emit`.
@@ -26,6 +29,7 @@ pub(super) fn parse(c: &mut Cursor) -> Parsed<EmitDecl> {
         "second_derivatives",
         "regressor",
         "base_parameters",
+        "lanes",
     ];
     let group = c.group(Delimiter::Brace, "`{` after `emit`")?;
     let mut emit = EmitDecl::default();
@@ -37,6 +41,7 @@ pub(super) fn parse(c: &mut Cursor) -> Parsed<EmitDecl> {
             "second_derivatives" => emit.second = Some(part.span()),
             "regressor" => emit.regressor = Some(part.span()),
             "base_parameters" => emit.base = Some(part.span()),
+            "lanes" => emit.lanes = Some(part.span()),
             _ => return Err(unknown_item(&part, PARTS)),
         }
     }

@@ -1,8 +1,8 @@
 //! Four nodes at once.
 //!
-//! The equations of a model are the same at every node of a record. Generated models carry a second version of their bodies
-//! that evaluates [`LANES`] nodes together in 256-bit vectors (AVX2 with fused multiply-add); which version runs is chosen
-//! when the program runs, by what the processor can do. Everywhere else the nodes are evaluated one after the other, by the
+//! The equations of a model are the same at every node of a record. Models with `emit { …, lanes }` carry a second version of
+//! their bodies that evaluates [`LANES`] nodes together in 256-bit vectors (AVX2 with fused multiply-add); which version runs
+//! is chosen when the program runs, by what the processor can do. Everywhere else the nodes are evaluated one after the other, by the
 //! same call. Values agree with those of a single node to rounding, not bit by bit: fused operations round once.
 //!
 //! Arrays are arrays of lanes: entry `i` holds component `i` of all four nodes. Parameters are shared.
@@ -22,6 +22,7 @@
 //!         }
 //!         link rod { mass: m; com: [0, 0, -l]; }
 //!         joint pivot: revolute about y { base -> rod; }
+//!         emit { dynamics, first_derivatives, lanes }
 //!     }
 //! }
 //!

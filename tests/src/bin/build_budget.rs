@@ -4,10 +4,10 @@
 //! cargo run --release -p pid-tests --bin build_budget [largest n]
 //! ```
 //! "general": joint frames turned and moved in all directions. "industrial": quarter turns and one or two offsets. All ten
-//! inertial parameters of every link are open, four parameters of the drive per joint; r, M, b, J and H are emitted, over dual
-//! numbers and in lanes as well. Printed: operations of r + J + H, statements and bytes of the expansion, seconds of expansion
+//! inertial parameters of every link are open, four parameters of the drive per joint; r, M, b, J and H are emitted, r and the
+//! forces also over dual numbers. Printed: operations of r + J + H, statements and bytes of the expansion, seconds of expansion
 //! (macro built with optimisation; for one built without see `pid-codegen/src/bin/macro_seconds.rs`), processor seconds
-//! of rustc for the expansion, optimised and not. Budget: rustc, optimised, n = 2 below 1 s, n = 6 below 6 s, n = 7 below
+//! of rustc for the expansion: optimised, optimised with lanes added, not optimised. Budget: rustc, optimised, n = 2 below 1 s, n = 6 below 6 s, n = 7 below
 //! 10 s; macro below 1 s. Needs Linux (processor time of child processes from `/proc`).
 
 use std::fmt::Write as _;
@@ -18,8 +18,8 @@ use std::time::Instant;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// The declaration of an arm.
-fn arm(n: usize, general: bool) -> String {
+/// The declaration of an arm; `lanes` is "" or ", lanes".
+fn arm(n: usize, general: bool, lanes: &str) -> String {
     let mut rng = ChaCha8Rng::seed_from_u64(n as u64);
     let mut text = String::from("pub robot Arm { gravity: [0, 0, -9.81] m/s^2;\n");
     for k in 1..=n {
@@ -54,8 +54,10 @@ fn arm(n: usize, general: bool) -> String {
     text.push_str(
         "per joint { input current: A; dry: N*m = 2.0; viscous: N*m*s/rad = 3.0; gain: N*m/A = 5.0; \
          sharp: s/rad = 50.0; force = gain*current - viscous*v - dry*tanh(sharp*v); }\n\
-         emit { dynamics, first_derivatives, second_derivatives } }",
+         emit { dynamics, first_derivatives, second_derivatives",
     );
+    text.push_str(lanes);
+    text.push_str(" } }");
     text
 }
 
@@ -146,21 +148,26 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = std::env::temp_dir().join(format!("pid_build_budget_{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
     println!(
-        "| n | geometry | operations r + J + H | statements | kB | macro, s | rustc -O3, s | rustc -O0, s |"
+        "| n | geometry | operations r + J + H | statements | kB | macro, s | rustc -O3, s | with lanes, s | rustc -O0, s |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     for n in 1..=largest {
         for general in [false, true] {
-            let declaration = arm(n, general).parse()?;
+            let declaration = arm(n, general, "").parse()?;
             let clock = Instant::now();
             let start = processor_seconds(clock);
             let output = pid_codegen::expand(declaration);
             let seconds = processor_seconds(clock) - start;
             let text = output.to_string();
             let source = folder.join("arm.rs");
-            std::fs::write(&source, format!("#![forbid(unsafe_code)]\n{text}"))?;
             let mut times = String::new();
-            for level in ["3", "0"] {
+            for (level, lanes) in [("3", false), ("3", true), ("0", false)] {
+                if lanes {
+                    let output = pid_codegen::expand(arm(n, general, ", lanes").parse()?);
+                    std::fs::write(&source, format!("#![forbid(unsafe_code)]\n{output}"))?;
+                } else {
+                    std::fs::write(&source, format!("#![forbid(unsafe_code)]\n{text}"))?;
+                }
                 let time = compile(&source, &deps, &runtime, level).ok_or("rustc failed")?;
                 let _ = write!(times, " {time:.2} |");
             }
