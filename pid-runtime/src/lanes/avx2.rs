@@ -174,8 +174,8 @@ pub fn tanh(x: V) -> V {
     let size = _mm256_min_pd(all(20.0), abs(x));
     let y = mul(size, all(-2.0));
     // y = n ln 2 + r with n ln 2's high part exact.
-    const HIGH: f64 = 0.693147180369123816490; // ln 2 to 33 bits
-    const LOW: f64 = 1.90821492927058770002e-10;
+    const HIGH: f64 = 0.693_147_180_369_123_8; // ln 2 to 33 bits
+    const LOW: f64 = 1.908_214_929_270_587_7e-10;
     let shifted = mul_add(y, all(std::f64::consts::LOG2_E), all(ROUND));
     let n = sub(shifted, all(ROUND));
     let r = sub_mul(n, all(HIGH), y);

@@ -30,7 +30,7 @@ fn heat<D: Number>(x: &[D]) -> (D, Vec<Row<D>>) {
             let sign = if j % 2 == 0 { 1.0 } else { -1.0 };
             rho += (time * (-mu * mu)).exp() * (factor * sign);
         }
-        rho += if n % 2 == 0 { 1.0 } else { -1.0 };
+        rho += if n.is_multiple_of(2) { 1.0 } else { -1.0 };
         // ρ_i = −rho / μ², α_i(s) = μ² A cos(μ s).
         let coefficient = rho * -weight;
         let square = (mu + s * c) / (2.0 * mu);
