@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use pid_diagnose::case::Case;
 use pid_diagnose::diagnose::{Diagnosis, Settings, diagnose};
+use rayon::prelude::*;
 
 use crate::error::{self, CliError};
 use crate::output;
@@ -23,39 +24,51 @@ pub(crate) struct DiagnoseArgs {
     again: bool,
 }
 
-/// Diagnoses all folders; those that fail are named at the end.
+/// Diagnoses all folders, several at a time; those that cannot be read are named and do not stop the others.
 pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
-    let mut failed = 0;
-    for folder in &args.folders {
-        let out = if args.folders.len() == 1 {
-            args.out.clone()
-        } else {
-            args.out
-                .join(folder.file_name().unwrap_or(folder.as_os_str()))
-        };
-        let file = out.join("diagnosis.json");
-        if args.folders.len() > 1 && !args.again && file.exists() {
-            output::print(&format!("{}: already diagnosed\n", folder.display()));
-            continue;
-        }
-        match one(folder, &out, &file) {
-            Ok(d) => output::print(&summary(&d)),
-            Err(CliError::Case { source }) => {
-                failed += 1;
-                output::message(&format!("error: {}: {source}", folder.display()));
+    let several = args.folders.len() > 1;
+    let outcomes: Vec<Result<bool, CliError>> = args
+        .folders
+        .par_iter()
+        .map(|folder| {
+            let out = if several {
+                args.out
+                    .join(folder.file_name().unwrap_or(folder.as_os_str()))
+            } else {
+                args.out.clone()
+            };
+            let file = out.join("diagnosis.json");
+            if several && !args.again && file.exists() {
+                output::print(&format!("{}: already diagnosed\n", folder.display()));
+                return Ok(true);
             }
-            Err(other) => return Err(other),
-        }
+            match one(folder, &out, &file) {
+                Ok(d) => {
+                    output::print(&summary(&d));
+                    Ok(true)
+                }
+                Err(CliError::Case { source }) => {
+                    output::message(&format!("error: {}: {source}", folder.display()));
+                    Ok(false)
+                }
+                Err(other) => Err(other),
+            }
+        })
+        .collect();
+    let mut failed = false;
+    for outcome in outcomes {
+        failed |= !outcome?;
     }
-    Ok(u8::from(failed > 0))
+    Ok(u8::from(failed))
 }
 
+/// The page first: a folder counts as done when its diagnosis.json is there.
 fn one(folder: &Path, out: &Path, file: &Path) -> Result<Diagnosis, CliError> {
     let case = Case::read(folder)?;
     let result = diagnose(&case, &Settings::default());
     error::make_folder(out)?;
-    let text = result.to_json();
-    error::write(file, &text)?;
+    error::write(&out.join("report.html"), &result.to_html())?;
+    error::write(file, &result.to_json())?;
     Ok(result)
 }
 
@@ -75,7 +88,7 @@ fn summary(d: &Diagnosis) -> String {
         text.push_str(&format!("  {}{joint}:", e.effect));
         for p in &e.parameters {
             match p.std {
-                Some(s) => text.push_str(&format!(" {} = {:.5} ± {:.2}", p.name, p.value, s)),
+                Some(s) => text.push_str(&format!(" {} = {:.5} ± {:.1e}", p.name, p.value, s)),
                 None => text.push_str(&format!(" {} = {:.5}", p.name, p.value)),
             }
         }

@@ -343,10 +343,23 @@ fn finish(
     let scale = misfit.max(1.0);
     // Neighbouring innovations of a misfit are not independent: the odds are tempered.
     let temper = |score: f64| score / (2.0 * (2.0 + 2.0 * (scale - 1.0)));
-    let best = ranking.first().map_or(0.0, |r| r.score).max(0.0);
+    // A second effect was compared with others on top of the first, not with the first.
+    let second = accepted.get(1).map(Term::label);
+    let on_top = |r: &Refit| second.as_deref() == Some(r.term.label().as_str());
+    let best = ranking
+        .iter()
+        .filter(|r| !on_top(r))
+        .map(|r| r.score)
+        .fold(0.0, f64::max);
     let weights: Vec<f64> = ranking
         .iter()
-        .map(|r| temper(r.score - best).exp())
+        .map(|r| {
+            if on_top(r) {
+                0.0
+            } else {
+                temper(r.score - best).exp()
+            }
+        })
         .collect();
     let nothing = temper(-best).exp();
     let sum: f64 = weights.iter().sum::<f64>() + nothing;
@@ -357,7 +370,7 @@ fn finish(
             effect: r.term.effect.info().id.to_owned(),
             joint: r.term.shown_joint(),
             score: r.score,
-            probability: w / sum,
+            probability: if on_top(r) { 1.0 } else { w / sum },
         })
         .collect();
     if let Some((term, _, ratio)) = &lagging {
@@ -394,7 +407,12 @@ fn finish(
     };
     let mut confusion: Vec<String> = lines
         .iter()
-        .filter(|l| l.effect != effect && l.probability > 0.05)
+        .filter(|l| {
+            !named
+                .iter()
+                .any(|n| n.effect == l.effect && n.joint == l.joint)
+                && l.probability > 0.05
+        })
         .map(|l| {
             l.joint
                 .map_or(l.effect.clone(), |j| format!("{}:{j}", l.effect))
@@ -410,7 +428,6 @@ fn finish(
             confusion.push(twin.to_owned());
         }
     }
-    let _ = accepted;
     Diagnosis {
         schema_version: SCHEMA_VERSION,
         case: case.name.clone(),

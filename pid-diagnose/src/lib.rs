@@ -9,6 +9,7 @@ pub mod fit;
 pub mod gap;
 pub mod nominal;
 pub mod observer;
+mod page;
 pub mod plant;
 pub mod predict;
 pub mod rigid;

@@ -14,7 +14,7 @@ use crate::simulate::{Hypothesis, Machine, State};
 /// Longest substep, s.
 const LONGEST_STEP: f64 = 2.1e-3;
 /// Longest substep with a gear, s.
-const LONGEST_GEARED_STEP: f64 = 1.05e-3;
+const LONGEST_GEARED_STEP: f64 = 0.55e-3;
 /// Innovations of the first moments are left out: they tell of the start, s.
 const SETTLING: f64 = 0.12;
 

@@ -375,7 +375,8 @@ fn constants_of_the_plant_follow_their_definitions() {
     let (before, after) = (plant::<f64>(), change("payload", &[0.3]));
     near(after.bodies[1].mass, before.bodies[1].mass + 0.3);
     let r = nalgebra::Vector3::new(0.1, 0.0, -0.3);
-    let i = 0.3 * (r.norm_squared() * nalgebra::Matrix3::identity() - r * r.transpose());
+    let i: nalgebra::Matrix3<f64> =
+        0.3 * (r.norm_squared() * nalgebra::Matrix3::identity() - r * r.transpose());
     for (k, (a, b)) in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
         .into_iter()
         .enumerate()
@@ -393,8 +394,8 @@ fn a_force_counts_only_inside_its_windows() {
     let effect = effects::by_id("external_force").expect("in the library");
     let e = [1.0, -2.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
     let x = |t: f64, dt: f64| effect.plain().tip_force(&e, t, dt).map(|f| f[1]);
-    assert_eq!(x(0.5, 0.1), Some(0.0));
-    assert_eq!(x(1.5, 0.1), Some(-2.0));
+    near(x(0.5, 0.1).expect("a force"), 0.0);
+    near(x(1.5, 0.1).expect("a force"), -2.0);
     near(x(1.9, 0.4).expect("a force"), -2.0 * 0.25);
     near(x(1.5, 2.0).expect("a force"), -2.0 * 0.5);
 }

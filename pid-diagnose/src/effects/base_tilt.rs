@@ -39,12 +39,16 @@ impl Model for BaseTilt {
 
 impl<D: Scalar> Law<D> for BaseTilt {
     fn plant(&self, e: &[D], _joint: usize, plant: &mut Plant<D>) {
-        // g cos a − (ê × g) sin a + ê (ê·g)(1 − cos a) with a ê = (x, y, 0); series in a², exact to a⁶ and regular at zero.
+        // g cos a − (ê × g) sin a + ê (ê·g)(1 − cos a) with a ê = (x, y, 0); series in a², 3e-9 at 0.6 rad and regular at zero.
         let (x, y) = (e[0], e[1]);
         let a2 = x * x + y * y;
-        let c = a2 * a2 * (1.0 / 24.0) - a2 * 0.5 - a2 * a2 * a2 * (1.0 / 720.0) + 1.0;
-        let s = a2 * a2 * (1.0 / 120.0) - a2 * (1.0 / 6.0) + 1.0;
-        let k = a2 * a2 * (1.0 / 720.0) - a2 * (1.0 / 24.0) + 0.5;
+        let series = |first: f64, terms: [f64; 4]| {
+            let [a, b, c, d] = terms.map(|t| 1.0 / t);
+            (((a2 * d - c) * a2 + b) * a2 - a) * a2 + first
+        };
+        let c = series(1.0, [2.0, 24.0, 720.0, 40_320.0]);
+        let s = series(1.0, [6.0, 120.0, 5_040.0, 362_880.0]);
+        let k = series(0.5, [24.0, 720.0, 40_320.0, 3_628_800.0]);
         let g = plant.gravity;
         let along = (x * g[0] + y * g[1]) * k;
         plant.gravity = [
