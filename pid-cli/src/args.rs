@@ -26,6 +26,8 @@ pub(crate) enum Command {
     Identify(IdentifyArgs),
     /// Compare a model with given parameters with a data folder; nothing is identified.
     Simulate(SimulateArgs),
+    /// Say which physical effect the model in a data folder lacks, where, and how far the gap shrinks with it.
+    Diagnose(crate::diagnose::DiagnoseArgs),
     /// List the models.
     Models,
     /// Make the embedded demonstration data anew.

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use pid_diagnose::case::CaseError;
 use pid_models::UnknownModel;
 use pid_runtime::data::DataError;
 use pid_runtime::gap::force::MissingForceError;
@@ -60,6 +61,11 @@ pub(crate) enum CliError {
         path: PathBuf,
         name: String,
         found: String,
+    },
+    #[error("{source}")]
+    Case {
+        #[from]
+        source: CaseError,
     },
     #[error("{}: cannot be written: {error}\n  help: choose another folder with --out", path.display())]
     Write { path: PathBuf, error: io::Error },

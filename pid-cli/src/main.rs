@@ -6,6 +6,7 @@
 mod args;
 mod assemble;
 mod demo;
+mod diagnose;
 mod dump;
 mod error;
 mod findings;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
     let outcome = match cli.command {
         None => identify::run(&cli.identify),
         Some(Command::Identify(args)) => identify::run(&args),
+        Some(Command::Diagnose(args)) => diagnose::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),
         Some(Command::Models) => {
             models();

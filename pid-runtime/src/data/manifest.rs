@@ -157,7 +157,7 @@ pub(super) fn parse(file: &str, text: &str) -> Result<Manifest, DataError> {
 
 fn check_joint(
     file: &str,
-    joint: RawJoint,
+    mut joint: RawJoint,
     unknown: &dyn Fn(&str, &'static str, &str, &'static str) -> DataError,
 ) -> Result<JointChannels, DataError> {
     let item = format!("joint `{}`", joint.name);
@@ -176,6 +176,10 @@ fn check_joint(
             return Err(unknown(&item, "input", other, known));
         }
     };
+    // The SI brochure's spelling of the product, with either of the two dots.
+    if ["N·m", "N⋅m", "Nm"].contains(&joint.input_unit.as_str()) {
+        joint.input_unit = "N*m".to_owned();
+    }
     if !["N*m", "N", "A", "V"].contains(&joint.input_unit.as_str()) {
         return Err(unknown(
             &item,

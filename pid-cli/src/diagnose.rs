@@ -1,0 +1,104 @@
+//! `pid diagnose`: which effect the model in a data folder lacks.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use pid_diagnose::case::Case;
+use pid_diagnose::diagnose::{Diagnosis, Settings, diagnose};
+use rayon::prelude::*;
+
+use crate::error::{self, CliError};
+use crate::output;
+
+/// Arguments of `pid diagnose`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct DiagnoseArgs {
+    /// Folders with dataset.toml, nominal.toml and CSV files.
+    #[arg(required = true)]
+    folders: Vec<PathBuf>,
+    /// Folder for the results: diagnosis.json, or one folder per data folder if several are given.
+    #[arg(long, short, value_name = "FOLDER", default_value = "pid-diagnosis")]
+    out: PathBuf,
+    /// Diagnose again where a result is already there.
+    #[arg(long)]
+    again: bool,
+}
+
+/// Diagnoses all folders, several at a time; those that cannot be read are named and do not stop the others.
+pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
+    let several = args.folders.len() > 1;
+    let outcomes: Vec<Result<bool, CliError>> = args
+        .folders
+        .par_iter()
+        .map(|folder| {
+            let out = if several {
+                args.out
+                    .join(folder.file_name().unwrap_or(folder.as_os_str()))
+            } else {
+                args.out.clone()
+            };
+            let file = out.join("diagnosis.json");
+            if several && !args.again && file.exists() {
+                output::print(&format!("{}: already diagnosed\n", folder.display()));
+                return Ok(true);
+            }
+            match one(folder, &out, &file) {
+                Ok(d) => {
+                    output::print(&summary(&d));
+                    Ok(true)
+                }
+                Err(CliError::Case { source }) => {
+                    output::message(&format!("error: {}: {source}", folder.display()));
+                    Ok(false)
+                }
+                Err(other) => Err(other),
+            }
+        })
+        .collect();
+    let mut failed = false;
+    for outcome in outcomes {
+        failed |= !outcome?;
+    }
+    Ok(u8::from(failed))
+}
+
+/// The page first: a folder counts as done when its diagnosis.json is there.
+fn one(folder: &Path, out: &Path, file: &Path) -> Result<Diagnosis, CliError> {
+    let case = Case::read(folder)?;
+    let result = diagnose(&case, &Settings::default());
+    error::make_folder(out)?;
+    error::write(&out.join("report.html"), &result.to_html())?;
+    error::write(file, &result.to_json())?;
+    Ok(result)
+}
+
+/// A few lines for the terminal.
+fn summary(d: &Diagnosis) -> String {
+    let mut text = format!("{}: ", d.case);
+    text.push_str(&d.effect);
+    if let Some(j) = d.joint {
+        text.push_str(&format!(" at joint {j}"));
+    }
+    text.push_str(&format!(
+        ", confidence {:.2}\n  gap {:.4} -> {:.4}, floor {:.4}; {:.1} s\n",
+        d.confidence, d.gap_before, d.gap_after, d.gap_floor, d.seconds
+    ));
+    for e in &d.effects {
+        let joint = e.joint.map_or(String::new(), |j| format!(" at joint {j}"));
+        text.push_str(&format!("  {}{joint}:", e.effect));
+        for p in &e.parameters {
+            match p.std {
+                Some(s) => text.push_str(&format!(" {} = {:.5} ± {:.1e}", p.name, p.value, s)),
+                None => text.push_str(&format!(" {} = {:.5}", p.name, p.value)),
+            }
+        }
+        text.push('\n');
+    }
+    if !d.confusion_set.is_empty() {
+        text.push_str(&format!(
+            "  not told apart from: {}\n",
+            d.confusion_set.join(", ")
+        ));
+    }
+    text
+}

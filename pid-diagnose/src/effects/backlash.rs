@@ -1,0 +1,64 @@
+//! Free travel between rotor and link: as joint elasticity, with a stiff spring only where |q_m − q_l| > gap/2.
+//!
+//! Source: M. Nordin, P.-O. Gutman, Automatica 38(10), 2002.
+
+use crate::effect::{Gear, Info, Kind, Law, Model, Unit, parameter};
+use crate::scalar::Scalar;
+
+/// Free travel between rotor and link.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Backlash;
+
+static INFO: Info = Info {
+    id: "backlash",
+    title: "Free travel between rotor and link",
+    equation: "as joint elasticity, with a stiff spring only where |q_m − q_l| > gap/2",
+    source: "M. Nordin, P.-O. Gutman, Automatica 38(10), 2002",
+    kind: Kind::State,
+    has_joint: true,
+    parameters: &[
+        parameter("gap", "rad", Unit::Range, 1e-05, 0.2),
+        parameter("compliance", "rad/(N*m)", Unit::Compliance, 0.0001, 0.02),
+        parameter("damping_time", "s", Unit::Time, 0.0, 0.03),
+    ],
+    starts: &[
+        &[0.002, 0.0015, 0.0003],
+        &[0.005, 0.0015, 0.0003],
+        &[0.012, 0.0015, 0.0003],
+        &[0.025, 0.0015, 0.0003],
+    ],
+    amplitudes: &[],
+    confusions: &[
+        ("joint_elasticity", "elasticity has no fixed travel"),
+        (
+            "presliding_hysteresis",
+            "presliding transmits torque within its travel",
+        ),
+    ],
+    regime: "reversals of the load",
+    simulator_field: Some("MuJoCo: a second joint and a tendon with stiffness and a dead band"),
+};
+
+impl Model for Backlash {
+    fn info(&self) -> &'static Info {
+        &INFO
+    }
+    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
+        vec![
+            ("gap", e[0]),
+            ("stiffness", 1.0 / e[1]),
+            ("damping", e[2] / e[1]),
+        ]
+    }
+}
+
+impl<D: Scalar> Law<D> for Backlash {
+    fn gear(&self, e: &[D]) -> Option<Gear<D>> {
+        let stiffness = e[1].inverse();
+        Some(Gear {
+            stiffness,
+            damping: stiffness * e[2],
+            gap: e[0],
+        })
+    }
+}

@@ -1,0 +1,93 @@
+//! The library: one file per effect.
+
+mod actuator_lag;
+mod backlash;
+mod base_tilt;
+mod cogging;
+mod coulomb_asymmetry;
+mod current_offset;
+mod drive_dead_zone;
+mod encoder_eccentricity;
+mod encoder_offset;
+mod external_force;
+mod friction_drift;
+mod gain_error_nonlinear;
+mod input_delay;
+mod joint_coupling;
+mod joint_elasticity;
+mod load_dependent_friction;
+mod payload;
+mod presliding_hysteresis;
+mod quadratic_drag;
+mod sensor_delay;
+mod spring;
+mod stribeck;
+mod torque_saturation;
+mod unmodelled_rotor_inertia;
+mod velocity_filter_lag;
+
+pub use actuator_lag::ActuatorLag;
+pub use backlash::Backlash;
+pub use base_tilt::BaseTilt;
+pub use cogging::Cogging;
+pub use coulomb_asymmetry::CoulombAsymmetry;
+pub use current_offset::CurrentOffset;
+pub use drive_dead_zone::DriveDeadZone;
+pub use encoder_eccentricity::EncoderEccentricity;
+pub use encoder_offset::EncoderOffset;
+pub use external_force::ExternalForce;
+pub use friction_drift::FrictionDrift;
+pub use gain_error_nonlinear::GainErrorNonlinear;
+pub use input_delay::InputDelay;
+pub use joint_coupling::JointCoupling;
+pub use joint_elasticity::JointElasticity;
+pub use load_dependent_friction::LoadDependentFriction;
+pub use payload::Payload;
+pub use presliding_hysteresis::PreslidingHysteresis;
+pub use quadratic_drag::QuadraticDrag;
+pub use sensor_delay::SensorDelay;
+pub use spring::Spring;
+pub use stribeck::Stribeck;
+pub use torque_saturation::TorqueSaturation;
+pub use unmodelled_rotor_inertia::UnmodelledRotorInertia;
+pub use velocity_filter_lag::VelocityFilterLag;
+
+use std::sync::Arc;
+
+use crate::effect::Effect;
+
+/// All effects of the library.
+pub fn all() -> Vec<Arc<dyn Effect>> {
+    vec![
+        Arc::new(Stribeck),
+        Arc::new(CoulombAsymmetry),
+        Arc::new(LoadDependentFriction),
+        Arc::new(QuadraticDrag),
+        Arc::new(PreslidingHysteresis),
+        Arc::new(Cogging),
+        Arc::new(FrictionDrift),
+        Arc::new(JointElasticity),
+        Arc::new(Backlash),
+        Arc::new(UnmodelledRotorInertia),
+        Arc::new(JointCoupling),
+        Arc::new(ActuatorLag),
+        Arc::new(InputDelay),
+        Arc::new(TorqueSaturation),
+        Arc::new(GainErrorNonlinear),
+        Arc::new(CurrentOffset),
+        Arc::new(DriveDeadZone),
+        Arc::new(Payload),
+        Arc::new(BaseTilt),
+        Arc::new(Spring),
+        Arc::new(ExternalForce),
+        Arc::new(EncoderOffset),
+        Arc::new(EncoderEccentricity),
+        Arc::new(VelocityFilterLag),
+        Arc::new(SensorDelay),
+    ]
+}
+
+/// The effect with an identifier.
+pub fn by_id(id: &str) -> Option<Arc<dyn Effect>> {
+    all().into_iter().find(|e| e.info().id == id)
+}

@@ -1,0 +1,47 @@
+//! An unmodelled mass at the tool: point mass at the tool point.
+//!
+//! Source: W. Khalil, M. Gautier, P. Lemoine, IEEE ICRA 2007.
+
+use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::plant::Plant;
+use crate::scalar::Scalar;
+
+/// An unmodelled mass at the tool.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Payload;
+
+static INFO: Info = Info {
+    id: "payload",
+    title: "An unmodelled mass at the tool",
+    equation: "point mass at the tool point",
+    source: "W. Khalil, M. Gautier, P. Lemoine, IEEE ICRA 2007",
+    kind: Kind::Force,
+    has_joint: false,
+    parameters: &[parameter("mass", "kg", Unit::Mass, -0.2, 5.0)],
+    starts: &[&[0.05]],
+    amplitudes: &[0],
+    confusions: &[
+        ("unmodelled_rotor_inertia", "a payload also changes gravity"),
+        (
+            "encoder_offset",
+            "an offset of the last joint turns its centre of mass",
+        ),
+    ],
+    regime: "gravity and acceleration of the last link",
+    simulator_field: Some("MuJoCo body, URDF link inertial"),
+};
+
+impl Model for Payload {
+    fn info(&self) -> &'static Info {
+        &INFO
+    }
+}
+
+impl<D: Scalar> Law<D> for Payload {
+    fn plant(&self, e: &[D], _joint: usize, plant: &mut Plant<D>) {
+        let at = plant.tool;
+        if let Some(body) = plant.bodies.last_mut() {
+            crate::rigid::add_point(body, e[0], at);
+        }
+    }
+}

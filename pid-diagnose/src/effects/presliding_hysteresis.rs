@@ -1,0 +1,82 @@
+//! The joint gives way elastically before it slides: dz/dt = v − |v| z/z_s, friction f_c (z + T₁ dz/dt)/z_s in place of dry friction.
+//!
+//! Source: P. R. Dahl 1968; C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, IEEE TAC 40(3), 1995, with a constant level.
+
+use crate::effect::{After, Forces, Friction, Info, Kind, Law, Model, Site, Unit, parameter};
+use crate::plant::Plant;
+use crate::scalar::Scalar;
+
+/// The joint gives way elastically before it slides.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct PreslidingHysteresis;
+
+static INFO: Info = Info {
+    id: "presliding_hysteresis",
+    title: "The joint gives way elastically before it slides",
+    equation: "dz/dt = v − |v| z/z_s, friction f_c (z + T₁ dz/dt)/z_s in place of dry friction",
+    source: "P. R. Dahl 1968; C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, IEEE TAC 40(3), 1995, with a constant level",
+    kind: Kind::State,
+    has_joint: true,
+    parameters: &[
+        parameter("presliding_range", "rad", Unit::Range, 1e-05, 0.2),
+        parameter("micro_damping_time", "s", Unit::Time, 0.0, 0.02),
+    ],
+    starts: &[
+        &[0.0006, 0.001],
+        &[0.002, 0.001],
+        &[0.007, 0.001],
+        &[0.025, 0.001],
+    ],
+    amplitudes: &[],
+    confusions: &[
+        (
+            "stribeck",
+            "Stribeck is a function of speed, without memory",
+        ),
+        (
+            "joint_elasticity",
+            "elasticity follows the torque, without regard to the amplitude",
+        ),
+        ("backlash", "backlash transmits nothing within its travel"),
+    ],
+    regime: "reversals and standstill",
+    simulator_field: None,
+};
+
+impl Model for PreslidingHysteresis {
+    fn info(&self) -> &'static Info {
+        &INFO
+    }
+    fn memory(&self) -> usize {
+        1
+    }
+}
+
+impl<D: Scalar> Law<D> for PreslidingHysteresis {
+    fn friction(&self, _e: &[D], _at: &Site<'_, D>, _memory: &[D], f: &mut Friction<D>) {
+        f.forward = D::nil();
+        f.backward = D::nil();
+    }
+    fn force(
+        &self,
+        e: &[D],
+        at: &Site<'_, D>,
+        memory: &[D],
+        f: &mut Forces<'_, D>,
+        plant: &Plant<D>,
+    ) {
+        // s = z / z_s after the step, implicit in the mean velocity w: s⁺ = (s + δ w/z_s) / (1 + δ |v|/z_s).
+        let level = plant.coulomb[at.joint];
+        let kept = (at.v[at.joint].magnitude() * at.dt / e[0] + 1.0).inverse();
+        let micro = e[1] / at.dt;
+        f.value[at.joint] -= level * (memory[0] * kept + micro * memory[0] * (kept - 1.0));
+        f.rate[at.joint] += level * kept * (e[1] + at.dt) / e[0];
+    }
+    fn advance(&self, e: &[D], after: &After<D>, memory: &mut [D]) {
+        let w = after.v * after.dt / e[0];
+        memory[0] = (memory[0] + w) / (w.magnitude() + 1.0);
+    }
+    fn start(&self, _e: &[D], balance: D, coulomb: D, _u: f64, memory: &mut [D]) {
+        memory[0] = (balance / (coulomb + 1e-12)).limit(D::constant(-1.0), D::constant(1.0));
+    }
+}

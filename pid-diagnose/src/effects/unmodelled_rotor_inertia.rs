@@ -1,0 +1,47 @@
+//! The rotor is heavier than stated: M_jj + J.
+//!
+//! Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002, section 9.4.
+
+use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::plant::Plant;
+use crate::scalar::Scalar;
+
+/// The rotor is heavier than stated.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct UnmodelledRotorInertia;
+
+static INFO: Info = Info {
+    id: "unmodelled_rotor_inertia",
+    title: "The rotor is heavier than stated",
+    equation: "M_jj + J",
+    source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002, section 9.4",
+    kind: Kind::Force,
+    has_joint: true,
+    parameters: &[parameter(
+        "extra_inertia",
+        "kg*m^2",
+        Unit::Inertia,
+        -0.5,
+        4.0,
+    )],
+    starts: &[&[0.1]],
+    amplitudes: &[0],
+    confusions: &[(
+        "payload",
+        "link inertia also enters the off-diagonal terms of later joints",
+    )],
+    regime: "accelerations of a joint beyond the first",
+    simulator_field: Some("MuJoCo joint armature"),
+};
+
+impl Model for UnmodelledRotorInertia {
+    fn info(&self) -> &'static Info {
+        &INFO
+    }
+}
+
+impl<D: Scalar> Law<D> for UnmodelledRotorInertia {
+    fn plant(&self, e: &[D], joint: usize, plant: &mut Plant<D>) {
+        plant.rotor[joint] += e[0];
+    }
+}

@@ -1,0 +1,489 @@
+//! Prediction-error fit within the tolerances, by Gauss-Newton steps on bounded quadratic models.
+//!
+//! ```text
+//! minimise  ½ Σ ε_i(θ, e)²  +  ½ Σ (θ_k / 0.55)²     with |θ_k| ≤ 1,  lower ≤ e ≤ upper
+//! ```
+//!
+//! ε are whitened innovations on the train records, θ deviations in units of their tolerances (0.55: the standard deviation of a
+//! value anywhere within 95 % of its tolerance). The Jacobian is exact, a few directions per pass.
+
+use nalgebra::{DMatrix, DVector};
+use pid_runtime::data::Role;
+use rayon::prelude::*;
+
+use crate::case::Case;
+use crate::effect::{LANES, Wide};
+use crate::observer::Gain;
+use crate::plant::PER_JOINT;
+use crate::predict::{Runner, gains};
+use crate::simulate::Hypothesis;
+
+/// Standard deviation of a deviation, in tolerances.
+pub const PRIOR: f64 = 0.55;
+/// An innovation larger than this many deviations counts as this: a diverging candidate must not give infinities.
+const LARGEST: f64 = 1e4;
+
+/// A point of a fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Deviations of the nominal parameters.
+    pub theta: Vec<f64>,
+    /// Parameters of the effects, SI.
+    pub e: Vec<f64>,
+}
+
+/// Value of the objective, in its parts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Value {
+    /// Sum of squared innovations per joint and channel.
+    pub chi: Vec<[f64; 2]>,
+    /// Number of innovations per joint and channel.
+    pub count: Vec<[f64; 2]>,
+    /// Sum of (θ/σ)².
+    pub prior: f64,
+}
+
+impl Value {
+    /// Sum of squared innovations.
+    pub fn total(&self) -> f64 {
+        self.chi.iter().map(|c| c[0] + c[1]).sum()
+    }
+    /// Number of innovations.
+    pub fn number(&self) -> f64 {
+        self.count.iter().map(|c| c[0] + c[1]).sum()
+    }
+    /// Sum of squares and prior.
+    pub fn objective(&self) -> f64 {
+        self.total() + self.prior
+    }
+}
+
+/// Innovations and, on request, derivatives in directions.
+#[derive(Debug, Clone)]
+pub struct Linear {
+    /// Innovations.
+    pub r: DVector<f64>,
+    /// Derivatives, one column per direction.
+    pub j: DMatrix<f64>,
+}
+
+/// Directions of θ that the records determine, as columns.
+#[derive(Debug, Clone)]
+pub struct Basis {
+    /// 14 n × r, orthonormal.
+    pub columns: DMatrix<f64>,
+}
+
+/// A direction in which to differentiate.
+#[derive(Debug, Clone, Copy)]
+pub enum Direction<'a> {
+    /// Of the deviations.
+    Theta(&'a [f64]),
+    /// A parameter of the effects.
+    Effect(usize),
+}
+
+/// Gains for every record.
+pub fn all_gains(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<Vec<Gain>> {
+    case.records
+        .iter()
+        .map(|r| gains(case, hypothesis, &at.theta, &at.e, r.h))
+        .collect()
+}
+
+fn tame(x: f64) -> f64 {
+    if x.is_finite() {
+        x.clamp(-LARGEST, LARGEST)
+    } else {
+        LARGEST
+    }
+}
+
+/// Sums of squares on the records of a role; gains are designed at the point itself.
+pub fn value(
+    case: &Case,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    gains: &[Vec<Gain>],
+    role: Role,
+) -> Value {
+    let n = case.n();
+    let parts: Vec<(Vec<[f64; 2]>, Vec<[f64; 2]>)> = case
+        .records
+        .par_iter()
+        .zip(gains)
+        .filter(|(r, _)| r.role == role)
+        .map(|(record, g)| {
+            let mut chi = vec![[0.0; 2]; n];
+            let mut count = vec![[0.0; 2]; n];
+            Runner::<f64>::new(case, record, hypothesis, &at.theta, &at.e).predict(
+                g,
+                &mut |_, j, c, x| {
+                    let x = tame(x);
+                    chi[j][c] += x * x;
+                    count[j][c] += 1.0;
+                },
+                &mut |_, _| {},
+            );
+            (chi, count)
+        })
+        .collect();
+    let mut total = Value {
+        chi: vec![[0.0; 2]; n],
+        count: vec![[0.0; 2]; n],
+        prior: at.theta.iter().map(|t| (t / PRIOR).powi(2)).sum(),
+    };
+    for (chi, count) in parts {
+        for j in 0..n {
+            for c in 0..2 {
+                total.chi[j][c] += chi[j][c];
+                total.count[j][c] += count[j][c];
+            }
+        }
+    }
+    total
+}
+
+/// Innovations and derivatives on the records of a role.
+pub fn linearise(
+    case: &Case,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    gains: &[Vec<Gain>],
+    role: Role,
+    directions: &[Direction<'_>],
+) -> Linear {
+    let records: Vec<usize> = (0..case.records.len())
+        .filter(|&i| case.records[i].role == role)
+        .collect();
+    let passes = directions.len().div_ceil(LANES).max(1);
+    let jobs: Vec<(usize, usize)> = (0..passes)
+        .flat_map(|p| records.iter().map(move |&r| (p, r)))
+        .collect();
+    let results: Vec<Vec<(f64, [f64; LANES])>> = jobs
+        .par_iter()
+        .map(|&(pass, record)| {
+            let own = &directions
+                [(pass * LANES).min(directions.len())..((pass + 1) * LANES).min(directions.len())];
+            let mut theta: Vec<Wide> = at
+                .theta
+                .iter()
+                .map(|&re| Wide {
+                    re,
+                    eps: [0.0; LANES],
+                })
+                .collect();
+            let mut e: Vec<Wide> =
+                at.e.iter()
+                    .map(|&re| Wide {
+                        re,
+                        eps: [0.0; LANES],
+                    })
+                    .collect();
+            for (lane, d) in own.iter().enumerate() {
+                match d {
+                    Direction::Theta(x) => {
+                        for (t, x) in theta.iter_mut().zip(*x) {
+                            t.eps[lane] = *x;
+                        }
+                    }
+                    Direction::Effect(i) => e[*i].eps[lane] = 1.0,
+                }
+            }
+            let mut rows = Vec::with_capacity(case.records[record].len() * case.n() * 2);
+            Runner::<Wide>::new(case, &case.records[record], hypothesis, &theta, &e).predict(
+                &gains[record],
+                &mut |_, _, _, x| {
+                    let fine = x.re.abs() < LARGEST && x.eps.iter().all(|e| e.abs() < 1e12);
+                    rows.push(if fine {
+                        (x.re, x.eps)
+                    } else {
+                        (tame(x.re), [0.0; LANES])
+                    });
+                },
+                &mut |_, _| {},
+            );
+            rows
+        })
+        .collect();
+    let lengths: Vec<usize> = (0..records.len()).map(|r| results[r].len()).collect();
+    let total: usize = lengths.iter().sum();
+    let mut out = Linear {
+        r: DVector::zeros(total),
+        j: DMatrix::zeros(total, directions.len()),
+    };
+    for (&(pass, _), (rows, slot)) in jobs
+        .iter()
+        .zip(results.iter().zip((0..records.len()).cycle()))
+    {
+        let offset: usize = lengths[..slot].iter().sum();
+        let width = (directions.len() - (pass * LANES).min(directions.len())).min(LANES);
+        for (i, (re, eps)) in rows.iter().enumerate() {
+            out.r[offset + i] = *re;
+            for lane in 0..width {
+                out.j[(offset + i, pass * LANES + lane)] = eps[lane];
+            }
+        }
+    }
+    out
+}
+
+/// Directions of θ that the train records determine beyond their tolerance, from the Jacobian at the nominal values.
+pub fn basis(case: &Case) -> Basis {
+    let size = case.n() * PER_JOINT;
+    let none = Hypothesis::default();
+    let at = Point {
+        theta: vec![0.0; size],
+        e: Vec::new(),
+    };
+    let unit = DMatrix::<f64>::identity(size, size);
+    let directions: Vec<Direction<'_>> = (0..size)
+        .map(|i| Direction::Theta(&unit.as_slice()[i * size..(i + 1) * size]))
+        .collect();
+    let gains = all_gains(case, &none, &at);
+    let lin = linearise(case, &none, &at, &gains, Role::Train, &directions);
+    let eigen = (lin.j.transpose() * &lin.j).symmetric_eigen();
+    let keep: Vec<usize> = (0..size).filter(|&i| eigen.eigenvalues[i] > 0.3).collect();
+    let mut columns = DMatrix::zeros(size, keep.len());
+    for (c, &i) in keep.iter().enumerate() {
+        columns.set_column(c, &eigen.eigenvectors.column(i));
+    }
+    Basis { columns }
+}
+
+/// Quadratic model of the objective around a point, in (θ, e): `½ xᵀ H x + gᵀ x`, prior included.
+#[derive(Debug, Clone)]
+pub struct Quadratic {
+    /// Curvature.
+    pub h: DMatrix<f64>,
+    /// Gradient.
+    pub g: DVector<f64>,
+}
+
+impl Quadratic {
+    /// From derivatives along the basis (first columns) and the effects' parameters (last).
+    pub fn new(basis: &Basis, lin: &Linear, at: &Point) -> Self {
+        let (size, r) = basis.columns.shape();
+        let ne = lin.j.ncols() - r;
+        let hz = lin.j.transpose() * &lin.j;
+        let gz = lin.j.transpose() * &lin.r;
+        let mut wide = DMatrix::zeros(size + ne, r + ne);
+        wide.view_mut((0, 0), (size, r)).copy_from(&basis.columns);
+        for i in 0..ne {
+            wide[(size + i, r + i)] = 1.0;
+        }
+        let mut h = &wide * hz * wide.transpose();
+        let mut g = &wide * gz;
+        for i in 0..size {
+            h[(i, i)] += 1.0 / (PRIOR * PRIOR);
+            // Without directions the deviations stay where they are.
+            if r > 0 {
+                g[i] += at.theta[i] / (PRIOR * PRIOR);
+            }
+        }
+        Quadratic { h, g }
+    }
+
+    /// Minimiser within `low ≤ x ≤ high`, by an active set on Cholesky factorizations.
+    pub fn minimise(&self, low: &DVector<f64>, high: &DVector<f64>) -> DVector<f64> {
+        let m = self.g.len();
+        let mut x = DVector::zeros(m);
+        let mut held = vec![0i8; m];
+        for _ in 0..60 {
+            let free: Vec<usize> = (0..m).filter(|&i| held[i] == 0).collect();
+            for i in 0..m {
+                match held[i] {
+                    1 => x[i] = high[i],
+                    -1 => x[i] = low[i],
+                    _ => {}
+                }
+            }
+            let k = free.len();
+            let mut a = DMatrix::zeros(k, k);
+            let mut b = DVector::zeros(k);
+            for (p, &i) in free.iter().enumerate() {
+                b[p] = -self.g[i];
+                for j in 0..m {
+                    if held[j] != 0 {
+                        b[p] -= self.h[(i, j)] * x[j];
+                    }
+                }
+                for (q, &j) in free.iter().enumerate() {
+                    a[(p, q)] = self.h[(i, j)];
+                }
+                a[(p, p)] += 1e-12 * self.h[(i, i)] + 1e-300;
+            }
+            let Some(factor) = a.cholesky() else { break };
+            let y = factor.solve(&b);
+            let mut changed = false;
+            for (p, &i) in free.iter().enumerate() {
+                x[i] = y[p];
+                if y[p] > high[i] {
+                    held[i] = 1;
+                    changed = true;
+                } else if y[p] < low[i] {
+                    held[i] = -1;
+                    changed = true;
+                }
+            }
+            if !changed {
+                // Release what pulls inwards.
+                for i in 0..m {
+                    if held[i] == 0 {
+                        continue;
+                    }
+                    let slope = self.g[i] + (0..m).map(|j| self.h[(i, j)] * x[j]).sum::<f64>();
+                    if (held[i] == 1 && slope > 1e-9) || (held[i] == -1 && slope < -1e-9) {
+                        held[i] = 0;
+                        changed = true;
+                    }
+                }
+                if !changed {
+                    break;
+                }
+            }
+        }
+        for i in 0..m {
+            x[i] = x[i].clamp(low[i], high[i]);
+        }
+        x
+    }
+
+    /// The model at x, relative to its value at 0.
+    pub fn at(&self, x: &DVector<f64>) -> f64 {
+        0.5 * (x.transpose() * &self.h * x)[(0, 0)] + self.g.dot(x)
+    }
+}
+
+/// Ranges of the parameters of a hypothesis, SI.
+pub fn ranges(case: &Case, hypothesis: &Hypothesis) -> Vec<(f64, f64)> {
+    hypothesis
+        .terms
+        .iter()
+        .flat_map(|t| {
+            t.effect
+                .info()
+                .parameters
+                .iter()
+                .map(|p| {
+                    let unit = case.unit(p.unit, t.joint);
+                    (p.lower * unit, p.upper * unit)
+                })
+                .collect::<Vec<_>>()
+        })
+        .collect()
+}
+
+/// A converged fit.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The hypothesis.
+    pub hypothesis: Hypothesis,
+    /// Where it ended.
+    pub point: Point,
+    /// Gains at its end.
+    pub gains: Vec<Vec<Gain>>,
+    /// Objective on the train records.
+    pub train: Value,
+    /// Quadratic model at the end.
+    pub quadratic: Quadratic,
+    /// Steps taken.
+    pub steps: usize,
+}
+
+/// Fits a hypothesis from a start.
+pub fn fit(case: &Case, basis: &Basis, hypothesis: &Hypothesis, start: Point, most: usize) -> Fit {
+    let bounds = ranges(case, hypothesis);
+    let size = start.theta.len();
+    let ne = start.e.len();
+    let mut at = start;
+    for (e, (low, high)) in at.e.iter_mut().zip(&bounds) {
+        *e = e.clamp(*low, *high);
+    }
+    let mut gains = all_gains(case, hypothesis, &at);
+    let mut now = value(case, hypothesis, &at, &gains, Role::Train);
+    let mut damping = 1e-3;
+    let mut steps = 0;
+    let columns: Vec<Vec<f64>> = basis
+        .columns
+        .column_iter()
+        .map(|c| c.iter().copied().collect())
+        .collect();
+    let mut quadratic;
+    loop {
+        let mut directions: Vec<Direction<'_>> =
+            columns.iter().map(|c| Direction::Theta(c)).collect();
+        directions.extend((0..ne).map(Direction::Effect));
+        let lin = linearise(case, hypothesis, &at, &gains, Role::Train, &directions);
+        quadratic = Quadratic::new(basis, &lin, &at);
+        if steps >= most {
+            break;
+        }
+        let mut low = DVector::zeros(size + ne);
+        let mut high = DVector::zeros(size + ne);
+        for i in 0..size {
+            (low[i], high[i]) = (-1.0 - at.theta[i], 1.0 - at.theta[i]);
+        }
+        for i in 0..ne {
+            (low[size + i], high[size + i]) = (bounds[i].0 - at.e[i], bounds[i].1 - at.e[i]);
+        }
+        let mut improved = false;
+        let mut decrease = 0.0;
+        for _ in 0..7 {
+            let mut damped = quadratic.clone();
+            for i in 0..size {
+                damped.h[(i, i)] += damping * 4.0;
+            }
+            for i in 0..ne {
+                let k = size + i;
+                damped.h[(k, k)] += damping * quadratic.h[(k, k)] + 1e-300;
+            }
+            let x = damped.minimise(&low, &high);
+            let mut next = at.clone();
+            for i in 0..size {
+                next.theta[i] += x[i];
+            }
+            for i in 0..ne {
+                next.e[i] += x[size + i];
+            }
+            let there = value(case, hypothesis, &next, &gains, Role::Train);
+            if there.objective() < now.objective() {
+                decrease = now.objective() - there.objective();
+                at = next;
+                now = there;
+                damping = (damping * 0.1).max(1e-6);
+                improved = true;
+                break;
+            }
+            damping = (damping * 10.0).max(1e-2);
+        }
+        steps += 1;
+        if !improved {
+            break;
+        }
+        if ne > 0 && steps < 4 {
+            gains = all_gains(case, hypothesis, &at);
+            now = value(case, hypothesis, &at, &gains, Role::Train);
+        }
+        if decrease < 0.05 + 1e-4 * now.objective() {
+            break;
+        }
+    }
+    Fit {
+        hypothesis: hypothesis.clone(),
+        point: at,
+        gains,
+        train: now,
+        quadratic,
+        steps,
+    }
+}
+
+impl Basis {
+    /// No directions: a fit moves the effects' parameters only.
+    pub fn frozen(&self) -> Self {
+        Basis {
+            columns: DMatrix::zeros(self.columns.nrows(), 0),
+        }
+    }
+}

@@ -1,0 +1,324 @@
+//! One-step prediction of the readings and free runs.
+//!
+//! The predictor is the simulation corrected at every sample by its innovation, `x̂ ← x̂ + K (y − ŷ)`; its innovations,
+//! whitened, are what is fitted (L. Ljung, System Identification, 1999, chapters 3 and 7). Free runs use no correction.
+
+use crate::case::{Case, Record, Velocity};
+use crate::effect::{Commands, Pick};
+use crate::nominal::EncoderSide;
+use crate::observer::{Design, Gain, gain};
+use crate::plant::{PER_JOINT, Plant};
+use crate::scalar::Scalar;
+use crate::simulate::{Hypothesis, Machine, State};
+
+/// Longest substep, s.
+const LONGEST_STEP: f64 = 2.1e-3;
+/// Longest substep with a gear, s.
+const LONGEST_GEARED_STEP: f64 = 0.55e-3;
+/// Innovations of the first moments are left out: they tell of the start, s.
+const SETTLING: f64 = 0.12;
+
+/// Number of substeps per sample.
+pub fn substeps(h: f64, geared: bool) -> usize {
+    let longest = if geared {
+        LONGEST_GEARED_STEP
+    } else {
+        LONGEST_STEP
+    };
+    ((h / longest).ceil() as usize).max(1)
+}
+
+/// Gains of all joints under a hypothesis at its parameters.
+pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: f64) -> Vec<Gain> {
+    let plant = Plant::new(&case.nominal, theta);
+    let machine = Machine::<f64>::new(plant, hypothesis, e.to_vec());
+    (0..case.n())
+        .map(|j| {
+            let noise = &case.noise[j];
+            let all = case.scale[j].inertia;
+            let rotor = machine.plant.rotor[j].max(1e-3 * all);
+            let gear = machine.gears[j].map(|g| {
+                // A gap is a soft spring on the whole.
+                let compliance = 1.0 / g.stiffness + 0.5 * g.gap / case.scale[j].torque * 4.0;
+                (
+                    (all - rotor).max(0.02 * all),
+                    1.0 / compliance,
+                    g.damping.min(2.0 * (rotor / compliance).sqrt()),
+                    case.nominal.encoder_side == EncoderSide::Link,
+                )
+            });
+            gain(&Design {
+                h,
+                inertia: if gear.is_some() { rotor } else { all },
+                viscous: machine.plant.viscous[j].max(0.0),
+                gear,
+                torque: noise.torque,
+                q: noise.q,
+                v: (case.velocity[j] == Velocity::Measured).then_some(noise.v),
+            })
+        })
+        .collect()
+}
+
+/// Position and velocity `delay` (in samples) before the last entry of a history of samples `h` apart: cubic through positions and
+/// velocities, differentiable at zero; the first entry before the start.
+fn earlier<D: Scalar>(history: &[(D, D)], delay: D, h: f64) -> (D, D) {
+    let last = history.len() - 1;
+    let x = -delay + last as f64;
+    if x.value() <= 0.0 || last == 0 {
+        return history[0];
+    }
+    let i = (x.value().ceil() as usize).clamp(1, last) - 1;
+    let s = x - i as f64;
+    let ((p0, v0), (p1, v1)) = (history[i], history[i + 1]);
+    let (m0, m1, d) = (v0 * h, v1 * h, p1 - p0);
+    let (a, b) = (m0 + m1 - d * 2.0, d * 3.0 - m0 * 2.0 - m1);
+    (
+        ((a * s + b) * s + m0) * s + p0,
+        ((a * s * 3.0 + b * 2.0) * s + m0) / h,
+    )
+}
+
+/// The machine over one record.
+pub struct Runner<'a, 'h, D: Pick> {
+    case: &'a Case,
+    record: &'a Record,
+    machine: Machine<'h, D>,
+    substeps: usize,
+}
+
+impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
+    /// For a record at parameters.
+    pub fn new(
+        case: &'a Case,
+        record: &'a Record,
+        hypothesis: &'h Hypothesis,
+        theta: &[D],
+        e: &[D],
+    ) -> Self {
+        debug_assert_eq!(theta.len(), case.n() * PER_JOINT);
+        let machine = Machine::new(Plant::new(&case.nominal, theta), hypothesis, e.to_vec());
+        let geared = machine.gears.iter().any(Option::is_some);
+        Runner {
+            case,
+            record,
+            substeps: substeps(record.h, geared),
+            machine,
+        }
+    }
+
+    /// True position and velocity whose reading is `q`, `v`.
+    fn unread(&self, j: usize, q: f64, v: f64) -> (f64, f64) {
+        let (mut a, mut b) = (q, v);
+        for _ in 0..6 {
+            let (rq, rv) = self.machine.sense(j, D::constant(a), D::constant(b));
+            a += q - rq.value();
+            b += v - rv.value();
+        }
+        (a, b)
+    }
+
+    /// The state at sample `k` as read, with everything else at rest.
+    pub fn start(&mut self, k: usize) -> State<D> {
+        let n = self.case.n();
+        let (mut q, mut v) = (vec![0.0; n], vec![0.0; n]);
+        for j in 0..n {
+            (q[j], v[j]) = self.read_state(j, k);
+        }
+        let u: Vec<f64> = (0..n).map(|j| self.record.u[j][k]).collect();
+        self.machine.rest(&q, &v, &u)
+    }
+
+    /// Smoothed reading of joint `j` at sample `k`, undone by the sensor effects.
+    fn read_state(&self, j: usize, k: usize) -> (f64, f64) {
+        let r = self.record;
+        let late = self
+            .machine
+            .reading_delay(j)
+            .map_or(0.0, |d| d.value() / r.h);
+        let x = (k as f64 + late).min(r.len() as f64 - 1.0);
+        let i = (x.floor() as usize).min(r.len() - 2);
+        let s = x - i as f64;
+        let mix = |y: &[f64]| y[i] * (1.0 - s) + y[i + 1] * s;
+        let v = if k == 0 { 0.0 } else { mix(&r.smooth_v[j]) };
+        self.unread(j, mix(&r.smooth_q[j]), v)
+    }
+
+    fn sample(&mut self, state: &mut State<D>, k: usize, commands: &mut Vec<Commands<'a>>) {
+        let dt = self.record.h / self.substeps as f64;
+        for s in 0..self.substeps {
+            commands.clear();
+            for j in 0..self.case.n() {
+                commands.push(Commands {
+                    u: &self.record.u[j],
+                    h: self.record.h,
+                    linear: self.case.linear_hold,
+                    t: k as f64 * self.record.h + s as f64 * dt,
+                    dt,
+                });
+            }
+            self.machine.step(state, commands);
+        }
+    }
+
+    fn encoder(&self, state: &State<D>, j: usize) -> (D, D) {
+        if self.case.nominal.encoder_side == EncoderSide::Link {
+            (state.q[j], state.v[j])
+        } else {
+            (state.drive_q[j], state.drive_v[j])
+        }
+    }
+
+    /// Runs the predictor over the whole record. `sink` gets each whitened innovation with joint, sample and channel (0 position,
+    /// 1 velocity); `seen` the state at every sample, before it is corrected.
+    pub fn predict(
+        &mut self,
+        gains: &[Gain],
+        sink: &mut dyn FnMut(usize, usize, usize, D),
+        seen: &mut dyn FnMut(usize, &State<D>),
+    ) {
+        let n = self.case.n();
+        let r = self.record;
+        let first = (SETTLING / r.h) as usize;
+        let mut state = self.start(0);
+        let mut commands = Vec::with_capacity(n);
+        let delays: Vec<Option<D>> = (0..n).map(|j| self.machine.reading_delay(j)).collect();
+        let lags: Vec<Option<D>> = (0..n)
+            .map(|j| {
+                self.machine
+                    .velocity_lag(j)
+                    .map(|t| (-(t.inverse() * r.h)).exponential())
+            })
+            .collect();
+        let mut history: Vec<Vec<(D, D)>> = delays
+            .iter()
+            .map(|d| Vec::with_capacity(if d.is_some() { r.len() } else { 0 }))
+            .collect();
+        let mut lagged: Vec<D> = (0..n).map(|j| self.encoder(&state, j).1).collect();
+        for k in 0..r.len() {
+            seen(k, &state);
+            for j in 0..n {
+                let (mut q, mut v) = self.encoder(&state, j);
+                if let Some(delay) = delays[j] {
+                    history[j].push((q, v));
+                    (q, v) = earlier(&history[j], delay / r.h, r.h);
+                }
+                let (rq, mut rv) = self.machine.sense(j, q, v);
+                if let Some(a) = lags[j] {
+                    lagged[j] = lagged[j] * a + rv * (-a + 1.0);
+                    rv = lagged[j];
+                }
+                let take = |x: &[f64]| x[k].is_finite().then(|| D::constant(x[k]));
+                // A missing reading tells nothing and corrects nothing.
+                let eq = take(&r.q[j]).map_or(D::nil(), |y| y - rq);
+                let g = &gains[j];
+                let mut ev = D::nil();
+                if self.case.velocity[j] == Velocity::Measured {
+                    ev = take(&r.v[j]).map_or(D::nil(), |y| y - rv);
+                }
+                if k >= first {
+                    sink(k, j, 0, eq * g.whiten[0][0]);
+                    if self.case.velocity[j] == Velocity::Measured {
+                        sink(k, j, 1, eq * g.whiten[1][0] + ev * g.whiten[1][1]);
+                    }
+                }
+                // A lagging velocity does not correct as a prompt one would.
+                if lags[j].is_some() {
+                    ev = D::nil();
+                }
+                let fix = |row: usize| eq * g.rows[row][0] + ev * g.rows[row][1];
+                if self.machine.gears[j].is_some() {
+                    state.drive_q[j] += fix(0);
+                    state.drive_v[j] += fix(1);
+                    state.q[j] += fix(2);
+                    state.v[j] += fix(3);
+                } else {
+                    state.q[j] += fix(0);
+                    state.v[j] += fix(1);
+                    state.drive_q[j] = state.q[j];
+                    state.drive_v[j] = state.v[j];
+                }
+                if let Some(entry) = history[j].last_mut() {
+                    *entry = self.encoder(&state, j);
+                }
+            }
+            if k + 1 < r.len() {
+                self.sample(&mut state, k, &mut commands);
+            }
+        }
+    }
+
+    /// Free run from sample `k` over `samples` steps: readings (position, velocity as a prompt sensor sees it) of all joints at
+    /// each of the samples after `k`, before filters of a derived or lagging velocity.
+    pub fn free(
+        &mut self,
+        from: &State<D>,
+        k: usize,
+        samples: usize,
+        sink: &mut dyn FnMut(usize, usize, D, D),
+    ) {
+        let n = self.case.n();
+        let mut state = from.clone();
+        for j in 0..n {
+            let (q, v) = self.read_state(j, k);
+            let dq = D::constant(q) - self.encoder(&state, j).0;
+            if self.machine.gears[j].is_some() {
+                state.drive_q[j] += dq;
+                state.q[j] += dq;
+                if self.case.nominal.encoder_side == EncoderSide::Link {
+                    state.v[j] = D::constant(v);
+                } else {
+                    state.drive_v[j] = D::constant(v);
+                }
+            } else {
+                state.q[j] = D::constant(q);
+                state.v[j] = D::constant(v);
+                state.drive_q[j] = state.q[j];
+                state.drive_v[j] = state.v[j];
+            }
+        }
+        let delays: Vec<f64> = (0..n)
+            .map(|j| {
+                self.machine
+                    .reading_delay(j)
+                    .map_or(0.0, |d| d.value() / self.record.h)
+            })
+            .collect();
+        let mut history: Vec<Vec<(D, D)>> = vec![Vec::with_capacity(samples + 1); n];
+        for j in 0..n {
+            history[j].push(self.encoder(&state, j));
+        }
+        let mut commands = Vec::with_capacity(n);
+        for i in 1..=samples {
+            self.sample(&mut state, k + i - 1, &mut commands);
+            for j in 0..n {
+                history[j].push(self.encoder(&state, j));
+                let (mut q, mut v) = history[j][i];
+                if delays[j] > 0.0 {
+                    let x = i as f64 - delays[j];
+                    if x >= 0.0 {
+                        let a = (x.floor() as usize).min(i - 1);
+                        let s = x - a as f64;
+                        let (h0, h1) = (history[j][a], history[j][a + 1]);
+                        q = h0.0 * (1.0 - s) + h1.0 * s;
+                        v = h0.1 * (1.0 - s) + h1.1 * s;
+                    } else {
+                        // The readings before the delay has passed are those of the record.
+                        let back = self.record.h * x;
+                        q = history[j][0].0 + history[j][0].1 * back;
+                        v = history[j][0].1;
+                    }
+                }
+                let (q, v) = self.machine.sense(j, q, v);
+                sink(i, j, q, v);
+            }
+        }
+    }
+
+    /// Factor exp(−h/T) of an additional velocity filter of joint `j`.
+    pub fn velocity_fade(&self, j: usize) -> Option<f64> {
+        self.machine
+            .velocity_lag(j)
+            .map(|t| (-self.record.h / t.value().max(1e-9)).exp())
+    }
+}

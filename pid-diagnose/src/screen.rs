@@ -1,0 +1,335 @@
+//! Screening: how much each effect at each joint would gain, without refitting everything.
+//!
+//! Effects with an absent point (see [`Info::amplitudes`](crate::effect::Info::amplitudes)) take the exact score test there:
+//! derivatives of the innovations in their amplitudes at zero, many effects side by side in one pass, and the minimum of the
+//! quadratic model with the nominal parameters free within their tolerances,
+//!
+//! ```text
+//! gain = ½ ε₀ᵀε₀ − min over (θ, e) ½ |ε₀ + J_θ Δθ + J_e e|² + prior
+//! ```
+//!
+//! (C. R. Rao 1948; as in D. A. Sprott, Statistical Inference in Science, 2000, for the bounded form). The others are linearised
+//! at each of their starts.
+
+use nalgebra::{DMatrix, DVector};
+use pid_runtime::data::Role;
+use rayon::prelude::*;
+
+use crate::case::Case;
+use crate::effect::{Effect, LANES, Term};
+use crate::fit::{Basis, Direction, Fit, Linear, PRIOR, fit, linearise, ranges};
+use crate::simulate::Hypothesis;
+
+use std::sync::Arc;
+
+/// Steps of the approach from a finite start.
+const APPROACH: usize = 5;
+
+/// A candidate with the start that promises most.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// The effect and its joint.
+    pub term: Term,
+    /// Parameters to start a refit from, SI.
+    pub start: Vec<f64>,
+    /// Deviations to start from.
+    pub theta: Vec<f64>,
+    /// Predicted objective (sum of squares and prior).
+    pub objective: f64,
+}
+
+/// Linearised fit that the candidates are compared with.
+struct Reference<'a> {
+    case: &'a Case,
+    fit: &'a Fit,
+    basis: &'a Basis,
+    lin: Linear,
+    /// Curvature and gradient along the basis, data only.
+    h: DMatrix<f64>,
+}
+
+/// Every effect of a library at every joint it can have beside the terms already there, with its start values in SI.
+pub fn candidates(
+    case: &Case,
+    library: &[Arc<dyn Effect>],
+    present: &Hypothesis,
+) -> Vec<(Term, Vec<Vec<f64>>)> {
+    let mut out = Vec::new();
+    for effect in library {
+        let info = effect.info();
+        let joints = if info.has_joint { case.n() } else { 1 };
+        for joint in 0..joints {
+            if effect.needs_partner() && effect.partner(joint).is_none() {
+                continue;
+            }
+            if present
+                .terms
+                .iter()
+                .any(|t| t.effect.info().id == info.id && (t.joint == joint || !info.has_joint))
+            {
+                continue;
+            }
+            let starts = info
+                .starts
+                .iter()
+                .map(|s| {
+                    s.iter()
+                        .zip(info.parameters)
+                        .map(|(x, p)| x * case.unit(p.unit, joint))
+                        .collect()
+                })
+                .collect();
+            out.push((
+                Term {
+                    effect: effect.clone(),
+                    joint,
+                },
+                starts,
+            ));
+        }
+    }
+    out
+}
+
+/// Scores all candidates on top of a fit; best first.
+pub fn screen(
+    case: &Case,
+    basis: &Basis,
+    fit: &Fit,
+    candidates: &[(Term, Vec<Vec<f64>>)],
+) -> Vec<Candidate> {
+    let columns: Vec<Vec<f64>> = basis
+        .columns
+        .column_iter()
+        .map(|c| c.iter().copied().collect())
+        .collect();
+    let ne = fit.point.e.len();
+    let mut directions: Vec<Direction<'_>> = columns.iter().map(|c| Direction::Theta(c)).collect();
+    directions.extend((0..ne).map(Direction::Effect));
+    let lin = linearise(
+        case,
+        &fit.hypothesis,
+        &fit.point,
+        &fit.gains,
+        Role::Train,
+        &directions,
+    );
+    let h = lin.j.transpose() * &lin.j;
+    let reference = Reference {
+        case,
+        fit,
+        basis,
+        lin,
+        h,
+    };
+    let mut out = reference.score_tests(candidates);
+    out.extend(reference.finite(candidates));
+    // The best start of each.
+    out.sort_by(|a, b| a.objective.total_cmp(&b.objective));
+    let mut seen = std::collections::BTreeSet::new();
+    out.retain(|c| seen.insert(c.term.label()));
+    out
+}
+
+impl Reference<'_> {
+    /// Effects that can be absent at zero amplitude, packed into passes of [`LANES`] derivatives.
+    fn score_tests(&self, candidates: &[(Term, Vec<Vec<f64>>)]) -> Vec<Candidate> {
+        let mut packs: Vec<Vec<(Term, Vec<f64>)>> = Vec::new();
+        let mut used = LANES;
+        for (term, starts) in candidates {
+            let amplitudes = term.effect.info().amplitudes;
+            if amplitudes.is_empty() {
+                continue;
+            }
+            for s in starts {
+                let mut e = s.clone();
+                for &a in amplitudes {
+                    e[a] = 0.0;
+                }
+                if used + amplitudes.len() > LANES {
+                    packs.push(Vec::new());
+                    used = 0;
+                }
+                used += amplitudes.len();
+                if let Some(last) = packs.last_mut() {
+                    last.push((term.clone(), e));
+                }
+            }
+        }
+        packs
+            .par_iter()
+            .flat_map_iter(|pack| self.one_pack(pack))
+            .collect()
+    }
+
+    fn one_pack(&self, pack: &[(Term, Vec<f64>)]) -> Vec<Candidate> {
+        let mut hypothesis = self.fit.hypothesis.clone();
+        let mut at = self.fit.point.clone();
+        let mut lanes = Vec::new();
+        for (term, e) in pack {
+            let first = at.e.len();
+            hypothesis.terms.push(term.clone());
+            at.e.extend_from_slice(e);
+            lanes.extend(term.effect.info().amplitudes.iter().map(|a| first + a));
+        }
+        let directions: Vec<Direction<'_>> = lanes.iter().map(|&i| Direction::Effect(i)).collect();
+        let lin = linearise(
+            self.case,
+            &hypothesis,
+            &at,
+            &self.fit.gains,
+            Role::Train,
+            &directions,
+        );
+        if lin.r.len() != self.lin.r.len() {
+            return Vec::new();
+        }
+        let mut out = Vec::new();
+        let mut column = 0;
+        for (term, e) in pack {
+            let amplitudes = term.effect.info().amplitudes;
+            let block = lin.j.columns(column, amplitudes.len()).into_owned();
+            column += amplitudes.len();
+            let alone = Hypothesis {
+                terms: vec![term.clone()],
+            };
+            let bounds = ranges(self.case, &alone);
+            let limits: Vec<(f64, f64)> = amplitudes.iter().map(|&a| bounds[a]).collect();
+            let (objective, theta, step) = self.minimise(&self.lin.r, &block, &limits);
+            let mut start = e.clone();
+            for (&a, s) in amplitudes.iter().zip(&step) {
+                start[a] = *s;
+            }
+            // A refit must leave the absent point to see the shape parameters.
+            if step.iter().all(|s| *s == 0.0) {
+                continue;
+            }
+            out.push(Candidate {
+                term: term.clone(),
+                start,
+                theta,
+                objective,
+            });
+        }
+        out
+    }
+
+    /// The others: from each start a few steps in the effect's own parameters, then the quadratic model there.
+    fn finite(&self, candidates: &[(Term, Vec<Vec<f64>>)]) -> Vec<Candidate> {
+        let jobs: Vec<(&Term, &Vec<f64>)> = candidates
+            .iter()
+            .filter(|(t, _)| t.effect.info().amplitudes.is_empty())
+            .flat_map(|(t, s)| s.iter().map(move |s| (t, s)))
+            .collect();
+        let frozen = self.basis.frozen();
+        jobs.par_iter()
+            .filter_map(|(term, start)| {
+                let mut hypothesis = self.fit.hypothesis.clone();
+                hypothesis.terms.push((*term).clone());
+                let mut at = self.fit.point.clone();
+                let first = at.e.len();
+                at.e.extend_from_slice(start);
+                let near = fit(self.case, &frozen, &hypothesis, at, APPROACH);
+                let directions: Vec<Direction<'_>> =
+                    (first..near.point.e.len()).map(Direction::Effect).collect();
+                let lin = linearise(
+                    self.case,
+                    &hypothesis,
+                    &near.point,
+                    &near.gains,
+                    Role::Train,
+                    &directions,
+                );
+                if lin.r.len() != self.lin.r.len() {
+                    return None;
+                }
+                let alone = Hypothesis {
+                    terms: vec![(*term).clone()],
+                };
+                let own = &near.point.e[first..];
+                let limits: Vec<(f64, f64)> = ranges(self.case, &alone)
+                    .iter()
+                    .zip(own)
+                    .map(|((low, high), s)| {
+                        (
+                            (low - s).max(-0.7 * s.abs()).min(0.0),
+                            (high - s).min(1.5 * s.abs()).max(0.0),
+                        )
+                    })
+                    .collect();
+                let (objective, theta, step) = self.minimise(&lin.r, &lin.j, &limits);
+                Some(Candidate {
+                    term: (*term).clone(),
+                    start: own.iter().zip(&step).map(|(s, d)| s + d).collect(),
+                    theta,
+                    objective,
+                })
+            })
+            .collect()
+    }
+
+    /// Minimum of the quadratic model over θ, the parameters of the effects present and the columns `block`: objective (twice the
+    /// model), θ there, step of the block.
+    fn minimise(
+        &self,
+        r: &DVector<f64>,
+        block: &DMatrix<f64>,
+        limits: &[(f64, f64)],
+    ) -> (f64, Vec<f64>, Vec<f64>) {
+        let (size, rank) = self.basis.columns.shape();
+        let old = self.fit.point.e.len();
+        let m = block.ncols();
+        let total = rank + old + m;
+        let mut hz = DMatrix::zeros(total, total);
+        hz.view_mut((0, 0), (rank + old, rank + old))
+            .copy_from(&self.h);
+        let cross = self.lin.j.transpose() * block;
+        hz.view_mut((0, rank + old), (rank + old, m))
+            .copy_from(&cross);
+        hz.view_mut((rank + old, 0), (m, rank + old))
+            .copy_from(&cross.transpose());
+        hz.view_mut((rank + old, rank + old), (m, m))
+            .copy_from(&(block.transpose() * block));
+        let mut gz = DVector::zeros(total);
+        gz.rows_mut(0, rank + old)
+            .copy_from(&(self.lin.j.transpose() * r));
+        gz.rows_mut(rank + old, m)
+            .copy_from(&(block.transpose() * r));
+        let mut wide = DMatrix::zeros(size + old + m, total);
+        wide.view_mut((0, 0), (size, rank))
+            .copy_from(&self.basis.columns);
+        for i in 0..old + m {
+            wide[(size + i, rank + i)] = 1.0;
+        }
+        let mut h = &wide * hz * wide.transpose();
+        let mut g = &wide * gz;
+        let theta = &self.fit.point.theta;
+        let mut prior = 0.0;
+        for i in 0..size {
+            h[(i, i)] += 1.0 / (PRIOR * PRIOR);
+            g[i] += theta[i] / (PRIOR * PRIOR);
+            prior += (theta[i] / PRIOR).powi(2);
+        }
+        let bounds = ranges(self.case, &self.fit.hypothesis);
+        let mut low = DVector::zeros(size + old + m);
+        let mut high = DVector::zeros(size + old + m);
+        for i in 0..size {
+            (low[i], high[i]) = (-1.0 - theta[i], 1.0 - theta[i]);
+        }
+        for i in 0..old {
+            let e = self.fit.point.e[i];
+            (low[size + i], high[size + i]) = (bounds[i].0 - e, bounds[i].1 - e);
+        }
+        for i in 0..m {
+            (low[size + old + i], high[size + old + i]) = limits[i];
+        }
+        let quadratic = crate::fit::Quadratic { h, g };
+        let x = quadratic.minimise(&low, &high);
+        let objective = r.norm_squared() + prior + 2.0 * quadratic.at(&x);
+        (
+            objective,
+            (0..size).map(|i| theta[i] + x[i]).collect(),
+            (0..m).map(|i| x[size + old + i]).collect(),
+        )
+    }
+}

@@ -1,0 +1,569 @@
+//! One substep of the robot with its effects, over any [`Scalar`]; see [`effect`](crate::effect) for the equation.
+
+use crate::effect::{After, Commands, Forces, Friction, Gear, Pick, Site, Term};
+use crate::plant::Plant;
+use crate::rigid::{Surroundings, Workspace, mass_and_bias};
+use crate::scalar::Scalar;
+
+/// A hypothesis: the effects present beside the nominal structure.
+#[derive(Debug, Clone, Default)]
+pub struct Hypothesis {
+    /// The effects, in order.
+    pub terms: Vec<Term>,
+}
+
+impl Hypothesis {
+    /// Position of the first parameter of each term, and their number.
+    pub fn offsets(&self) -> (Vec<usize>, usize) {
+        let mut next = 0;
+        let starts = self
+            .terms
+            .iter()
+            .map(|t| {
+                let at = next;
+                next += t.effect.info().parameters.len();
+                at
+            })
+            .collect();
+        (starts, next)
+    }
+}
+
+/// Everything that moves.
+#[derive(Debug, Clone)]
+pub struct State<D> {
+    /// Link positions.
+    pub q: Vec<D>,
+    /// Link velocities.
+    pub v: Vec<D>,
+    /// Drive-side positions; equal to the link's where the joint is rigid.
+    pub drive_q: Vec<D>,
+    /// Drive-side velocities.
+    pub drive_v: Vec<D>,
+    /// Memory of the effects.
+    pub memory: Vec<D>,
+    /// Torque through the gear in the step before.
+    pub load: Vec<D>,
+    /// Accelerations of the step before, of links and then rotors.
+    acceleration: Vec<D>,
+}
+
+/// The robot under a hypothesis, ready to step.
+pub struct Machine<'h, D: Pick> {
+    /// The plant, constants of the effects included.
+    pub plant: Plant<D>,
+    hypothesis: &'h Hypothesis,
+    e: Vec<D>,
+    starts: Vec<usize>,
+    cells: Vec<usize>,
+    memory: usize,
+    /// Gear of each joint.
+    pub gears: Vec<Option<Gear<D>>>,
+    rotors: Vec<usize>,
+    work: Workspace<D>,
+    mass: Vec<D>,
+    bias: Vec<D>,
+    matrix: Vec<D>,
+    rhs: Vec<D>,
+    values: Vec<f64>,
+    value_rhs: Vec<f64>,
+    levels: Vec<Option<(D, D)>>,
+    status: Vec<i8>,
+    half_q: Vec<D>,
+    half_v: Vec<D>,
+    site_q: Vec<D>,
+    site_v: Vec<D>,
+    force: Vec<D>,
+    rate: Vec<D>,
+    next: Vec<D>,
+    scratch: Vec<D>,
+    value_x: Vec<f64>,
+    value_scratch: Vec<f64>,
+}
+
+impl<'h, D: Pick> Machine<'h, D> {
+    /// From a plant at its parameters; `e` are the effects' parameters in SI units.
+    pub fn new(mut plant: Plant<D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+        let n = plant.hinges.len();
+        let (starts, _) = hypothesis.offsets();
+        let mut gears = vec![None; n];
+        let mut cells = Vec::new();
+        let mut memory = 0;
+        for (term, &at) in hypothesis.terms.iter().zip(&starts) {
+            let law = D::of(&*term.effect);
+            let own = &e[at..at + term.effect.info().parameters.len()];
+            law.plant(own, term.joint, &mut plant);
+            if let Some(g) = law.gear(own) {
+                gears[term.joint] = Some(g);
+            }
+            cells.push(memory);
+            memory += term.effect.memory();
+        }
+        let rotors: Vec<usize> = (0..n).filter(|&j| gears[j].is_some()).collect();
+        let m = n + rotors.len();
+        let zero = D::nil();
+        Machine {
+            plant,
+            hypothesis,
+            e,
+            starts,
+            cells,
+            memory,
+            gears,
+            rotors,
+            work: Workspace::new(n),
+            mass: vec![zero; n * n],
+            bias: vec![zero; n],
+            matrix: vec![zero; m * m],
+            rhs: vec![zero; m],
+            values: vec![0.0; m * m],
+            value_rhs: vec![0.0; m],
+            levels: vec![None; m],
+            status: vec![0; m],
+            half_q: vec![zero; n],
+            half_v: vec![zero; n],
+            site_q: vec![zero; n],
+            site_v: vec![zero; n],
+            force: vec![zero; n],
+            rate: vec![zero; n],
+            next: vec![zero; m],
+            scratch: vec![zero; m * m],
+            value_x: vec![0.0; m],
+            value_scratch: vec![0.0; m * m],
+        }
+    }
+
+    /// Number of joints.
+    pub fn n(&self) -> usize {
+        self.plant.hinges.len()
+    }
+
+    fn own(&self, i: usize) -> &[D] {
+        let at = self.starts[i];
+        &self.e[at..at + self.hypothesis.terms[i].effect.info().parameters.len()]
+    }
+
+    fn around(&self, t: f64, dt: f64) -> Surroundings<D> {
+        let mut tip_force: Option<[D; 3]> = None;
+        for (i, term) in self.hypothesis.terms.iter().enumerate() {
+            if let Some(f) = D::of(&*term.effect).tip_force(self.own(i), t, dt) {
+                let sum = tip_force.unwrap_or([D::nil(); 3]);
+                tip_force = Some([sum[0] + f[0], sum[1] + f[1], sum[2] + f[2]]);
+            }
+        }
+        Surroundings {
+            gravity: self.plant.gravity,
+            tip_force,
+            tool: self.plant.tool,
+        }
+    }
+
+    /// Bias torque at rest at a position.
+    fn rest_bias(&mut self, q: &[D]) {
+        let zero = vec![D::nil(); self.n()];
+        let around = self.around(0.0, 1e-3);
+        mass_and_bias(
+            &self.plant.hinges,
+            &self.plant.bodies,
+            &around,
+            (q, &zero),
+            &mut self.work,
+            &mut self.mass,
+            &mut self.bias,
+        );
+    }
+
+    /// The state in which the drives at their first inputs hold the robot at the drive-side positions `q`, `v`.
+    pub fn rest(&mut self, q: &[f64], v: &[f64], u: &[f64]) -> State<D> {
+        let n = self.n();
+        let lift = |x: &[f64]| x.iter().map(|&x| D::constant(x)).collect::<Vec<D>>();
+        let mut state = State {
+            q: lift(q),
+            v: lift(v),
+            drive_q: lift(q),
+            drive_v: lift(v),
+            memory: vec![D::nil(); self.memory],
+            load: vec![D::nil(); n],
+            acceleration: vec![D::nil(); n + self.rotors.len()],
+        };
+        self.rest_bias(&state.q.clone());
+        state.load.copy_from_slice(&self.bias);
+        for j in 0..n {
+            if let Some(gear) = self.gears[j] {
+                let b = self.bias[j];
+                let side = if b.value() < 0.0 { -0.5 } else { 0.5 };
+                state.q[j] = state.drive_q[j] - b / gear.stiffness - gear.gap * side;
+            }
+        }
+        for i in 0..self.hypothesis.terms.len() {
+            let term = &self.hypothesis.terms[i];
+            let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
+            let j = term.joint;
+            let balance = self.plant.gain[j] * u[j] - self.bias[j];
+            D::of(&*term.effect).start(
+                self.own(i),
+                balance,
+                self.plant.coulomb[j],
+                u[j],
+                &mut state.memory[a..b],
+            );
+        }
+        state
+    }
+
+    /// Reading of joint `j`: position and velocity as the encoder sees them.
+    pub fn sense(&self, j: usize, q: D, v: D) -> (D, D) {
+        let mut reading = (q, v);
+        for (i, term) in self.hypothesis.terms.iter().enumerate() {
+            if term.joint == j && term.effect.info().has_joint {
+                reading = D::of(&*term.effect).sense(self.own(i), reading.0, reading.1);
+            }
+        }
+        reading
+    }
+
+    /// Sum of the delays of the readings of joint `j`, s.
+    pub fn reading_delay(&self, j: usize) -> Option<D> {
+        self.collect(j, |law, e| law.reading_delay(e))
+    }
+
+    /// Sum of the time constants of additional velocity filters of joint `j`, s.
+    pub fn velocity_lag(&self, j: usize) -> Option<D> {
+        self.collect(j, |law, e| law.velocity_lag(e))
+    }
+
+    fn collect(
+        &self,
+        j: usize,
+        f: impl Fn(&dyn crate::effect::Law<D>, &[D]) -> Option<D>,
+    ) -> Option<D> {
+        let mut out: Option<D> = None;
+        for (i, term) in self.hypothesis.terms.iter().enumerate() {
+            if term.joint == j
+                && let Some(x) = f(D::of(&*term.effect), self.own(i))
+            {
+                out = Some(out.map_or(x, |o| o + x));
+            }
+        }
+        out
+    }
+
+    /// Moves the state by one substep of `at(j).dt` from `at(j).t`; `commands` holds the inputs of each joint.
+    pub fn step(&mut self, state: &mut State<D>, commands: &[Commands<'_>]) {
+        let n = self.n();
+        let m = n + self.rotors.len();
+        let (t, dt) = (commands[0].t, commands[0].dt);
+        let half = 0.5 * dt;
+        for j in 0..n {
+            self.half_q[j] = state.q[j] + state.v[j] * half;
+            self.half_v[j] = state.v[j] + state.acceleration[j] * half;
+            self.site_q[j] = self.half_q[j];
+            self.site_v[j] = self.half_v[j];
+            self.force[j] = D::nil();
+            self.rate[j] = D::nil();
+        }
+        for (r, &j) in self.rotors.iter().enumerate() {
+            self.site_q[j] = state.drive_q[j] + state.drive_v[j] * half;
+            self.site_v[j] = state.drive_v[j] + state.acceleration[n + r] * half;
+        }
+        let around = self.around(t, dt);
+        mass_and_bias(
+            &self.plant.hinges,
+            &self.plant.bodies,
+            &around,
+            (&self.half_q, &self.half_v),
+            &mut self.work,
+            &mut self.mass,
+            &mut self.bias,
+        );
+        for x in &mut self.matrix {
+            *x = D::nil();
+        }
+        for i in 0..n {
+            let mut momentum = D::nil();
+            for j in 0..n {
+                let x = self.mass[i * n + j];
+                self.matrix[i * m + j] = x;
+                momentum += x * state.v[j];
+            }
+            self.rhs[i] = momentum - self.bias[i] * dt;
+        }
+        for (r, &j) in self.rotors.iter().enumerate() {
+            self.rhs[n + r] = D::nil();
+            self.levels[j] = None;
+            self.status[j] = 2;
+        }
+        // Effects that add forces.
+        for i in 0..self.hypothesis.terms.len() {
+            let term = &self.hypothesis.terms[i];
+            let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
+            let at = Site {
+                joint: term.joint,
+                q: &self.site_q,
+                v: &self.site_v,
+                load: &state.load,
+                t: t + half,
+                dt,
+            };
+            let own = {
+                let at = self.starts[i];
+                &self.e[at..at + term.effect.info().parameters.len()]
+            };
+            let mut forces = Forces {
+                value: &mut self.force,
+                rate: &mut self.rate,
+            };
+            D::of(&*term.effect).force(own, &at, &state.memory[a..b], &mut forces, &self.plant);
+        }
+        // Drive, rotor, friction, on the side of the drive.
+        let mut rotor = 0;
+        for j in 0..n {
+            let geared = self.gears[j].is_some();
+            let c = if geared {
+                rotor += 1;
+                n + rotor - 1
+            } else {
+                j
+            };
+            let mut u = D::constant(commands[j].now());
+            let mut friction = Friction {
+                forward: self.plant.coulomb[j],
+                backward: self.plant.coulomb[j],
+                viscous: self.plant.viscous[j],
+            };
+            for i in 0..self.hypothesis.terms.len() {
+                let term = &self.hypothesis.terms[i];
+                if term.joint != j {
+                    continue;
+                }
+                let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
+                let own = {
+                    let at = self.starts[i];
+                    &self.e[at..at + term.effect.info().parameters.len()]
+                };
+                let law = D::of(&*term.effect);
+                u = law.input(own, u, &commands[j], &mut state.memory[a..b]);
+                let at = Site {
+                    joint: j,
+                    q: &self.site_q,
+                    v: &self.site_v,
+                    load: &state.load,
+                    t: t + half,
+                    dt,
+                };
+                law.friction(own, &at, &state.memory[a..b], &mut friction);
+            }
+            let v = if geared { state.drive_v[j] } else { state.v[j] };
+            let inertia = self.plant.rotor[j];
+            let damping = (friction.viscous + self.rate[j]) * half;
+            self.matrix[c * m + c] += inertia + damping;
+            self.rhs[c] +=
+                inertia * v + (self.plant.gain[j] * u + self.force[j]) * dt - damping * v;
+            let some = friction.forward.value() > 0.0 || friction.backward.value() > 0.0;
+            self.levels[c] = some.then(|| (friction.forward * dt, friction.backward * dt));
+            if let Some(gear) = self.gears[j] {
+                let x = state.drive_q[j] - state.q[j];
+                let rate = state.drive_v[j] - state.v[j];
+                let middle = x + rate * half;
+                let edge = gear.gap * 0.5;
+                let over = middle - middle.limit(-edge, edge);
+                let touches = gear.gap.value() == 0.0 || middle.value().abs() > edge.value();
+                let slope = if touches {
+                    gear.stiffness * half
+                } else {
+                    D::nil()
+                };
+                let give = (slope + gear.damping) * 0.5;
+                let push = gear.stiffness * over - slope * rate + give * rate;
+                let (push, give) = (push * dt, give * dt);
+                self.rhs[c] -= push;
+                self.rhs[j] += push;
+                self.matrix[c * m + c] += give;
+                self.matrix[j * m + j] += give;
+                self.matrix[c * m + j] -= give;
+                self.matrix[j * m + c] -= give;
+            }
+            let v = v.value();
+            self.status[c] = match self.levels[c] {
+                None => 2,
+                Some(_) if v > 0.0 => 1,
+                Some(_) if v < 0.0 => -1,
+                Some(_) => 0,
+            };
+        }
+        self.solve(m);
+        // Torque through the gear from the links' own equation, then the motion.
+        for j in 0..n {
+            state.acceleration[j] = (self.next[j] - state.v[j]) / dt;
+        }
+        for i in 0..n {
+            let mut load = self.bias[i];
+            for j in 0..n {
+                load += self.mass[i * n + j] * state.acceleration[j];
+            }
+            state.load[i] = load;
+        }
+        for j in 0..n {
+            state.q[j] += (state.v[j] + self.next[j]) * half;
+            state.v[j] = self.next[j];
+        }
+        let mut rotor = 0;
+        for j in 0..n {
+            let mean;
+            if self.gears[j].is_some() {
+                let next = self.next[n + rotor];
+                state.acceleration[n + rotor] = (next - state.drive_v[j]) / dt;
+                mean = (state.drive_v[j] + next) * 0.5;
+                state.drive_q[j] += mean * dt;
+                state.drive_v[j] = next;
+                rotor += 1;
+            } else {
+                mean = (state.q[j] - state.drive_q[j]) / dt;
+                state.drive_q[j] = state.q[j];
+                state.drive_v[j] = state.v[j];
+            }
+            for i in 0..self.hypothesis.terms.len() {
+                let term = &self.hypothesis.terms[i];
+                if term.joint == j && term.effect.memory() > 0 {
+                    let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
+                    let own = {
+                        let at = self.starts[i];
+                        &self.e[at..at + term.effect.info().parameters.len()]
+                    };
+                    let after = After {
+                        v: mean,
+                        dt,
+                        coulomb: self.plant.coulomb[j],
+                    };
+                    D::of(&*term.effect).advance(own, &after, &mut state.memory[a..b]);
+                }
+            }
+        }
+    }
+
+    /// Velocities after the step, with dry friction: the active set is found on values, derivatives belong to it.
+    fn solve(&mut self, m: usize) {
+        for i in 0..m * m {
+            self.values[i] = self.matrix[i].value();
+        }
+        let mut x = std::mem::take(&mut self.value_x);
+        for round in 0..40 {
+            for c in 0..m {
+                self.value_rhs[c] = self.rhs[c].value() - self.dry(c);
+            }
+            reduced(
+                m,
+                &self.values,
+                &self.value_rhs,
+                &self.status,
+                &mut self.value_scratch,
+                &mut x,
+            );
+            let mut stable = true;
+            for c in 0..m {
+                let Some((forward, backward)) = self.levels[c] else {
+                    continue;
+                };
+                let old = self.status[c];
+                let new = if old == 0 {
+                    // The impulse that holds it.
+                    let mut pull = self.rhs[c].value();
+                    for d in 0..m {
+                        pull -= self.values[c * m + d] * x[d];
+                    }
+                    if pull > forward.value() {
+                        1
+                    } else if pull < -backward.value() {
+                        -1
+                    } else {
+                        0
+                    }
+                } else if f64::from(old) * x[c] < 0.0 {
+                    0
+                } else {
+                    old
+                };
+                if new != old {
+                    self.status[c] = new;
+                    stable = false;
+                    // After a while one change at a time, which cannot cycle.
+                    if round > 6 {
+                        break;
+                    }
+                }
+            }
+            if stable {
+                break;
+            }
+        }
+        self.value_x = x;
+        for c in 0..m {
+            self.rhs[c] = match (self.levels[c], self.status[c]) {
+                (Some((f, _)), 1) => self.rhs[c] - f,
+                (Some((_, b)), -1) => self.rhs[c] + b,
+                _ => self.rhs[c],
+            };
+        }
+        reduced(
+            m,
+            &self.matrix,
+            &self.rhs,
+            &self.status,
+            &mut self.scratch,
+            &mut self.next,
+        );
+    }
+
+    fn dry(&self, c: usize) -> f64 {
+        match (self.levels[c], self.status[c]) {
+            (Some((f, _)), 1) => f.value(),
+            (Some((_, b)), -1) => -b.value(),
+            _ => 0.0,
+        }
+    }
+}
+
+/// Solves the rows and columns whose status is not 0 by Cholesky factorization; the others are zero.
+fn reduced<D: Scalar>(m: usize, a: &[D], b: &[D], status: &[i8], l: &mut [D], x: &mut [D]) {
+    for i in 0..m {
+        if status[i] == 0 {
+            x[i] = D::nil();
+            continue;
+        }
+        for j in 0..=i {
+            if status[j] == 0 {
+                continue;
+            }
+            let mut entry = a[i * m + j];
+            for k in 0..j {
+                if status[k] != 0 {
+                    entry -= l[i * m + k] * l[j * m + k];
+                }
+            }
+            l[i * m + j] = if i == j {
+                entry.root().inverse()
+            } else {
+                entry * l[j * m + j]
+            };
+        }
+        let mut y = b[i];
+        for k in 0..i {
+            if status[k] != 0 {
+                y -= l[i * m + k] * x[k];
+            }
+        }
+        x[i] = y * l[i * m + i];
+    }
+    for i in (0..m).rev() {
+        if status[i] == 0 {
+            continue;
+        }
+        let mut y = x[i];
+        for k in i + 1..m {
+            if status[k] != 0 {
+                y -= l[k * m + i] * x[k];
+            }
+        }
+        x[i] = y * l[i * m + i];
+    }
+}
