@@ -108,7 +108,8 @@ pub fn value(
     role: Role,
 ) -> Value {
     let n = case.n();
-    let parts: Vec<(Vec<[f64; 2]>, Vec<[f64; 2]>)> = case
+    type Channels = (Vec<[f64; 2]>, Vec<[f64; 2]>);
+    let parts: Vec<Channels> = case
         .records
         .par_iter()
         .zip(gains)

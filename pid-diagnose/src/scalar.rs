@@ -140,6 +140,7 @@ impl<const N: usize> Sub for Lanes<N> {
 impl<const N: usize> Mul for Lanes<N> {
     type Output = Self;
     #[inline(always)]
+    #[allow(clippy::suspicious_arithmetic_impl, reason = "the product rule adds")]
     fn mul(self, o: Self) -> Self {
         self.both(o, self.re * o.re, |a, b| a * o.re + b * self.re)
     }

@@ -46,7 +46,7 @@ motor_gain = 2.0
 
 fn plant<D: Pick>() -> Plant<D> {
     let nominal = Nominal::parse(ROBOT, "nominal.toml".as_ref()).expect("a valid robot");
-    Plant::new(&nominal, &vec![D::constant(0.0); 2 * PER_JOINT])
+    Plant::new(&nominal, &[D::constant(0.0); 2 * PER_JOINT])
 }
 
 /// Everything an effect can say at one point, as one list of numbers.

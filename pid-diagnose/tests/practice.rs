@@ -12,7 +12,7 @@ fn folder(name: &str) -> Option<PathBuf> {
     if path.is_dir() {
         return Some(path);
     }
-    println!("{name}: no practice cases beside the workspace, skipped");
+    eprintln!("{name}: no practice cases beside the workspace, skipped");
     None
 }
 

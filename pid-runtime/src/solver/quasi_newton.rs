@@ -333,7 +333,9 @@ mod tests {
         b
     }
 
-    fn memory() -> (Memory, Vec<(Vec<f64>, Vec<f64>)>) {
+    type Pairs = Vec<(Vec<f64>, Vec<f64>)>;
+
+    fn memory() -> (Memory, Pairs) {
         // y = A s of a positive definite A: no damping.
         let pairs = vec![
             (vec![1.0, 0.0, 0.5], vec![4.5, 1.0, 1.5]),

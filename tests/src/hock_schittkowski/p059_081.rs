@@ -3,6 +3,9 @@
 use super::tables::{HS70_C, HS70_Y};
 use super::*;
 
+/// 2π in the digits of the published formula of problem 70.
+const TURN: f64 = 62832.0 / 10_000.0;
+
 /// Distribution function of the standard normal distribution by its power series around 0,
 /// Φ(z) = ½ + φ(z) Σ z^(2i+1) / (1·3·5…(2i+1)); constant where the density is below the rounding of 1.
 fn normal<D: Number>(z: D) -> D {
@@ -151,7 +154,7 @@ problems! {
         let b = x3 + (-x3 + 1.0) * x4;
         let part = |shape: D, rate: D, c: f64| {
             let scale = k::<D>(1.0) / (k::<D>(1.0) + k::<D>(1.0) / (shape * 12.0));
-            scale * (rate.ln() * shape).exp() * (shape / 6.2832).sqrt()
+            scale * (rate.ln() * shape).exp() * (shape / TURN).sqrt()
                 * ((shape - 1.0) * (c / 7.658_f64).ln()).exp()
                 * (shape - rate * shape * (c / 7.658)).exp()
         };
