@@ -6,7 +6,7 @@
 //! ```
 //!
 //! - [`description`]: links, joints, inertias, `<dynamics>`, limits and `<mimic>` as written, in numbers;
-//! - [`robot`]: which of the numbers become parameters; fixed joints are merged by the derivation, mimic joints follow;
+//! - [`mod@robot`]: which of the numbers become parameters; fixed joints are merged by the derivation, mimic joints follow;
 //! - [`write`](mod@write): the text with other masses, inertias and friction;
 //! - [`names`]: identifiers from the names of a file.
 //!

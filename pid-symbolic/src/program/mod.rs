@@ -5,8 +5,8 @@
 //!
 //! - products that are used once are fused into the sum that uses them (`a·b + c`, `a·b − c·d`, …), with the roundings of
 //!   the separate operations;
-//! - operations are sorted into runs of one kind within windows of the depth-first order ([`select`]);
-//! - values live in the slots of one work space, which are used again as soon as their value is dead ([`slots`]).
+//! - operations are sorted into runs of one kind within windows of the depth-first order (`select`);
+//! - values live in the slots of one work space, which are used again as soon as their value is dead (`slots`).
 //!
 //! Results equal those of [`Tape`](crate::Tape) bit by bit.
 //!
