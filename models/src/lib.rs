@@ -9,24 +9,37 @@
 //! | `arm6` | [`Arm6`]: six-axis arm of benchmarks, 84 parameters |
 //! | `ur10e` | [`Ur10e`]: Universal Robots UR10e |
 //! | `panda` | [`Panda`]: Franka Emika Panda, seven joints |
+//! | `cart_pole` | [`CartPole`]: pole on a cart, by its Lagrangian |
+//! | `servo_pendulum` | [`ServoPendulum`]: hobby servo with a weight, voltage input |
+//! | `tx40` | [`Tx40`]: Stäubli TX40 with its coupled wrist |
+//! | `vs050` | [`Vs050`]: DENSO VS-050 |
+//! | `vs050_two_axis` | [`Vs050TwoAxis`]: DENSO VS-050 with axes 3 to 6 held |
 //!
 //! [`by_name`] finds a model by such a name, [`all`] lists them.
 
 pub mod arm6;
+pub mod cart_pole;
 pub mod double_pendulum;
 pub mod emps;
 pub mod panda;
 pub mod scara;
+pub mod servo_pendulum;
 pub mod two_link;
+pub mod tx40;
 pub mod ur10e;
+pub mod vs050;
 
 pub use arm6::Arm6;
+pub use cart_pole::CartPole;
 pub use double_pendulum::DoublePendulum;
 pub use emps::Emps;
 pub use panda::Panda;
 pub use scara::Scara;
+pub use servo_pendulum::ServoPendulum;
 pub use two_link::TwoLink;
+pub use tx40::Tx40;
 pub use ur10e::Ur10e;
+pub use vs050::{Vs050, Vs050TwoAxis};
 
 use pid_runtime::dynamics::Hessian;
 use thiserror::Error;
@@ -72,7 +85,7 @@ fn nearest_hint(nearest: Option<&str>) -> String {
     nearest.map_or_else(String::new, |n| format!(", did you mean `{n}`?"))
 }
 
-static ENTRIES: [Entry; 7] = [
+static ENTRIES: [Entry; 12] = [
     Entry {
         name: "two_link",
         summary: "idealised two-link arm, yaw and pitch, 19 parameters",
@@ -114,6 +127,36 @@ static ENTRIES: [Entry; 7] = [
         summary: "Franka Emika Panda, seven joints, 84 parameters",
         source: "C. Gaz et al., Dynamic Identification of the Franka Emika Panda Robot With Retrieval of Feasible Parameters Using Penalty-Based Optimization, IEEE RA-L 2019",
         model: &Panda,
+    },
+    Entry {
+        name: "cart_pole",
+        summary: "pole on a cart, by its Lagrangian",
+        source: "A. Barto, R. Sutton, C. Anderson, Neuronlike adaptive elements that can solve difficult learning control problems, 1983; R. Florian, Correct equations for the dynamics of the cart-pole system, 2007",
+        model: &CartPole,
+    },
+    Entry {
+        name: "servo_pendulum",
+        summary: "hobby servo XL330 with a weight, voltage input",
+        source: "M. Duclusaud, G. Passault, V. Padois, O. Ly, Extended Friction Models for the Physics Simulation of Servo Actuators, ICRA 2025; repository Rhoban/bam",
+        model: &ServoPendulum,
+    },
+    Entry {
+        name: "tx40",
+        summary: "Stäubli TX40, six joints with a coupled wrist",
+        source: "M. Gautier, S. Briot, Global Identification of Joint Drive Gains and Dynamic Parameters of Robots, ASME JDSMC 2014; masses assumed",
+        model: &Tx40,
+    },
+    Entry {
+        name: "vs050",
+        summary: "DENSO VS-050, six joints, current input",
+        source: "kinematics: repository SaltworkerMLU/robotkinematicscatalogue, class VS-050; masses and drives assumed",
+        model: &Vs050,
+    },
+    Entry {
+        name: "vs050_two_axis",
+        summary: "DENSO VS-050 with axes 3 to 6 held",
+        source: "as vs050",
+        model: &Vs050TwoAxis,
     },
 ];
 
@@ -178,7 +221,7 @@ mod tests {
         let e = by_name("double_pendlum").err().unwrap();
         assert_eq!(
             e.to_string(),
-            "no model named `double_pendlum`, did you mean `double_pendulum`?; the models are two_link, emps, double_pendulum, scara, arm6, ur10e, panda"
+            "no model named `double_pendlum`, did you mean `double_pendulum`?; the models are two_link, emps, double_pendulum, scara, arm6, ur10e, panda, cart_pole, servo_pendulum, tx40, vs050, vs050_two_axis"
         );
         assert_eq!(by_name("quadruped").err().unwrap().nearest, None);
     }

@@ -1,7 +1,10 @@
 //! The generated dynamics of every model against independent oracles: equations written by hand, energy, forward-mode dual
 //! numbers, central differences.
 
-use pid_models::{Arm6, DoublePendulum, Emps, Panda, Scara, TwoLink, Ur10e};
+use pid_models::{
+    Arm6, CartPole, DoublePendulum, Emps, Panda, Scara, ServoPendulum, TwoLink, Tx40, Ur10e, Vs050,
+    Vs050TwoAxis,
+};
 use pid_runtime::dynamics::{At, Dims, Dynamics, Hessian, Pattern};
 use pid_runtime::generic::{self, GenericDynamics};
 use proptest::prelude::*;
@@ -137,6 +140,11 @@ macro_rules! for_each_model {
         $check(&Arm6);
         $check(&Ur10e);
         $check(&Panda);
+        $check(&CartPole);
+        $check(&ServoPendulum);
+        $check(&Tx40);
+        $check(&Vs050);
+        $check(&Vs050TwoAxis);
     }};
 }
 
@@ -217,13 +225,39 @@ fn double_pendulum_by_hand(at: &At<'_>) -> Vec<f64> {
     by_hand([[m11, m12], [m12, i2 + drive]], b, f, at.a)
 }
 
+/// Lagrange's equations of the pole on a cart, R. Florian 2007 with viscous friction.
+fn cart_pole_by_hand(at: &At<'_>) -> Vec<f64> {
+    let [cart, pole, half, g, rolling, hinge] = *at.p else {
+        panic!("6 parameters")
+    };
+    let (s, c) = at.q[1].sin_cos();
+    let (ml, v) = (pole * half, at.v);
+    let m = [[cart + pole, ml * c], [ml * c, 4.0 / 3.0 * ml * half]];
+    let b = [-ml * v[1] * v[1] * s, -ml * g * s];
+    by_hand(m, b, [at.u[0] - rolling * v[0], -hinge * v[1]], at.a)
+}
+
+/// Pendulum on a motor with back-EMF: `k (U − k v)/R`.
+fn servo_pendulum_by_hand(at: &At<'_>) -> Vec<f64> {
+    let [m, l, gain, resistance, rotor, dry, viscous, slip] = *at.p else {
+        panic!("8 parameters")
+    };
+    let v = at.v[0];
+    let drive = gain * (at.u[0] - gain * v) / resistance;
+    let f = drive - dry * (v / slip).tanh() - viscous * v;
+    let b = m * 9.81 * l * at.q[0].sin();
+    by_hand([[m * l * l + rotor]], [b], [f], at.a)
+}
+
 #[test]
 fn residuals_equal_the_equations_written_by_hand() {
     type ByHand = fn(&At<'_>) -> Vec<f64>;
-    let cases: [(&dyn Dynamics, ByHand); 3] = [
+    let cases: [(&dyn Dynamics, ByHand); 5] = [
         (&TwoLink, two_link_by_hand),
         (&Emps, emps_by_hand),
         (&DoublePendulum, double_pendulum_by_hand),
+        (&CartPole, cart_pole_by_hand),
+        (&ServoPendulum, servo_pendulum_by_hand),
     ];
     for (model, expected) in cases {
         for_points(model, |point| {
@@ -233,6 +267,61 @@ fn residuals_equal_the_equations_written_by_hand() {
             assert_close(model.name(), &r, &expected, largest(&expected), 1e-12);
         });
     }
+}
+
+/// Motor 6 of the TX40 turns by q5 + q6 and pushes joints 5 and 6 alike.
+#[test]
+fn the_coupled_motor_acts_on_both_joints_of_the_wrist() {
+    let own: Vec<usize> = ["dry_wrist", "viscous_wrist", "rotor_wrist"]
+        .map(|name| {
+            let mut params = Tx40.params().iter();
+            params.position(|p| p.name == name).expect("the motor's")
+        })
+        .to_vec();
+    for_points(&Tx40, |point| {
+        let at = point.at();
+        let mut without = at.p.to_vec();
+        own.iter().for_each(|&k| without[k] = 0.0);
+        let r = vector(&Tx40, |r| Tx40.residual(&at, r));
+        let rest = At { p: &without, ..at };
+        let rest = vector(&Tx40, |r| Tx40.residual(&rest, r));
+        let [dry, viscous, rotor] = [0, 1, 2].map(|k| at.p[own[k]]);
+        let (v, a) = (at.v[4] + at.v[5], at.a[4] + at.a[5]);
+        let push = rotor * a + viscous * v + dry * (v / 0.05).tanh();
+        let expected: Vec<f64> = (0..6)
+            .map(|i| rest[i] + if i >= 4 { push } else { 0.0 })
+            .collect();
+        assert_close("r", &r, &expected, largest(&expected), 1e-13);
+    });
+}
+
+/// Holding joints is the same as leaving them where they are.
+#[test]
+fn the_variant_with_held_joints_moves_as_the_robot_with_joints_at_rest() {
+    for_points(&Vs050TwoAxis, |point| {
+        let at = point.at();
+        let p: Vec<f64> = Vs050
+            .params()
+            .iter()
+            .map(|full| {
+                let mut own = Vs050TwoAxis.params().iter();
+                own.position(|p| p.name == full.name)
+                    .map_or(full.nominal, |k| at.p[k])
+            })
+            .collect();
+        let padded = |x: &[f64]| [x, &[0.0; 4]].concat();
+        let (q, v, a, u) = (padded(at.q), padded(at.v), padded(at.a), padded(at.u));
+        let full = At {
+            q: &q,
+            v: &v,
+            a: &a,
+            u: &u,
+            p: &p,
+        };
+        let full = vector(&Vs050, |r| Vs050.residual(&full, r));
+        let r = vector(&Vs050TwoAxis, |r| Vs050TwoAxis.residual(&at, r));
+        assert_close("r", &r, &full[..2], largest(&full), 1e-12);
+    });
 }
 
 #[test]
@@ -464,10 +553,20 @@ fn saturated(model: &dyn Dynamics, point: &Point) -> f64 {
     let sharp = match model.name() {
         // Fixed in the declaration.
         "Scara" => 200.0,
-        "Ur10e" | "Panda" => 50.0,
+        "Tx40" => 20.0,
+        "Ur10e" | "Panda" | "Vs050" | "Vs050TwoAxis" => 50.0,
+        // `tanh(v/slip)`, the second derivative by `slip` is larger by (v/slip)².
+        "ServoPendulum" => slipping(model, point),
         _ => of("sharp"),
     };
     1e-3 * of("dry") * sharp.powi(2) * largest(&point.lambda)
+}
+
+fn slipping(model: &dyn Dynamics, point: &Point) -> f64 {
+    let all = model.params().iter().zip(point.at().p);
+    let slips = all.filter(|(info, _)| info.name.starts_with("slip"));
+    let slip = slips.fold(f64::INFINITY, |m: f64, (_, x)| m.min(x.abs()));
+    (1.0 + largest(point.at().v) / slip) / slip
 }
 
 #[test]
