@@ -52,7 +52,7 @@ pub fn expand(input: TokenStream) -> TokenStream {
 
 /// As [`expand`], with the folder that paths of files are relative to.
 pub fn expand_in(input: TokenStream, folder: &Path) -> TokenStream {
-    if from_urdf::is_meant(&input) {
+    if syntax::is_from_urdf(&input) {
         return from_urdf::expand(input, folder);
     }
     let mut diag = Diagnostics::new();
@@ -67,10 +67,16 @@ pub fn expand_in(input: TokenStream, folder: &Path) -> TokenStream {
         return emit::fallback::fallback(&ast, &diag);
     };
     let mut tokens = TokenStream::new();
-    for (resolved, names) in models {
-        match emit::try_model(&resolved.robot, &names, &resolved.identifiability) {
+    let limit = ast.limit.unwrap_or(emit::size::DEFAULT_LIMIT);
+    for (k, (resolved, names)) in models.into_iter().enumerate() {
+        match emit::try_model(&resolved.robot, &names, &resolved.identifiability, limit) {
             Ok(model) => tokens.extend(model),
-            Err(e) => diag.error(&names.robot, e),
+            Err(e) => {
+                // A variant without an `emit` of its own has that of the robot.
+                let own = k.checked_sub(1).and_then(|k| ast.variants[k].emit.as_ref());
+                let place = e.place(own.or(ast.emit.as_ref()));
+                diag.error(place.unwrap_or(names.robot.span()), e);
+            }
         }
     }
     if !diag.is_ok() {

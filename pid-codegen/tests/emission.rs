@@ -37,7 +37,8 @@ fn names(robot: &Robot) -> Names {
 
 fn expansion(robot: &Robot) -> syn::File {
     let found = pid_derive::identifiability(robot).expect("the robot can be derived");
-    let tokens = emit::try_model(robot, &names(robot), &found).expect("the robot can be derived");
+    let tokens = emit::try_model(robot, &names(robot), &found, usize::MAX)
+        .expect("the robot can be derived");
     syn::parse2(tokens).expect("the expansion is a list of items")
 }
 

@@ -5,11 +5,12 @@ use std::fmt;
 use std::sync::OnceLock;
 
 use num_dual::DualNum;
+use pid_derive::identifiability::{Group, Structures};
 use pid_derive::model::{Emit, Joint, Robot};
 use pid_derive::{Equations, derivatives, equations, facts};
 use pid_runtime::dynamics::{
-    At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
-    SingularMassMatrix,
+    At, Dims, Dynamics, Hessian, Identifiability, InputInfo, Jacobian, JointInfo, ParamInfo,
+    Pattern, SingularMassMatrix, StructuralRank,
 };
 use pid_runtime::generic::{GenericDynamics, cholesky_solve};
 use pid_runtime::lanes::{Lane, LanesAt};
@@ -23,7 +24,7 @@ use crate::function::Function;
 /// A robot as programs on its expression graph.
 ///
 /// Values and first derivatives are derived when the model is made, second derivatives when they are asked for first:
-/// they cost several times as much and most uses never need them.
+/// they cost several times as much and most uses never need them. Ranks of the parameters likewise.
 ///
 /// Evaluation allocates nothing after the first call on a thread. Like the generated models, functions panic if a slice
 /// they read has another length than [`Dims`] says.
@@ -45,6 +46,9 @@ pub struct Model {
     jacobian: Derivative,
     /// ∂²(λᵀr)/∂z².
     hessian: OnceLock<Derivative>,
+    /// Ranks of the parameters; the robot they are of.
+    identifiability: OnceLock<Option<Identifiability>>,
+    robot: Robot,
     residual_dual: Tape,
     /// Lower triangle of M, then f_L − b.
     forward_dual: Tape,
@@ -148,6 +152,8 @@ impl Model {
             potential_energy: function(&[equations.energies.potential]),
             jacobian: Derivative::new(&g, dims, &equations.residual, &jacobian),
             hessian: OnceLock::new(),
+            identifiability: OnceLock::new(),
+            robot: robot.clone(),
             residual_dual: Tape::new(&g, &equations.residual),
             forward_dual: Tape::new(&g, &forward),
             graph: g,
@@ -204,6 +210,18 @@ fn moving(robot: &Robot) -> Vec<&Joint> {
     moving
 }
 
+/// A rank with its groups as text.
+fn structural(robot: &Robot, found: &Structures) -> StructuralRank {
+    let groups = found.generic.groups.iter();
+    let text = |group: &Group| Cow::Owned(group.text(|k| robot.params[k].name.clone()));
+    StructuralRank {
+        params: found.generic.params.len(),
+        generic: found.generic.rank,
+        nominal: found.nominal.rank,
+        groups: Cow::Owned(groups.map(text).collect()),
+    }
+}
+
 fn parameter(param: &pid_derive::model::Param) -> ParamInfo {
     let doc = param.docs.iter().map(|line| line.trim());
     ParamInfo {
@@ -253,6 +271,18 @@ impl Dynamics for Model {
     }
     fn inputs(&self) -> &[InputInfo] {
         &self.inputs
+    }
+    /// Computed when it is asked for first.
+    fn identifiability(&self) -> Option<&Identifiability> {
+        let found = self.identifiability.get_or_init(|| {
+            // The equations have been derived once; what cannot be derived has no model.
+            let found = pid_derive::identifiability(&self.robot).ok()?;
+            Some(Identifiability {
+                all: structural(&self.robot, &found.all),
+                free: structural(&self.robot, &found.free),
+            })
+        });
+        found.as_ref()
     }
     fn mass_matrix(&self, at: &At<'_>, m: &mut [f64]) {
         self.mass_matrix.eval(at, &[], [m]);

@@ -98,6 +98,7 @@ fn compare(file: &str, compiled: &dyn Hessian) {
     assert_eq!(interpreted.dims(), compiled.dims());
     assert_eq!(interpreted.params(), compiled.params());
     assert_eq!(interpreted.joints(), compiled.joints());
+    assert_eq!(interpreted.identifiability(), compiled.identifiability());
     assert_eq!(interpreted.inputs(), compiled.inputs());
     let d = compiled.dims();
     let mut random = Random::new(20_260_311);
@@ -227,6 +228,26 @@ fn ur10e() {
 #[test]
 fn panda() {
     compare("panda.rs", &pid_models::Panda);
+}
+
+#[test]
+fn cart_pole() {
+    compare("cart_pole.rs", &pid_models::CartPole);
+}
+
+#[test]
+fn servo_pendulum() {
+    compare("servo_pendulum.rs", &pid_models::ServoPendulum);
+}
+
+#[test]
+fn tx40() {
+    compare("tx40.rs", &pid_models::Tx40);
+}
+
+#[test]
+fn vs050() {
+    compare("vs050.rs", &pid_models::Vs050);
 }
 
 #[test]

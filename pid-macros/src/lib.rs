@@ -156,6 +156,19 @@ use proc_macro::TokenStream;
 /// groups are warned of, unless parameters of `inertial: free` are among them, which are never all identifiable. Rank and
 /// groups are in the documentation of the robot.
 ///
+/// ## `limit ops n;`
+/// Operations that a part of `emit` may take, 250 000 if left out; a larger one is an error with its count.
+///
+/// ## `robot Name from urdf "path" { … }`
+/// The links and joints of a URDF file, its path relative to the folder of `Cargo.toml`; a change of the file builds the crate
+/// anew. Everything in the braces may be left out:
+/// - `inertial: free;` (ten standard parameters per moving body, as without it) or `fixed` (numbers of the file);
+/// - `friction: free;` (`dry_<joint>`, `viscous_<joint>`, as without it) or `fixed`; `armature: free;` (`rotor_<joint>`);
+/// - `gravity: [gx, gy, gz] m/s^2;` in numbers, (0, 0, −9.81) if left out;
+/// - `params { viscous_elbow: N*m*s/rad = 0.3 in 0.0..=2.0; }` nominal value, range and `fixed` of parameters it has;
+///   what is left out stays as the file has it;
+/// - `emit { … }`, `expect rank n;`, `limit ops n;` as above.
+///
 /// ## Expressions
 /// `+ - * /`, powers `x^2` with integer exponents, `pi`, `sin cos tan tanh atan exp ln sqrt abs sign`. `abs` and `sign`
 /// exclude `second_derivatives`.

@@ -7,7 +7,7 @@
 fn messages() {
     let t = trybuild::TestCases::new();
     for stage in [
-        "syntax", "names", "units", "values", "tree", "physics", "several",
+        "syntax", "names", "units", "values", "tree", "physics", "urdf", "several",
     ] {
         t.compile_fail(format!("tests/ui/{stage}/*.rs"));
     }

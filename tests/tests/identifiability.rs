@@ -50,11 +50,10 @@ fn trajectory<D: DualNum<Primitive = f64> + Copy>(p: &[D], steps: usize, h: f64)
     states
 }
 
-/// Singular values of ∂(states)/∂p, columns of length one, descending; `held` parameters left out.
-fn singular_values(p: &[f64], held: &[usize]) -> Vec<f64> {
+/// ∂(states)/∂p, column by column.
+fn sensitivities(p: &[f64]) -> Vec<Vec<f64>> {
     let (steps, h) = (4000, 1e-3);
-    let columns: Vec<Vec<f64>> = (0..p.len())
-        .filter(|k| !held.contains(k))
+    (0..p.len())
         .map(|k| {
             let dual: Vec<Dual64> = p
                 .iter()
@@ -70,11 +69,21 @@ fn singular_values(p: &[f64], held: &[usize]) -> Vec<f64> {
             let states = trajectory(&dual, steps, h);
             states.iter().flatten().map(|x| x.eps).collect()
         })
-        .collect();
+        .collect()
+}
+
+/// Singular values of ∂(states)/∂p, columns of length one, descending; `held` parameters left out.
+fn singular_values(p: &[f64], held: &[usize]) -> Vec<f64> {
+    of_columns(&sensitivities(p), held)
+}
+
+fn of_columns(all: &[Vec<f64>], held: &[usize]) -> Vec<f64> {
+    let columns = all.iter().enumerate().filter(|(k, _)| !held.contains(k));
+    let columns: Vec<&[f64]> = columns.map(|(_, column)| column.as_slice()).collect();
     let rows = columns[0].len();
     let length = |c: &[f64]| c.iter().map(|x| x * x).sum::<f64>().sqrt();
     let s = Mat::from_fn(rows, columns.len(), |i, j| {
-        let length = length(&columns[j]);
+        let length = length(columns[j]);
         if length > 0.0 {
             columns[j][i] / length
         } else {
@@ -156,6 +165,51 @@ fn known_gains_take_one_direction_away() {
         )),
         12
     );
+}
+
+/// Each parameter in turn marked `fixed`: the rank of what is left, and whether the mark removes a lost direction.
+#[test]
+fn each_parameter_known_leaves_the_rank_that_the_declaration_with_fixed_has() {
+    let source = std::fs::read_to_string("../models/src/two_link.rs").expect("beside this crate");
+    let p = TwoLinkParams {
+        sx1: 0.05,
+        sy1: -0.04,
+        sx2: 0.03,
+        sy2: 0.06,
+        ix2: 0.9,
+        sharp_shoulder: 20.0,
+        sharp_elbow: 15.0,
+        ..TwoLinkParams::nominal()
+    };
+    let columns = sensitivities(&p.as_array());
+    let mut robot = pid_codegen::robots(declaration(&source)).expect("the model is accepted");
+    let mut kept = 0;
+    for k in 0..TwoLink::NP {
+        for (j, param) in robot[0].params.iter_mut().enumerate() {
+            param.fixed = j == k;
+        }
+        let found = pid_derive::identifiability(&robot[0]).expect("it can be derived");
+        let expected = found.free.generic.rank;
+        assert_eq!(found.free.generic.params.len(), TwoLink::NP - 1);
+        let name = &robot[0].params[k].name;
+        assert_eq!(
+            rank(&of_columns(&columns, &[k])),
+            expected,
+            "`{name}` known"
+        );
+        kept += usize::from(expected == TwoLink::RANK);
+    }
+    // All but sharpness and centre of mass of link 2 can be traded against others: knowing one costs no rank.
+    let own = TwoLink::NP - kept;
+    let alone = ["sx2", "sy2", "sz2", "sharp_shoulder", "sharp_elbow"];
+    assert_eq!(own, alone.len());
+}
+
+/// The contents of `robot! { … }`.
+fn declaration(source: &str) -> proc_macro2::TokenStream {
+    let start = source.find("robot! {").expect("a declaration") + "robot! {".len();
+    let end = source.rfind('}').expect("its end");
+    source[start..end].parse().expect("tokens")
 }
 
 #[test]

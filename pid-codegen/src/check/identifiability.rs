@@ -2,6 +2,7 @@
 
 use crate::diag::Diagnostics;
 use crate::syntax::Ast;
+use pid_derive::Identifiability;
 use pid_derive::identifiability::{GroupKind, Structure};
 use pid_derive::model::Robot;
 
@@ -19,26 +20,7 @@ pub(super) fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -
         return resolved;
     };
     let robot = &resolved.robot;
-    for expect in &ast.expect {
-        let (structure, place) = match expect.nominal {
-            true => (&found.free.nominal, " at the nominal values"),
-            false => (&found.free.generic, ""),
-        };
-        if structure.rank != expect.rank {
-            diag.error(
-                expect.number,
-                format!(
-                    "expected rank {}, found {} of {} parameters{place}{}\nhelp: write `expect rank {}{};` if that is meant",
-                    expect.rank,
-                    structure.rank,
-                    structure.params.len(),
-                    listed(robot, structure),
-                    structure.rank,
-                    if expect.nominal { " at nominal" } else { "" },
-                ),
-            );
-        }
-    }
+    expected(ast, robot, &found, diag);
     if ast.expect.is_empty() {
         for group in &found.free.generic.groups {
             let declared = group
@@ -64,6 +46,30 @@ pub(super) fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -
     }
     resolved.identifiability = found;
     resolved
+}
+
+/// Holds the ranks against those that `expect` states.
+pub(super) fn expected(ast: &Ast, robot: &Robot, found: &Identifiability, diag: &mut Diagnostics) {
+    for expect in &ast.expect {
+        let (structure, place) = match expect.nominal {
+            true => (&found.free.nominal, " at the nominal values"),
+            false => (&found.free.generic, ""),
+        };
+        if structure.rank != expect.rank {
+            diag.error(
+                expect.number,
+                format!(
+                    "expected rank {}, found {} of {} parameters{place}{}\nhelp: write `expect rank {}{};` if that is meant",
+                    expect.rank,
+                    structure.rank,
+                    structure.params.len(),
+                    listed(robot, structure),
+                    structure.rank,
+                    if expect.nominal { " at nominal" } else { "" },
+                ),
+            );
+        }
+    }
 }
 
 /// One line per group, for the message of a rank that differs.

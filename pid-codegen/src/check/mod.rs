@@ -10,6 +10,7 @@ mod linearity;
 pub mod motion;
 pub mod names;
 mod numbers;
+pub(crate) mod overrides;
 pub mod physics;
 mod resolve;
 pub mod tree;
@@ -21,7 +22,7 @@ pub mod variants;
 use proc_macro2::{Ident, Span};
 
 use crate::diag::Diagnostics;
-use crate::syntax::Ast;
+use crate::syntax::{Ast, Vector};
 use pid_derive::Identifiability;
 use pid_derive::model::{Emit, Robot};
 
@@ -80,8 +81,34 @@ pub fn resolve(ast: &Ast, diag: &mut Diagnostics) -> Option<Resolved> {
     resolved.filter(|_| diag.is_ok())
 }
 
+/// The rank of a robot from elsewhere, held against what `ast` expects. `None` after an error.
+pub(crate) fn rank(ast: &Ast, robot: &Robot, diag: &mut Diagnostics) -> Option<Identifiability> {
+    match pid_derive::identifiability(robot) {
+        Ok(found) => {
+            identifiability::expected(ast, robot, &found, diag);
+            Some(found)
+        }
+        Err(error) => {
+            diag.error(&ast.name, error);
+            None
+        }
+    }
+}
+
+/// Gravity in numbers.
+pub(crate) fn constant_gravity(given: &Vector, diag: &mut Diagnostics) -> Option<[f64; 3]> {
+    let symbols = names::Symbols::default();
+    let before = diag.count();
+    uses::constant_vector(given, &symbols, diag);
+    if diag.count() > before {
+        return None;
+    }
+    let units = units::Units::new(&symbols, Vec::new(), Vec::new());
+    resolve::constant_gravity(given, &symbols, &units, diag)
+}
+
 /// What the user asked for; both derivatives if nothing was said.
-fn emit(ast: &Ast) -> Emit {
+pub(crate) fn emit(ast: &Ast) -> Emit {
     match &ast.emit {
         None => Emit {
             first_derivatives: true,

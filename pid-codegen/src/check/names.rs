@@ -9,7 +9,7 @@ use crate::syntax::{
 use pid_derive::model::{About, Func};
 
 /// Everything declared, ranges and `per joint` blocks expanded.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Symbols<'a> {
     /// Parameters in the order of the generated struct.
     pub params: Vec<ParamSymbol<'a>>,

@@ -34,7 +34,7 @@ pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) ->
     };
     let gravity = match ast.is_bare() {
         true => Some([0, 1, 2].map(|_| Expr::Num(0.0))),
-        false => b.gravity(ast),
+        false => ast.gravity.as_ref().and_then(|g| b.gravity(g)),
     };
     let potential = b.energies(&ast.potentials, Scope::Potential, "the potential");
     let lagrangian = b.energies(
@@ -82,6 +82,24 @@ pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) ->
         places: places(symbols, blank_places),
         identifiability: Default::default(),
     })
+}
+
+/// Gravity without parameters.
+pub(super) fn constant_gravity(
+    given: &Vector,
+    symbols: &Symbols<'_>,
+    units: &Units<'_>,
+    diag: &mut Diagnostics,
+) -> Option<[f64; 3]> {
+    let mut b = Builder {
+        symbols,
+        units,
+        diag,
+        blanks: Vec::new(),
+        blank_places: Vec::new(),
+    };
+    let [x, y, z] = b.gravity(given)?;
+    Some([constant(&x)?, constant(&y)?, constant(&z)?])
 }
 
 /// The coordinate an input counts to: that of its joint, or the last one that the joint or motor moves.
@@ -151,12 +169,12 @@ pub(super) struct Builder<'a, 'd> {
 type Links = (Vec<Link>, Vec<(usize, f64)>);
 
 impl Builder<'_, '_> {
-    fn gravity(&mut self, ast: &Ast) -> Option<[Expr; 3]> {
+    fn gravity(&mut self, given: &Vector) -> Option<[Expr; 3]> {
         let role = Role {
             what: "gravity".to_string(),
             unit: Unit::of(&[("m", 1), ("s", -2)]),
         };
-        self.vector(ast.gravity.as_ref()?, Scope::Geometry("gravity"), &role)
+        self.vector(given, Scope::Geometry("gravity"), &role)
     }
 
     /// A vector in which `_` has no place.

@@ -4,14 +4,21 @@ use proc_macro2::Ident;
 
 use crate::diag::{Diagnostics, Loc, nearest, one_of};
 use crate::syntax::{
-    Amount, Ast, AxisKind, Entry, Expr, ExprKind, JointDecl, LinkDecl, Motion, Nominal, Range,
-    Shape, ShapeKind, Vector,
+    Amount, Ast, AxisKind, Entry, Expr, ExprKind, JointDecl, LinkDecl, Motion, Nominal, ParamDecl,
+    Range, Shape, ShapeKind, Vector,
 };
 
 use super::names::{FUNCTIONS, Origin, Scope, Symbols, unknown_joint};
 
 /// Reports every use of a name that does not exist.
 pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
+    constants(
+        ast.params
+            .iter()
+            .chain(ast.per_joint.iter().flat_map(|b| &b.params)),
+        symbols,
+        diag,
+    );
     let mut c = Uses { symbols, diag };
     if ast.is_bare() {
         c.bare(ast);
@@ -25,24 +32,6 @@ pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
                 ast.name
             ),
         );
-    }
-    for p in ast
-        .params
-        .iter()
-        .chain(ast.per_joint.iter().flat_map(|b| &b.params))
-    {
-        match &p.nominal {
-            Some(Nominal::One(e)) => c.expr(e, Scope::Constant("a nominal value")),
-            Some(Nominal::List(all, _)) => {
-                for e in all {
-                    c.expr(e, Scope::Constant("a nominal value"));
-                }
-            }
-            None => {}
-        }
-        for r in p.range.iter().flat_map(|r| r.iter()) {
-            c.range(r);
-        }
     }
     for l in &ast.links {
         c.link(l);
@@ -120,6 +109,33 @@ pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
             Some(j) => c.expr(&f.force, Scope::Force(j)),
         }
     }
+}
+
+/// Nominal values and ranges must be numbers.
+pub(super) fn constants<'p>(
+    params: impl Iterator<Item = &'p ParamDecl>,
+    symbols: &Symbols<'_>,
+    diag: &mut Diagnostics,
+) {
+    let mut c = Uses { symbols, diag };
+    for p in params {
+        let values: &[Expr] = match &p.nominal {
+            Some(Nominal::One(e)) => std::slice::from_ref(e),
+            Some(Nominal::List(all, _)) => all,
+            None => &[],
+        };
+        for e in values {
+            c.expr(e, Scope::Constant("a nominal value"));
+        }
+        for r in p.range.iter().flat_map(|r| r.iter()) {
+            c.range(r);
+        }
+    }
+}
+
+/// The entries of a vector must be numbers.
+pub(super) fn constant_vector(v: &Vector, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
+    Uses { symbols, diag }.vector(v, Scope::Constant("gravity"));
 }
 
 struct Uses<'a, 'd> {

@@ -46,8 +46,13 @@ fn stub(ast: &Ast, variant: bool) -> TokenStream {
     if variant {
         names = names.without_places();
     }
-    let types = types::types(&skeleton(ast, &symbols), &names, &ast.docs);
-    let functions = functions(&names);
+    stub_of(&skeleton(ast, &symbols), &names)
+}
+
+/// The items of a robot whose names are known: those of the robot without a body of any function.
+pub fn stub_of(robot: &Robot, names: &Names) -> TokenStream {
+    let types = types::types(robot, names, &robot.docs);
+    let functions = functions(names);
     let traits = traits(&names.robot);
     quote! {
         #types
@@ -57,6 +62,11 @@ fn stub(ast: &Ast, variant: bool) -> TokenStream {
             #traits
         };
     }
+}
+
+/// A robot of which nothing but its own name is known.
+pub fn nameless(ast: &Ast) -> Robot {
+    skeleton(ast, &Symbols::default())
 }
 
 /// A robot with names and nothing else.

@@ -5,6 +5,7 @@
 //! - [`lanes`]: the same bodies over four nodes at once;
 //! - [`derivatives`]: patterns and bodies of Jacobian and Hessian;
 //! - [`regressor`]: regressor and base parameters;
+//! - [`size`]: how many operations a part may take;
 //! - [`impls`]: the typed face (inherent functions) and the slice face (traits of `pid-runtime`).
 //!
 //! Each declared thing keeps the user's span on one generated token; all other tokens are the macro's own. Paths are
@@ -17,15 +18,20 @@ pub mod functions;
 pub mod impls;
 pub mod lanes;
 pub mod regressor;
+pub mod size;
 pub mod types;
 
 use pid_symbolic::Graph;
 use proc_macro2::{Ident, Span, TokenStream};
-use quote::{quote, quote_spanned};
+use quote::quote;
+use thiserror::Error;
 
 use functions::Layout;
 use pid_derive::Identifiability;
 use pid_derive::model::Robot;
+use size::TooLarge;
+
+use crate::syntax::EmitDecl;
 
 /// The user's identifiers, with their spans.
 #[derive(Debug, Clone)]
@@ -54,29 +60,41 @@ impl Names {
     }
 }
 
-/// Everything generated for a robot; a `compile_error!` on its name if its equations cannot be derived.
-pub fn model(robot: &Robot, names: &Names) -> TokenStream {
-    let identifiability = pid_derive::identifiability(robot);
-    identifiability
-        .and_then(|found| try_model(robot, names, &found))
-        .unwrap_or_else(|error| {
-            let message = error.to_string();
-            quote_spanned!(names.robot.span()=> ::core::compile_error! { #message })
-        })
+/// Why nothing was generated.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The equations cannot be derived.
+    #[error(transparent)]
+    Derivation(#[from] pid_derive::Error),
+    /// A part takes more operations than allowed.
+    #[error(transparent)]
+    TooLarge(#[from] TooLarge),
 }
 
-/// Everything generated for a robot.
+impl Error {
+    /// The item of `emit` that the error is about.
+    pub fn place(&self, emit: Option<&EmitDecl>) -> Option<Span> {
+        match self {
+            Self::TooLarge(e) => emit?.place(e.part),
+            Self::Derivation(_) => None,
+        }
+    }
+}
+
+/// Everything generated for a robot. No part of `emit` may take more than `limit` operations.
 ///
 /// # Errors
-/// If its equations cannot be derived; see [`pid_derive::Error`].
+/// If its equations cannot be derived (see [`pid_derive::Error`]) or a part is too large.
 pub fn try_model(
     robot: &Robot,
     names: &Names,
     identifiability: &Identifiability,
-) -> Result<TokenStream, pid_derive::Error> {
+    limit: usize,
+) -> Result<TokenStream, Error> {
     let mut g = Graph::new();
     let equations = pid_derive::equations(&mut g, robot)?;
-    let derivatives = pid_derive::derivatives(&mut g, &equations, robot.emit);
+    let derivatives = size::derivatives(&mut g, robot, &equations, limit)?;
     let layout = Layout::of(robot);
 
     let bodies = impls::Bodies::new(&mut g, &layout, &equations);

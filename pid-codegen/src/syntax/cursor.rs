@@ -159,6 +159,18 @@ impl Cursor {
         }
     }
 
+    /// Takes an identifier that becomes the name of a type.
+    pub(crate) fn type_name(&mut self, what: &str) -> Parsed<Ident> {
+        let name = self.ident(what)?;
+        // Raw identifiers could not be joined with `Params`, keywords could not stand after `struct`.
+        match syn::parse_str::<Ident>(&name.to_string()) {
+            Ok(_) if !name.to_string().starts_with("r#") => Ok(name),
+            _ => Err(Loc::from(&name).error(format!(
+                "`{name}` cannot be the name of a type: it is a keyword of Rust\nhelp: choose another name"
+            ))),
+        }
+    }
+
     /// The next token, if it is a group with this delimiter.
     pub(crate) fn peek_group(&self, delimiter: Delimiter) -> bool {
         matches!(self.peek(), Some(TokenTree::Group(g)) if g.delimiter() == delimiter)

@@ -5,10 +5,13 @@ use proc_macro2::{Delimiter, Ident, Span};
 
 use super::cursor::{Cursor, Parsed};
 use super::unknown_item;
+use crate::emit::size::Part;
 
 /// The `emit` item.
 #[derive(Debug, Clone, Default)]
 pub struct EmitDecl {
+    /// Place of `dynamics`.
+    pub dynamics: Option<Span>,
     /// Place of `first_derivatives`.
     pub first: Option<Span>,
     /// Place of `second_derivatives`.
@@ -19,6 +22,17 @@ pub struct EmitDecl {
     pub base: Option<Span>,
     /// Place of `lanes`.
     pub lanes: Option<Span>,
+}
+
+impl EmitDecl {
+    /// Where a part is asked for, by itself or by one that brings it along.
+    pub fn place(&self, part: Part) -> Option<Span> {
+        match part {
+            Part::Dynamics => self.dynamics,
+            Part::FirstDerivatives => self.first.or(self.second),
+            Part::SecondDerivatives => self.second,
+        }
+    }
 }
 
 /// `{ … }` after `emit`.
@@ -36,7 +50,7 @@ pub(super) fn parse(c: &mut Cursor) -> Parsed<EmitDecl> {
     let parts: Vec<Ident> = Cursor::list(&group, |c| c.ident("what to emit"))?;
     for part in parts {
         match part.to_string().as_str() {
-            "dynamics" => {}
+            "dynamics" => emit.dynamics = Some(part.span()),
             "first_derivatives" => emit.first = Some(part.span()),
             "second_derivatives" => emit.second = Some(part.span()),
             "regressor" => emit.regressor = Some(part.span()),

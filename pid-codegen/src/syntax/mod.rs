@@ -7,7 +7,9 @@ mod drive;
 mod emit;
 mod expect;
 mod expr;
+mod from_urdf;
 mod joint;
+mod limit;
 mod link;
 mod params;
 mod shape;
@@ -25,12 +27,15 @@ pub use drive::{DriveDecl, DriveKind, ForceOn, MotorDecl, PerJoint};
 pub use emit::EmitDecl;
 pub use expect::ExpectDecl;
 pub use expr::{Entry, Expr, ExprKind, Op, Range, Vector};
+pub use from_urdf::FromUrdf;
 pub use joint::{Axis, AxisKind, JointDecl, Motion};
 pub use link::{Free, Inertia, LinkDecl};
 pub use params::{InputDecl, Nominal, ParamDecl, Ranges};
 pub use shape::{Amount, Shape, ShapeKind};
 pub use unit::UnitExpr;
 pub use variant::{Lock, VariantDecl};
+
+pub(crate) use from_urdf::{is_meant as is_from_urdf, parse as parse_from_urdf};
 
 /// A `robot!` declaration as written.
 #[derive(Debug, Clone)]
@@ -67,6 +72,8 @@ pub struct Ast {
     pub emit: Option<EmitDecl>,
     /// `expect`, all items.
     pub expect: Vec<ExpectDecl>,
+    /// `limit ops`: operations that a part of `emit` may take.
+    pub limit: Option<usize>,
     /// `variant`s.
     pub variants: Vec<VariantDecl>,
     /// What is held: empty but in the [`Ast::variant`]s.
@@ -126,15 +133,10 @@ const ITEMS: &[&str] = &[
     "coordinates",
     "lagrangian",
     "emit",
+    "limit ops",
     "variant",
     "expect",
 ];
-
-/// Items of later versions of the language, with what to do until then.
-const LATER: &[(&str, &str)] = &[(
-    "limit",
-    "remove it; there is no limit on the number of operations",
-)];
 
 /// Reads a declaration. `None` if not even its name could be found; items with mistakes are left out.
 pub fn parse(input: TokenStream, diag: &mut Diagnostics) -> Option<Ast> {
@@ -165,6 +167,16 @@ pub fn parse(input: TokenStream, diag: &mut Diagnostics) -> Option<Ast> {
 }
 
 fn header(c: &mut Cursor) -> Parsed<(Ast, Option<Cursor>)> {
+    let ast = head(c)?;
+    let body = match c.peek_group(Delimiter::Brace) {
+        true => Some(Cursor::inside(&c.group(Delimiter::Brace, "`{`")?)),
+        false => None,
+    };
+    Ok((ast, body))
+}
+
+/// Comments, attributes, visibility, `robot` and its name.
+fn head(c: &mut Cursor) -> Parsed<Ast> {
     let (docs, attrs) = attributes(c)?;
     let mut vis = TokenStream::new();
     if c.peek_word("pub") {
@@ -182,12 +194,8 @@ fn header(c: &mut Cursor) -> Parsed<(Ast, Option<Cursor>)> {
     if c.eat_word("robot").is_none() {
         return Err(c.expected("`robot Name { … }` or `pub robot Name { … }`"));
     }
-    let name = c.ident("the name of the robot")?;
-    let body = match c.peek_group(Delimiter::Brace) {
-        true => Some(Cursor::inside(&c.group(Delimiter::Brace, "`{`")?)),
-        false => None,
-    };
-    let ast = Ast {
+    let name = c.type_name("the name of the robot")?;
+    Ok(Ast {
         docs,
         attrs,
         vis,
@@ -204,10 +212,10 @@ fn header(c: &mut Cursor) -> Parsed<(Ast, Option<Cursor>)> {
         forces: Vec::new(),
         emit: None,
         expect: Vec::new(),
+        limit: None,
         variants: Vec::new(),
         locks: Vec::new(),
-    };
-    Ok((ast, body))
+    })
 }
 
 fn item(
@@ -283,11 +291,13 @@ fn item(
             ast.variants.push(variant::parse(c, docs, diag)?);
             Ok(())
         }
-        word => match LATER.iter().find(|l| l.0 == word) {
-            Some((_, instead)) => Err(Loc::from(&keyword)
-                .error(format!("`{word}` is not supported yet\nhelp: {instead}"))),
-            None => Err(unknown_item(&keyword, ITEMS)),
-        },
+        "limit" => {
+            let again = once(seen, &keyword);
+            let operations = limit::parse(c)?;
+            ast.limit.get_or_insert(operations);
+            again
+        }
+        _ => Err(unknown_item(&keyword, ITEMS)),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Units as written: `kg*m^2`, `N*m*s/rad`, `1/s`, `m/(s*A)`.
 
-use proc_macro2::{Delimiter, Ident, TokenTree};
+use proc_macro2::{Delimiter, Ident, Span, TokenTree};
 
 use super::cursor::{Cursor, Parsed};
 use super::expr;
@@ -34,6 +34,13 @@ impl UnitExpr {
     /// The unit of a number inside an expression.
     pub(super) fn after_number(c: &mut Cursor) -> Parsed<UnitExpr> {
         parse(c, Reach::Known)
+    }
+
+    /// The unit in a text, if it is one.
+    pub fn of_text(text: &str) -> Option<UnitExpr> {
+        let tokens = text.parse().ok()?;
+        let mut c = Cursor::new(tokens, Span::call_site());
+        UnitExpr::parse(&mut c).ok().filter(|_| c.is_done())
     }
 
     /// A unit, if one follows.

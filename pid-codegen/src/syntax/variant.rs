@@ -37,7 +37,7 @@ pub(super) fn parse(
     docs: Vec<String>,
     diag: &mut Diagnostics,
 ) -> Parsed<VariantDecl> {
-    let name = c.ident("the name of a variant")?;
+    let name = c.type_name("the name of a variant")?;
     let group = c.group(
         Delimiter::Brace,
         &format!("`{{ lock joint = value; }}` of variant `{name}`"),
