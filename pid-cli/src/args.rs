@@ -28,6 +28,8 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     /// Say which physical effect the model in a data folder lacks, where, and how far the gap shrinks with it.
     Diagnose(crate::diagnose::DiagnoseArgs),
+    /// Measure the diagnosis on drawn cases whose effect is withheld until it has been named.
+    Study(crate::study::StudyArgs),
     /// List the models.
     Models,
     /// Make the embedded demonstration data anew.

@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use pid_diagnose::case::CaseError;
+use pid_diagnose::study::StudyError;
 use pid_models::UnknownModel;
 use pid_runtime::data::DataError;
 use pid_runtime::gap::force::MissingForceError;
@@ -66,6 +67,11 @@ pub(crate) enum CliError {
     Case {
         #[from]
         source: CaseError,
+    },
+    #[error("{source}")]
+    Study {
+        #[from]
+        source: StudyError,
     },
     #[error("{}: cannot be written: {error}\n  help: choose another folder with --out", path.display())]
     Write { path: PathBuf, error: io::Error },

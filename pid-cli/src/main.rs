@@ -18,6 +18,7 @@ mod parameters;
 mod progress;
 mod simulate;
 mod source;
+mod study;
 
 use std::process::ExitCode;
 
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
         None => identify::run(&cli.identify),
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Diagnose(args)) => diagnose::run(&args),
+        Some(Command::Study(args)) => study::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),
         Some(Command::Models) => {
             models();

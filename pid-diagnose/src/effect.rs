@@ -13,8 +13,9 @@
 use std::fmt;
 use std::sync::Arc;
 
+use crate::kernels;
 use crate::plant::Plant;
-use crate::rigid::V3;
+use crate::rigid::{Body, Hinge, Surroundings, V3, Workspace, mass_and_bias};
 use crate::scalar::{Lanes, Scalar};
 
 /// Lanes of one pass of derivatives.
@@ -311,6 +312,8 @@ pub trait Effect: Send + Sync {
     fn partner(&self, joint: usize) -> Option<usize>;
     /// Whether it cannot be at a joint without partner.
     fn needs_partner(&self) -> bool;
+    /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act between them.
+    fn edges(&self) -> &'static [usize];
     /// Physical magnitudes for the report.
     fn shown(&self, e: &[f64], gain: f64, rated: f64) -> Vec<(&'static str, f64)>;
     /// Over plain numbers.
@@ -337,6 +340,10 @@ pub trait Model: Send + Sync {
     fn needs_partner(&self) -> bool {
         false
     }
+    /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act between them.
+    fn edges(&self) -> &'static [usize] {
+        &[]
+    }
     /// Physical magnitudes for the report, from the parameters, the motor gain and the joint's typical input.
     fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
         self.info()
@@ -361,6 +368,9 @@ impl<T: Model + Law<f64> + Law<Wide> + Law<num_dual::Dual64>> Effect for T {
     fn needs_partner(&self) -> bool {
         Model::needs_partner(self)
     }
+    fn edges(&self) -> &'static [usize] {
+        Model::edges(self)
+    }
     fn shown(&self, e: &[f64], gain: f64, rated: f64) -> Vec<(&'static str, f64)> {
         Model::shown(self, e, gain, rated)
     }
@@ -379,6 +389,22 @@ impl<T: Model + Law<f64> + Law<Wide> + Law<num_dual::Dual64>> Effect for T {
 pub trait Pick: Scalar {
     /// The equation over this scalar.
     fn of(effect: &dyn Effect) -> &dyn Law<Self>;
+    /// [`mass_and_bias`] in the form that suits this scalar.
+    fn rigid(
+        hinges: &[Hinge],
+        bodies: &[Body<Self>],
+        around: &Surroundings<Self>,
+        motion: (&[Self], &[Self]),
+        work: &mut Workspace<Self>,
+        mass: &mut [Self],
+        bias: &mut [Self],
+    ) {
+        mass_and_bias(hinges, bodies, around, motion, work, mass, bias);
+    }
+    /// Solves the rows and columns of `a x = b` whose status is not 0 by Cholesky factorization into `l`; the others are zero.
+    fn solve(m: usize, a: &[Self], b: &[Self], status: &[i8], l: &mut [Self], x: &mut [Self]) {
+        crate::simulate::reduced(m, a, b, status, l, x);
+    }
 }
 impl Pick for f64 {
     fn of(effect: &dyn Effect) -> &dyn Law<f64> {
@@ -388,6 +414,20 @@ impl Pick for f64 {
 impl Pick for Wide {
     fn of(effect: &dyn Effect) -> &dyn Law<Wide> {
         effect.wide()
+    }
+    fn rigid(
+        hinges: &[Hinge],
+        bodies: &[Body<Self>],
+        around: &Surroundings<Self>,
+        (q, v): (&[Self], &[Self]),
+        work: &mut Workspace<Self>,
+        mass: &mut [Self],
+        bias: &mut [Self],
+    ) {
+        kernels::mass_and_bias(hinges, bodies, around, q, v, work, mass, bias);
+    }
+    fn solve(m: usize, a: &[Self], b: &[Self], status: &[i8], l: &mut [Self], x: &mut [Self]) {
+        kernels::reduced(m, a, b, status, l, x);
     }
 }
 impl Pick for num_dual::Dual64 {

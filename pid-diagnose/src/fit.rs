@@ -11,11 +11,11 @@ use nalgebra::{DMatrix, DVector};
 use pid_runtime::data::Role;
 use rayon::prelude::*;
 
-use crate::case::Case;
+use crate::case::{Case, Velocity};
 use crate::effect::{LANES, Wide};
 use crate::observer::Gain;
 use crate::plant::PER_JOINT;
-use crate::predict::{Runner, gains};
+use crate::predict::{Runner, gains, rows};
 use crate::simulate::Hypothesis;
 
 /// Standard deviation of a deviation, in tolerances.
@@ -41,6 +41,9 @@ pub struct Value {
     pub count: Vec<[f64; 2]>,
     /// Sum of (θ/σ)².
     pub prior: f64,
+    /// Sum of ln det S over the innovations' predicted covariances S: gains of their own make hypotheses comparable only
+    /// together with it.
+    pub log_det: f64,
 }
 
 impl Value {
@@ -55,6 +58,14 @@ impl Value {
     /// Sum of squares and prior.
     pub fn objective(&self) -> f64 {
         self.total() + self.prior
+    }
+    /// Minus twice the log-likelihood, up to a constant of the records: sum of squares and ln det S.
+    pub fn surprise(&self) -> f64 {
+        self.total() + self.log_det
+    }
+    /// Minus twice the logarithm of the posterior density, up to a constant of the records.
+    pub fn evidence(&self) -> f64 {
+        self.objective() + self.log_det
     }
 }
 
@@ -133,7 +144,19 @@ pub fn value(
         chi: vec![[0.0; 2]; n],
         count: vec![[0.0; 2]; n],
         prior: at.theta.iter().map(|t| (t / PRIOR).powi(2)).sum(),
+        log_det: 0.0,
     };
+    for (record, g) in case.records.iter().zip(gains) {
+        if record.role == role {
+            let rows = rows(record) as f64;
+            for (j, g) in g.iter().enumerate() {
+                total.log_det -= 2.0 * rows * g.whiten[0][0].ln();
+                if case.velocity[j] == Velocity::Measured {
+                    total.log_det -= 2.0 * rows * g.whiten[1][1].ln();
+                }
+            }
+        }
+    }
     for (chi, count) in parts {
         for j in 0..n {
             for c in 0..2 {
@@ -392,8 +415,69 @@ pub struct Fit {
     pub steps: usize,
 }
 
+/// How much a fit may cost.
+#[derive(Debug, Clone, Copy)]
+pub struct Effort<'a> {
+    /// Steps at most.
+    pub steps: usize,
+    /// Derivatives along the basis from a neighbouring fit, rows as on the train records: the first steps use them and
+    /// differentiate in the effects' parameters only (a chord method; P. Deuflhard, Newton Methods for Nonlinear Problems,
+    /// 2004, section 2.1). They are renewed when the model they give no longer predicts the decrease.
+    pub slopes: Option<&'a DMatrix<f64>>,
+    /// Whether the end must be an optimum with derivatives of its own, and not only of the neighbour.
+    pub exact: bool,
+}
+
+impl Effort<'_> {
+    /// Derivatives of its own in every step.
+    pub fn full(steps: usize) -> Self {
+        Effort {
+            steps,
+            slopes: None,
+            exact: true,
+        }
+    }
+}
+
+/// Decrease below which a fit has come to rest: absolute, and relative to the objective.
+const REST: (f64, f64) = (0.05, 1e-4);
+/// Share of the predicted decrease that borrowed derivatives must bring to be kept.
+const TRUSTED: f64 = 0.5;
+
+/// Derivatives of one step: those along the basis may be borrowed, those in the effects' parameters are new.
+fn slopes(
+    case: &Case,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    gains: &[Vec<Gain>],
+    columns: &[Vec<f64>],
+    borrowed: Option<&DMatrix<f64>>,
+) -> Linear {
+    let ne = at.e.len();
+    let effects = (0..ne).map(Direction::Effect);
+    if let Some(old) = borrowed {
+        let directions: Vec<Direction<'_>> = effects.clone().collect();
+        let own = linearise(case, hypothesis, at, gains, Role::Train, &directions);
+        if own.r.len() == old.nrows() {
+            let mut j = DMatrix::zeros(old.nrows(), columns.len() + ne);
+            j.columns_mut(0, columns.len()).copy_from(old);
+            j.columns_mut(columns.len(), ne).copy_from(&own.j);
+            return Linear { r: own.r, j };
+        }
+    }
+    let mut directions: Vec<Direction<'_>> = columns.iter().map(|c| Direction::Theta(c)).collect();
+    directions.extend(effects);
+    linearise(case, hypothesis, at, gains, Role::Train, &directions)
+}
+
 /// Fits a hypothesis from a start.
-pub fn fit(case: &Case, basis: &Basis, hypothesis: &Hypothesis, start: Point, most: usize) -> Fit {
+pub fn fit(
+    case: &Case,
+    basis: &Basis,
+    hypothesis: &Hypothesis,
+    start: Point,
+    effort: Effort<'_>,
+) -> Fit {
     let bounds = ranges(case, hypothesis);
     let size = start.theta.len();
     let ne = start.e.len();
@@ -401,23 +485,37 @@ pub fn fit(case: &Case, basis: &Basis, hypothesis: &Hypothesis, start: Point, mo
     for (e, (low, high)) in at.e.iter_mut().zip(&bounds) {
         *e = e.clamp(*low, *high);
     }
-    let mut gains = all_gains(case, hypothesis, &at);
-    let mut now = value(case, hypothesis, &at, &gains, Role::Train);
-    let mut damping = 1e-3;
-    let mut steps = 0;
     let columns: Vec<Vec<f64>> = basis
         .columns
         .column_iter()
         .map(|c| c.iter().copied().collect())
         .collect();
+    let rank = columns.len();
+    let mut gains = all_gains(case, hypothesis, &at);
+    let mut now = value(case, hypothesis, &at, &gains, Role::Train);
+    let mut damping = 1e-3;
+    let mut steps = 0;
+    let mut own: Option<DMatrix<f64>> = None;
+    let mut borrowed = effort.slopes.is_some();
     let mut quadratic;
     loop {
-        let mut directions: Vec<Direction<'_>> =
-            columns.iter().map(|c| Direction::Theta(c)).collect();
-        directions.extend((0..ne).map(Direction::Effect));
-        let lin = linearise(case, hypothesis, &at, &gains, Role::Train, &directions);
+        let lin = slopes(
+            case,
+            hypothesis,
+            &at,
+            &gains,
+            &columns,
+            if borrowed {
+                own.as_ref().or(effort.slopes)
+            } else {
+                None
+            },
+        );
         quadratic = Quadratic::new(basis, &lin, &at);
-        if steps >= most {
+        if !borrowed {
+            own = Some(lin.j.columns(0, rank).into_owned());
+        }
+        if steps >= effort.steps {
             break;
         }
         let mut low = DVector::zeros(size + ne);
@@ -430,7 +528,8 @@ pub fn fit(case: &Case, basis: &Basis, hypothesis: &Hypothesis, start: Point, mo
         }
         let mut improved = false;
         let mut decrease = 0.0;
-        for _ in 0..7 {
+        let mut predicted = 0.0;
+        for _ in 0..if borrowed { 3 } else { 7 } {
             let mut damped = quadratic.clone();
             for i in 0..size {
                 damped.h[(i, i)] += damping * 4.0;
@@ -440,6 +539,7 @@ pub fn fit(case: &Case, basis: &Basis, hypothesis: &Hypothesis, start: Point, mo
                 damped.h[(k, k)] += damping * quadratic.h[(k, k)] + 1e-300;
             }
             let x = damped.minimise(&low, &high);
+            predicted = -2.0 * quadratic.at(&x);
             let mut next = at.clone();
             for i in 0..size {
                 next.theta[i] += x[i];
@@ -459,15 +559,34 @@ pub fn fit(case: &Case, basis: &Basis, hypothesis: &Hypothesis, start: Point, mo
             damping = (damping * 10.0).max(1e-2);
         }
         steps += 1;
-        if !improved {
-            break;
+        let resting = decrease < REST.0 + REST.1 * now.objective();
+        if borrowed {
+            let at_rest = predicted < REST.0 + REST.1 * now.objective();
+            if !improved || decrease < TRUSTED * predicted || (resting && !at_rest) {
+                // The neighbour's derivatives no longer serve.
+                borrowed = false;
+                continue;
+            }
+            if resting {
+                if !effort.exact {
+                    break;
+                }
+                borrowed = false;
+                continue;
+            }
+        } else {
+            if !improved {
+                break;
+            }
+            if resting && steps > 1 {
+                break;
+            }
+            // Derivatives of this fit serve its next steps.
+            borrowed = rank > 0 && decrease > 0.7 * predicted;
         }
         if ne > 0 && steps < 4 {
             gains = all_gains(case, hypothesis, &at);
             now = value(case, hypothesis, &at, &gains, Role::Train);
-        }
-        if decrease < 0.05 + 1e-4 * now.objective() {
-            break;
         }
     }
     Fit {

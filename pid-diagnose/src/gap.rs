@@ -7,7 +7,7 @@
 
 use pid_runtime::data::Role;
 
-use crate::case::{Case, Velocity};
+use crate::case::{Case, Record, Velocity};
 use crate::predict::{Runner, gains};
 use crate::simulate::{Hypothesis, State};
 
@@ -25,107 +25,270 @@ pub struct Gap {
     pub windows: Vec<f64>,
 }
 
-/// Free-run error of a hypothesis at its parameters on the records of a role.
-pub fn gap(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role: Role) -> Gap {
-    let n = case.n();
-    let mut sums = vec![(0.0, 0.0); n];
-    let mut records = 0.0;
-    let mut windows = Vec::new();
-    for record in case.records.iter().filter(|r| r.role == role) {
-        records += 1.0;
-        let h = record.h;
-        let last = record.len() - 1;
-        let length = case
-            .nominal
-            .horizon
-            .map_or(last, |s| ((s / h).round() as usize).clamp(1, last));
-        let count = last / length;
-        let mut starts: Vec<State<f64>> = Vec::with_capacity(count);
-        let g = gains(case, hypothesis, theta, e, h);
-        let mut runner = Runner::<f64>::new(case, record, hypothesis, theta, e);
-        runner.predict(&g, &mut |_, _, _, _| {}, &mut |k, state| {
+/// The windows of one record: its number of samples and the states the predictor has at their starts.
+struct Windows {
+    length: usize,
+    starts: Vec<State<f64>>,
+}
+
+fn windows(
+    case: &Case,
+    record: &Record,
+    hypothesis: &Hypothesis,
+    theta: &[f64],
+    e: &[f64],
+) -> Windows {
+    let last = record.len() - 1;
+    let length = case
+        .nominal
+        .horizon
+        .map_or(last, |s| ((s / record.h).round() as usize).clamp(1, last));
+    let count = last / length;
+    let mut starts = Vec::with_capacity(count);
+    let g = gains(case, hypothesis, theta, e, record.h);
+    Runner::<f64>::new(case, record, hypothesis, theta, e).predict(
+        &g,
+        &mut |_, _, _, _| {},
+        &mut |k, state| {
             if k % length == 0 && starts.len() < count {
                 starts.push(state.clone());
             }
-        });
-        let deviation: Vec<(f64, f64)> = (0..n)
-            .map(|j| (deviation(&record.q[j]), deviation(&record.v[j])))
-            .collect();
-        let fade: Vec<f64> = (0..n)
-            .map(|j| {
-                case.nominal
-                    .velocity_filter_hz
-                    .map_or(0.0, |hz| (-2.0 * std::f64::consts::PI * hz * h).exp())
-                    * f64::from(u8::from(case.velocity[j] == Velocity::Derived))
+        },
+    );
+    Windows { length, starts }
+}
+
+/// Free run over one window: positions and velocities as the drive reports them, joint by joint at each of the samples after
+/// the first. `noise` is added to every position and every measured velocity before filters.
+fn free_run(
+    case: &Case,
+    runner: &mut Runner<'_, '_, f64>,
+    record: &Record,
+    start: &State<f64>,
+    k: usize,
+    length: usize,
+    noise: &mut dyn FnMut(usize) -> (f64, f64),
+) -> Vec<(f64, f64)> {
+    let n = case.n();
+    let fade = case.nominal.velocity_filter_hz.map_or(0.0, |hz| {
+        (-2.0 * std::f64::consts::PI * hz * record.h).exp()
+    });
+    let lag: Vec<f64> = (0..n)
+        .map(|j| runner.velocity_fade(j).unwrap_or(0.0))
+        .collect();
+    let mut previous: Vec<f64> = (0..n).map(|j| record.q[j][k]).collect();
+    let mut filtered: Vec<f64> = (0..n).map(|j| record.v[j][k]).collect();
+    let mut shown = filtered.clone();
+    let mut out = vec![(0.0, 0.0); n * length];
+    runner.free(start, k, length, &mut |i, j, q, v| {
+        let (nq, nv) = noise(j);
+        let q = q + nq;
+        let read = if case.velocity[j] == Velocity::Derived {
+            filtered[j] = fade * filtered[j] + (1.0 - fade) * (q - previous[j]) / record.h;
+            previous[j] = q;
+            filtered[j]
+        } else {
+            v
+        };
+        shown[j] = lag[j] * shown[j] + (1.0 - lag[j]) * read;
+        out[(i - 1) * n + j] = (q, shown[j] + nv);
+    });
+    out
+}
+
+/// Squares of normalised errors, gathered as the gap defines them.
+struct Sums {
+    joints: Vec<(f64, f64)>,
+    records: f64,
+    windows: Vec<f64>,
+}
+
+/// Squares and numbers of one record, per joint: position, velocity.
+type Squares = Vec<[(f64, f64); 2]>;
+
+impl Sums {
+    fn new(n: usize) -> Self {
+        Sums {
+            joints: vec![(0.0, 0.0); n],
+            records: 0.0,
+            windows: Vec::new(),
+        }
+    }
+
+    fn window(&mut self, squares: &mut Squares, errors: &[(f64, f64)], size: &[(f64, f64)]) {
+        let n = size.len();
+        let (mut own, mut count) = (0.0, 0.0);
+        for (i, (eq, ev)) in errors.iter().enumerate() {
+            let j = i % n;
+            for (c, e) in [eq / size[j].0, ev / size[j].1].into_iter().enumerate() {
+                let e = clip(e);
+                if e.is_finite() {
+                    squares[j][c].0 += e * e;
+                    squares[j][c].1 += 1.0;
+                    own += e * e;
+                    count += 1.0;
+                }
+            }
+        }
+        self.windows.push(own / f64::max(count, 1.0));
+    }
+
+    fn record(&mut self, squares: &Squares) {
+        self.records += 1.0;
+        for (sum, s) in self.joints.iter_mut().zip(squares) {
+            let mean = |(x, count): (f64, f64)| {
+                if count > 0.0 {
+                    (x / count).min(LARGEST * LARGEST)
+                } else {
+                    0.0
+                }
+            };
+            sum.0 += mean(s[0]);
+            sum.1 += mean(s[1]);
+        }
+    }
+
+    fn gap(self, case: &Case) -> Gap {
+        let joints: Vec<(f64, Option<f64>)> = self
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(j, s)| {
+                (
+                    (s.0 / self.records).sqrt(),
+                    (case.velocity[j] != Velocity::Absent).then(|| (s.1 / self.records).sqrt()),
+                )
             })
             .collect();
-        let lag: Vec<f64> = (0..n)
-            .map(|j| runner.velocity_fade(j).unwrap_or(0.0))
+        let all: Vec<f64> = joints
+            .iter()
+            .flat_map(|(q, v)| std::iter::once(*q).chain(*v))
             .collect();
-        let mut square = vec![(0.0, 0.0, 0.0, 0.0); n];
-        for (w, start) in starts.iter().enumerate() {
-            let k = w * length;
-            let mut previous: Vec<f64> = (0..n).map(|j| record.q[j][k]).collect();
-            let mut filtered: Vec<f64> = (0..n).map(|j| record.v[j][k]).collect();
-            let mut shown = filtered.clone();
-            let mut own = 0.0;
-            runner.free(start, k, length, &mut |i, j, q, v| {
-                let (mq, mv) = (record.q[j][k + i], record.v[j][k + i]);
-                let mut read = v;
-                if case.velocity[j] == Velocity::Derived {
-                    filtered[j] = fade[j] * filtered[j] + (1.0 - fade[j]) * (q - previous[j]) / h;
-                    previous[j] = q;
-                    read = filtered[j];
-                }
-                shown[j] = lag[j] * shown[j] + (1.0 - lag[j]) * read;
-                let eq = clip((q - mq) / deviation[j].0);
-                if eq.is_finite() {
-                    square[j].0 += eq * eq;
-                    square[j].1 += 1.0;
-                    own += eq * eq;
-                }
-                let ev = clip((shown[j] - mv) / deviation[j].1);
-                if mv.is_finite() {
-                    square[j].2 += ev * ev;
-                    square[j].3 += 1.0;
-                    own += ev * ev;
-                }
+        Gap {
+            total: (all.iter().map(|x| x * x).sum::<f64>() / all.len() as f64).sqrt(),
+            joints,
+            windows: self.windows,
+        }
+    }
+}
+
+impl Gap {
+    /// Interval of 95 % of the total, by drawing the windows anew (B. Efron, R. J. Tibshirani, An Introduction to the
+    /// Bootstrap, 1993, chapter 13), about the stated total; fixed seed.
+    pub fn interval(&self) -> (f64, f64) {
+        let n = self.windows.len();
+        let mean = self.windows.iter().sum::<f64>() / n.max(1) as f64;
+        if n < 2 || mean <= 0.0 {
+            return (self.total, self.total);
+        }
+        let mut random = Normal::new(0xb007);
+        let mut draws: Vec<f64> = (0..400)
+            .map(|_| {
+                let sum: f64 = (0..n)
+                    .map(|_| self.windows[((random.uniform() * n as f64) as usize).min(n - 1)])
+                    .sum();
+                self.total * (sum / n as f64 / mean).sqrt()
+            })
+            .collect();
+        draws.sort_by(f64::total_cmp);
+        (draws[9], draws[389])
+    }
+}
+
+fn deviations(record: &Record, n: usize) -> Vec<(f64, f64)> {
+    (0..n)
+        .map(|j| (deviation(&record.q[j]), deviation(&record.v[j])))
+        .collect()
+}
+
+/// Free-run error of a hypothesis at its parameters on the records of a role.
+pub fn gap(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role: Role) -> Gap {
+    let n = case.n();
+    let mut sums = Sums::new(n);
+    for record in case.records.iter().filter(|r| r.role == role) {
+        let w = windows(case, record, hypothesis, theta, e);
+        let size = deviations(record, n);
+        let mut runner = Runner::<f64>::new(case, record, hypothesis, theta, e);
+        let mut squares = vec![[(0.0, 0.0); 2]; n];
+        for (i, start) in w.starts.iter().enumerate() {
+            let k = i * w.length;
+            let mut run = free_run(case, &mut runner, record, start, k, w.length, &mut |_| {
+                (0.0, 0.0)
             });
-            windows.push(own / (2 * n * length) as f64);
+            for (i, x) in run.iter_mut().enumerate() {
+                let (j, at) = (i % n, k + 1 + i / n);
+                *x = (x.0 - record.q[j][at], x.1 - record.v[j][at]);
+            }
+            sums.window(&mut squares, &run, &size);
         }
-        for j in 0..n {
-            let s = square[j];
-            sums[j].0 += if s.1 > 0.0 {
-                (s.0 / s.1).min(LARGEST * LARGEST)
-            } else {
-                0.0
-            };
-            sums[j].1 += if s.3 > 0.0 {
-                (s.2 / s.3).min(LARGEST * LARGEST)
-            } else {
-                0.0
-            };
+        sums.record(&squares);
+    }
+    sums.gap(case)
+}
+
+/// Draws of the noise that a floor is averaged over.
+const DRAWS: usize = 2;
+/// Corner of the filter behind the states at the starts of windows, Hz; see [`Record::smooth_q`].
+const START_HZ: f64 = 30.0;
+
+/// The gap that noise alone leaves: free runs with the drive noise drawn anew, read with reading noise, against the same runs
+/// without, from starts as uncertain as the filtered readings are (fixed seed).
+pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role: Role) -> f64 {
+    let mut random = Normal::new(0x5eed);
+    let n = case.n();
+    let mut sums = Sums::new(n);
+    for record in case.records.iter().filter(|r| r.role == role) {
+        let w = windows(case, record, hypothesis, theta, e);
+        let size = deviations(record, n);
+        let mut clean = Runner::<f64>::new(case, record, hypothesis, theta, e);
+        // White noise through a low pass keeps the share of its band; its derivative is that of the band.
+        let share = (2.0 * START_HZ * record.h).min(1.0).sqrt();
+        let rate = 2.0 * std::f64::consts::PI * START_HZ / 3f64.sqrt();
+        let mut squares = vec![[(0.0, 0.0); 2]; n];
+        for _ in 0..DRAWS {
+            let mut noisy = record.clone();
+            for j in 0..n {
+                let scale = case.noise[j].torque / case.nominal.joints[j].motor_gain.abs();
+                for u in &mut noisy.u[j] {
+                    *u += scale * random.next();
+                }
+                for i in 0..w.starts.len() {
+                    let k = i * w.length;
+                    let sigma = case.noise[j].q * share;
+                    noisy.smooth_q[j][k] += sigma * random.next();
+                    noisy.smooth_v[j][k] += sigma * rate * random.next();
+                }
+            }
+            let mut disturbed = Runner::<f64>::new(case, &noisy, hypothesis, theta, e);
+            for (i, start) in w.starts.iter().enumerate() {
+                let k = i * w.length;
+                let plain = free_run(case, &mut clean, record, start, k, w.length, &mut |_| {
+                    (0.0, 0.0)
+                });
+                let mut run =
+                    free_run(case, &mut disturbed, &noisy, start, k, w.length, &mut |j| {
+                        let nq = case.noise[j].q * random.next();
+                        let nv = if case.velocity[j] == Velocity::Measured {
+                            case.noise[j].v * random.next()
+                        } else {
+                            0.0
+                        };
+                        (nq, nv)
+                    });
+                for (i, (x, y)) in run.iter_mut().zip(&plain).enumerate() {
+                    // Readings that are missing count nowhere.
+                    let (j, at) = (i % n, k + 1 + i / n);
+                    *x = (
+                        x.0 - y.0 + 0.0 * record.q[j][at],
+                        x.1 - y.1 + 0.0 * record.v[j][at],
+                    );
+                }
+                sums.window(&mut squares, &run, &size);
+            }
         }
+        sums.record(&squares);
     }
-    let absent = |j: usize| case.velocity[j] == Velocity::Absent;
-    let joints: Vec<(f64, Option<f64>)> = (0..n)
-        .map(|j| {
-            (
-                (sums[j].0 / records).sqrt(),
-                (!absent(j)).then(|| (sums[j].1 / records).sqrt()),
-            )
-        })
-        .collect();
-    let all: Vec<f64> = joints
-        .iter()
-        .flat_map(|(q, v)| std::iter::once(*q).chain(*v))
-        .collect();
-    let total = (all.iter().map(|x| x * x).sum::<f64>() / all.len() as f64).sqrt();
-    Gap {
-        total,
-        joints,
-        windows,
-    }
+    sums.gap(case).total
 }
 
 fn clip(x: f64) -> f64 {
@@ -141,77 +304,6 @@ fn deviation(x: &[f64]) -> f64 {
     (known.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / known.len() as f64)
         .sqrt()
         .max(1e-12)
-}
-
-/// The gap that noise alone leaves: the fitted model against itself with the drive noise and the reading noise of the case drawn
-/// anew (fixed seed), on the same windows and inputs.
-pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role: Role) -> f64 {
-    let mut random = Normal::new(0x5eed);
-    let n = case.n();
-    let mut twin = case.clone();
-    for (record, copy) in case.records.iter().zip(&mut twin.records) {
-        if record.role != role {
-            continue;
-        }
-        let last = record.len() - 1;
-        let length = case
-            .nominal
-            .horizon
-            .map_or(last, |s| ((s / record.h).round() as usize).clamp(1, last));
-        let count = last / length;
-        let g = gains(case, hypothesis, theta, e, record.h);
-        let mut starts = Vec::with_capacity(count);
-        let mut noisy = record.clone();
-        for j in 0..n {
-            let scale = case.noise[j].torque / case.nominal.joints[j].motor_gain.abs();
-            for u in &mut noisy.u[j] {
-                *u += scale * random.next();
-            }
-        }
-        Runner::<f64>::new(case, record, hypothesis, theta, e).predict(
-            &g,
-            &mut |_, _, _, _| {},
-            &mut |k, state| {
-                if k % length == 0 && starts.len() < count {
-                    starts.push(state.clone());
-                }
-            },
-        );
-        let mut runner = Runner::<f64>::new(case, &noisy, hypothesis, theta, e);
-        let fade = case.nominal.velocity_filter_hz.map_or(0.0, |hz| {
-            (-2.0 * std::f64::consts::PI * hz * record.h).exp()
-        });
-        let lag: Vec<f64> = (0..n)
-            .map(|j| runner.velocity_fade(j).unwrap_or(0.0))
-            .collect();
-        for (w, start) in starts.iter().enumerate() {
-            let k = w * length;
-            let mut filtered: Vec<f64> = (0..n).map(|j| record.v[j][k]).collect();
-            let mut shown = filtered.clone();
-            let mut previous: Vec<f64> = (0..n).map(|j| record.q[j][k]).collect();
-            runner.free(start, k, length, &mut |i, j, q, v| {
-                let q = q + case.noise[j].q * random.next();
-                copy.q[j][k + i] = q;
-                let read = match case.velocity[j] {
-                    Velocity::Derived => {
-                        filtered[j] =
-                            fade * filtered[j] + (1.0 - fade) * (q - previous[j]) / record.h;
-                        previous[j] = q;
-                        filtered[j]
-                    }
-                    _ => v,
-                };
-                shown[j] = lag[j] * shown[j] + (1.0 - lag[j]) * read;
-                let noise = if case.velocity[j] == Velocity::Measured {
-                    case.noise[j].v * random.next()
-                } else {
-                    0.0
-                };
-                copy.v[j][k + i] = shown[j] + noise;
-            });
-        }
-    }
-    gap(&twin, hypothesis, theta, e, role).total
 }
 
 /// Normal numbers by Box and Muller on splitmix64, for the figures that need a repeatable draw.

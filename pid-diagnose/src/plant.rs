@@ -9,6 +9,8 @@ use crate::scalar::Scalar;
 
 /// Deviations per joint.
 pub const PER_JOINT: usize = 14;
+/// Place of the motor gain among the deviations of a joint.
+pub const GAIN: usize = 11;
 /// Names of the deviations of one joint.
 pub const NAMES: [&str; PER_JOINT] = [
     "mass",

@@ -18,6 +18,11 @@ const LONGEST_GEARED_STEP: f64 = 0.55e-3;
 /// Innovations of the first moments are left out: they tell of the start, s.
 const SETTLING: f64 = 0.12;
 
+/// Samples of a record whose innovations count.
+pub fn rows(record: &Record) -> usize {
+    record.len() - ((SETTLING / record.h) as usize).min(record.len())
+}
+
 /// Number of substeps per sample.
 pub fn substeps(h: f64, geared: bool) -> usize {
     let longest = if geared {

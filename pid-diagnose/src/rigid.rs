@@ -31,9 +31,11 @@ pub struct Hinge {
     pub rotation: M3<f64>,
 }
 
+#[inline(always)]
 fn add<D: Scalar>(a: V3<D>, b: V3<D>) -> V3<D> {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
+#[inline(always)]
 fn cross<D: Scalar>(a: V3<D>, b: V3<D>) -> V3<D> {
     [
         a[1] * b[2] - a[2] * b[1],
@@ -41,21 +43,27 @@ fn cross<D: Scalar>(a: V3<D>, b: V3<D>) -> V3<D> {
         a[0] * b[1] - a[1] * b[0],
     ]
 }
+#[inline(always)]
 fn dot<D: Scalar>(a: V3<D>, b: V3<f64>) -> D {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
+#[inline(always)]
 fn scale<D: Scalar>(a: V3<f64>, x: D) -> V3<D> {
     [x * a[0], x * a[1], x * a[2]]
 }
+#[inline(always)]
 fn lift<D: Scalar>(a: V3<f64>) -> V3<D> {
     a.map(D::constant)
 }
+#[inline(always)]
 fn turn<D: Scalar>(r: &M3<D>, a: V3<D>) -> V3<D> {
     [0, 1, 2].map(|i| r[i][0] * a[0] + r[i][1] * a[1] + r[i][2] * a[2])
 }
+#[inline(always)]
 fn turn_back<D: Scalar>(r: &M3<D>, a: V3<D>) -> V3<D> {
     [0, 1, 2].map(|i| r[0][i] * a[0] + r[1][i] * a[1] + r[2][i] * a[2])
 }
+#[inline(always)]
 fn symmetric<D: Scalar>(i: &[D; 6], a: V3<D>) -> V3<D> {
     [
         i[0] * a[0] + i[3] * a[1] + i[4] * a[2],
@@ -66,6 +74,7 @@ fn symmetric<D: Scalar>(i: &[D; 6], a: V3<D>) -> V3<D> {
 
 impl Hinge {
     /// Rotation from the link's frame to the parent's.
+    #[inline(always)]
     fn rotation_at<D: Scalar>(&self, q: D) -> M3<D> {
         let base = &self.rotation;
         if !self.revolute {
@@ -133,6 +142,7 @@ pub struct Surroundings<D> {
 /// `M(q)` (full, row by row, n × n) and `b(q, v)`, the torque at zero acceleration.
 ///
 /// Lengths: `hinges`, `bodies`, `q`, `v`, `bias`: n; `mass`: n².
+#[inline(always)]
 pub fn mass_and_bias<D: Scalar>(
     hinges: &[Hinge],
     bodies: &[Body<D>],
@@ -237,6 +247,7 @@ pub fn mass_and_bias<D: Scalar>(
 }
 
 /// Adds a body to its parent: rotated by `r`, then moved by `arm`.
+#[inline(always)]
 fn join<D: Scalar>(parent: &mut Body<D>, child: &Body<D>, r: &M3<D>, arm: V3<D>) {
     let h = turn(r, child.moment);
     let i = &child.inertia;

@@ -17,13 +17,15 @@ use rayon::prelude::*;
 
 use crate::case::Case;
 use crate::effect::{Effect, LANES, Term};
-use crate::fit::{Basis, Direction, Fit, Linear, PRIOR, fit, linearise, ranges};
+use crate::fit::{
+    Basis, Direction, Effort, Fit, Linear, PRIOR, Point, all_gains, fit, linearise, ranges, value,
+};
 use crate::simulate::Hypothesis;
 
 use std::sync::Arc;
 
 /// Steps of the approach from a finite start.
-const APPROACH: usize = 5;
+const APPROACH: usize = 4;
 
 /// A candidate with the start that promises most.
 #[derive(Debug, Clone)]
@@ -91,13 +93,13 @@ pub fn candidates(
     out
 }
 
-/// Scores all candidates on top of a fit; best first.
+/// Scores all candidates on top of a fit, best first; with the fit's derivatives along the basis, for refits to borrow.
 pub fn screen(
     case: &Case,
     basis: &Basis,
     fit: &Fit,
     candidates: &[(Term, Vec<Vec<f64>>)],
-) -> Vec<Candidate> {
+) -> (Vec<Candidate>, DMatrix<f64>) {
     let columns: Vec<Vec<f64>> = basis
         .columns
         .column_iter()
@@ -128,7 +130,8 @@ pub fn screen(
     out.sort_by(|a, b| a.objective.total_cmp(&b.objective));
     let mut seen = std::collections::BTreeSet::new();
     out.retain(|c| seen.insert(c.term.label()));
-    out
+    let slopes = reference.lin.j.columns(0, columns.len()).into_owned();
+    (out, slopes)
 }
 
 impl Reference<'_> {
@@ -141,11 +144,17 @@ impl Reference<'_> {
             if amplitudes.is_empty() {
                 continue;
             }
+            let mut seen: Vec<Vec<f64>> = Vec::new();
             for s in starts {
                 let mut e = s.clone();
                 for &a in amplitudes {
                     e[a] = 0.0;
                 }
+                // Starts that differ in the amplitudes alone are one point.
+                if seen.contains(&e) {
+                    continue;
+                }
+                seen.push(e.clone());
                 if used + amplitudes.len() > LANES {
                     packs.push(Vec::new());
                     used = 0;
@@ -214,22 +223,42 @@ impl Reference<'_> {
         out
     }
 
-    /// The others: from each start a few steps in the effect's own parameters, then the quadratic model there.
+    /// The others: the best of the starts by its objective alone, from there a few steps in the effect's own parameters, then
+    /// the quadratic model.
     fn finite(&self, candidates: &[(Term, Vec<Vec<f64>>)]) -> Vec<Candidate> {
-        let jobs: Vec<(&Term, &Vec<f64>)> = candidates
+        let terms: Vec<&(Term, Vec<Vec<f64>>)> = candidates
             .iter()
             .filter(|(t, _)| t.effect.info().amplitudes.is_empty())
-            .flat_map(|(t, s)| s.iter().map(move |s| (t, s)))
             .collect();
+        let jobs: Vec<(usize, &Vec<f64>)> = terms
+            .iter()
+            .enumerate()
+            .flat_map(|(i, (_, s))| s.iter().map(move |s| (i, s)))
+            .collect();
+        let values: Vec<(usize, Point, f64)> = jobs
+            .par_iter()
+            .map(|&(i, start)| {
+                let (hypothesis, at) = self.with(&terms[i].0, start);
+                let gains = all_gains(self.case, &hypothesis, &at);
+                let objective = value(self.case, &hypothesis, &at, &gains, Role::Train).evidence();
+                (i, at, objective)
+            })
+            .collect();
+        let mut best: Vec<Option<(&Point, f64)>> = vec![None; terms.len()];
+        for (i, at, objective) in &values {
+            if best[*i].is_none_or(|(_, least)| *objective < least) {
+                best[*i] = Some((at, *objective));
+            }
+        }
         let frozen = self.basis.frozen();
-        jobs.par_iter()
-            .filter_map(|(term, start)| {
-                let mut hypothesis = self.fit.hypothesis.clone();
-                hypothesis.terms.push((*term).clone());
-                let mut at = self.fit.point.clone();
-                let first = at.e.len();
-                at.e.extend_from_slice(start);
-                let near = fit(self.case, &frozen, &hypothesis, at, APPROACH);
+        terms
+            .par_iter()
+            .zip(&best)
+            .filter_map(|((term, _), best)| {
+                let (hypothesis, _) = self.with(term, &[]);
+                let first = self.fit.point.e.len();
+                let at = (*best)?.0.clone();
+                let near = fit(self.case, &frozen, &hypothesis, at, Effort::full(APPROACH));
                 let directions: Vec<Direction<'_>> =
                     (first..near.point.e.len()).map(Direction::Effect).collect();
                 let lin = linearise(
@@ -244,7 +273,7 @@ impl Reference<'_> {
                     return None;
                 }
                 let alone = Hypothesis {
-                    terms: vec![(*term).clone()],
+                    terms: vec![term.clone()],
                 };
                 let own = &near.point.e[first..];
                 let limits: Vec<(f64, f64)> = ranges(self.case, &alone)
@@ -259,13 +288,23 @@ impl Reference<'_> {
                     .collect();
                 let (objective, theta, step) = self.minimise(&lin.r, &lin.j, &limits);
                 Some(Candidate {
-                    term: (*term).clone(),
+                    term: term.clone(),
                     start: own.iter().zip(&step).map(|(s, d)| s + d).collect(),
                     theta,
-                    objective,
+                    // Gains of its own: the predicted covariances count.
+                    objective: objective + near.train.log_det - self.fit.train.log_det,
                 })
             })
             .collect()
+    }
+
+    /// The hypothesis at hand with a further term, and its point.
+    fn with(&self, term: &Term, start: &[f64]) -> (Hypothesis, Point) {
+        let mut hypothesis = self.fit.hypothesis.clone();
+        hypothesis.terms.push(term.clone());
+        let mut at = self.fit.point.clone();
+        at.e.extend_from_slice(start);
+        (hypothesis, at)
     }
 
     /// Minimum of the quadratic model over θ, the parameters of the effects present and the columns `block`: objective (twice the

@@ -2,7 +2,7 @@
 
 use crate::effect::{After, Commands, Forces, Friction, Gear, Pick, Site, Term};
 use crate::plant::Plant;
-use crate::rigid::{Surroundings, Workspace, mass_and_bias};
+use crate::rigid::{Surroundings, Workspace};
 use crate::scalar::Scalar;
 
 /// A hypothesis: the effects present beside the nominal structure.
@@ -162,7 +162,7 @@ impl<'h, D: Pick> Machine<'h, D> {
     fn rest_bias(&mut self, q: &[D]) {
         let zero = vec![D::nil(); self.n()];
         let around = self.around(0.0, 1e-3);
-        mass_and_bias(
+        D::rigid(
             &self.plant.hinges,
             &self.plant.bodies,
             &around,
@@ -267,7 +267,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             self.site_v[j] = state.drive_v[j] + state.acceleration[n + r] * half;
         }
         let around = self.around(t, dt);
-        mass_and_bias(
+        D::rigid(
             &self.plant.hinges,
             &self.plant.bodies,
             &around,
@@ -504,7 +504,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                 _ => self.rhs[c],
             };
         }
-        reduced(
+        D::solve(
             m,
             &self.matrix,
             &self.rhs,
@@ -524,7 +524,15 @@ impl<'h, D: Pick> Machine<'h, D> {
 }
 
 /// Solves the rows and columns whose status is not 0 by Cholesky factorization; the others are zero.
-fn reduced<D: Scalar>(m: usize, a: &[D], b: &[D], status: &[i8], l: &mut [D], x: &mut [D]) {
+#[inline(always)]
+pub(crate) fn reduced<D: Scalar>(
+    m: usize,
+    a: &[D],
+    b: &[D],
+    status: &[i8],
+    l: &mut [D],
+    x: &mut [D],
+) {
     for i in 0..m {
         if status[i] == 0 {
             x[i] = D::nil();

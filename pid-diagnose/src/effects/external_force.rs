@@ -50,6 +50,9 @@ impl Model for ExternalForce {
     fn info(&self) -> &'static Info {
         &INFO
     }
+    fn edges(&self) -> &'static [usize] {
+        &[3, 4, 5, 6, 7, 8]
+    }
     fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
         vec![
             ("force_x", e[0]),

@@ -1,0 +1,59 @@
+//! `pid study`: drawn cases with a withheld effect, diagnosed blind, then scored.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use pid_diagnose::diagnose::Settings;
+use pid_diagnose::study::{self, Plan};
+
+use crate::error::{self, CliError};
+use crate::output;
+use crate::progress::Progress;
+
+/// Arguments of `pid study`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct StudyArgs {
+    /// Number of cases.
+    #[arg(long, default_value_t = 300)]
+    cases: usize,
+    /// Seed of robots, causes, magnitudes, motions and noise.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Most joints of a robot.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=6))]
+    joints: u8,
+    /// Only cases without a cause: the rate of false alarms.
+    #[arg(long)]
+    nulls: bool,
+    /// Folder for cases, causes, diagnoses and the report; what is there already is kept.
+    #[arg(long, short, value_name = "FOLDER", default_value = "pid-study")]
+    out: PathBuf,
+}
+
+/// Runs or continues the study and writes summary.json and report.html.
+pub(crate) fn run(args: &StudyArgs) -> Result<u8, CliError> {
+    let plan = Plan {
+        seed: args.seed,
+        cases: args.cases,
+        joints: usize::from(args.joints),
+        nulls: args.nulls,
+    };
+    let progress = Progress::start("drawing cases");
+    let outcomes = study::run(&plan, &Settings::default(), &args.out, &|done, of| {
+        progress.step(format!("{done} of {of} cases"));
+    })?;
+    drop(progress);
+    let summary = study::summary(&outcomes);
+    let json = serde_json::to_string_pretty(&summary).unwrap_or_default();
+    error::write(&args.out.join("summary.json"), &json)?;
+    error::write(
+        &args.out.join("report.html"),
+        &study::to_html(&summary, &outcomes),
+    )?;
+    let mut text = format!("{} cases\n", outcomes.len());
+    for (name, figures) in summary.lines() {
+        text.push_str(&format!("  {name:42} {figures}\n"));
+    }
+    output::print(&text);
+    Ok(0)
+}

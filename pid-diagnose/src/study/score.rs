@@ -1,0 +1,258 @@
+//! Figures of a study.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::Outcome;
+
+/// A share with the numbers it is of.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Share {
+    /// How many.
+    pub hits: usize,
+    /// Of how many.
+    pub of: usize,
+}
+
+impl Share {
+    fn add(&mut self, hit: bool) {
+        self.of += 1;
+        self.hits += usize::from(hit);
+    }
+    /// Hits over number; `None` where there is nothing.
+    pub fn value(&self) -> Option<f64> {
+        (self.of > 0).then(|| self.hits as f64 / self.of as f64)
+    }
+    /// Interval of 95 % (E. B. Wilson, JASA 22, 1927); the whole range where there is nothing.
+    pub fn interval(&self) -> Interval {
+        if self.of == 0 {
+            return Interval {
+                low: 0.0,
+                high: 1.0,
+            };
+        }
+        let (n, p, z) = (self.of as f64, self.hits as f64 / self.of as f64, 1.96);
+        let middle = (p + z * z / (2.0 * n)) / (1.0 + z * z / n);
+        let half = z / (1.0 + z * z / n) * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
+        Interval {
+            low: (middle - half).max(0.0),
+            high: (middle + half).min(1.0),
+        }
+    }
+}
+
+/// An interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Interval {
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// One bar of the reliability diagram.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Bin {
+    /// Mean stated confidence.
+    pub stated: f64,
+    /// Verdicts that were right.
+    pub right: Share,
+}
+
+/// Everything a study says.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Summary {
+    /// Effect named first is (one of) the true, by tier; exact equivalents accepted.
+    pub effect: BTreeMap<String, Share>,
+    /// A true effect is among the first three.
+    pub top3: Share,
+    /// Joint right where the effect is.
+    pub joint: Share,
+    /// Both causes among the named, of the cases with two.
+    pub both: Share,
+    /// Something was named where nothing is.
+    pub false_alarms: Share,
+    /// `unknown` where the cause is outside the list.
+    pub abstained: Share,
+    /// `unknown` where the cause is in the list.
+    pub gave_up: Share,
+    /// `none` where something is.
+    pub missed: Share,
+    /// Right verdicts of all kinds with stated and without stated noise.
+    pub noise: (Share, Share),
+    /// Right verdicts by the kind of velocity.
+    pub velocity: BTreeMap<String, Share>,
+    /// Gap after over floor, right single diagnoses: median and largest.
+    pub gap_over_floor: Option<(f64, f64)>,
+    /// Relative error of the magnitude, right diagnoses: median and largest.
+    pub magnitude_error: Option<(f64, f64)>,
+    /// Intervals of 95 % that hold the magnitude.
+    pub coverage: Share,
+    /// Reliability diagram.
+    pub reliability: Vec<Bin>,
+    /// Expected calibration error: mean distance of stated confidence and share of right verdicts.
+    pub calibration_error: f64,
+    /// Said, by what was hidden.
+    pub confusion: BTreeMap<String, BTreeMap<String, usize>>,
+    /// Time of a diagnosis, s: median and longest.
+    pub seconds: Option<(f64, f64)>,
+}
+
+/// Bars of the reliability diagram.
+const BINS: usize = 8;
+
+/// Effects that are the same map on a robot with so many joints: they count as right.
+fn equivalent(truth: &str, said: &str, joint: usize, joints: usize) -> bool {
+    let pair = |a: &str, b: &str| (truth == a && said == b) || (truth == b && said == a);
+    (joints == 1 && pair("input_delay", "sensor_delay"))
+        || (joints <= 2 && joint == 0 && pair("base_tilt", "encoder_offset"))
+}
+
+/// Whether the verdict is right: an effect of the case, `none` or `unknown` as it was hidden.
+pub(super) fn right(o: &Outcome) -> bool {
+    let said = o.diagnosis.effect.as_str();
+    if o.truth.causes.is_empty() {
+        return said == "none";
+    }
+    o.truth
+        .causes
+        .iter()
+        .any(|c| c.kind.id() == said || equivalent(c.kind.id(), said, c.joint, o.truth.joints))
+}
+
+/// Tier by the gap of the nominal structure over the floor.
+pub(super) fn tier(o: &Outcome) -> &'static str {
+    if o.truth.causes.is_empty() {
+        return "null";
+    }
+    match o.diagnosis.gap_before / o.diagnosis.gap_floor.max(1e-300) {
+        x if x >= 4.0 => "clear",
+        x if x >= 2.0 => "subtle",
+        x if x >= 1.3 => "faint",
+        _ => "hidden",
+    }
+}
+
+fn middle(mut x: Vec<f64>) -> Option<(f64, f64)> {
+    x.retain(|x| x.is_finite());
+    x.sort_by(f64::total_cmp);
+    Some((*x.get(x.len() / 2)?, *x.last()?))
+}
+
+/// Scores outcomes.
+pub fn summary(outcomes: &[Outcome]) -> Summary {
+    let mut s = Summary::default();
+    let (mut gaps, mut errors) = (Vec::new(), Vec::new());
+    for o in outcomes {
+        let d = &o.diagnosis;
+        let said = d.effect.as_str();
+        let hit = right(o);
+        let hidden: Vec<&str> = o.truth.causes.iter().map(|c| c.kind.id()).collect();
+        let name = if hidden.is_empty() {
+            "none".to_owned()
+        } else {
+            hidden.join(" + ")
+        };
+        *s.confusion
+            .entry(name)
+            .or_default()
+            .entry(said.to_owned())
+            .or_default() += 1;
+        if o.truth.noise_stated {
+            s.noise.0.add(hit)
+        } else {
+            s.noise.1.add(hit)
+        }
+        s.velocity
+            .entry(o.truth.velocity.clone())
+            .or_default()
+            .add(hit);
+        if hidden.is_empty() {
+            s.false_alarms.add(!hit);
+            continue;
+        }
+        if hidden.contains(&"unknown") {
+            s.abstained.add(hit);
+            continue;
+        }
+        s.effect.entry(tier(o).to_owned()).or_default().add(hit);
+        s.gave_up.add(said == "unknown");
+        s.missed.add(said == "none");
+        let known = |e: &str| {
+            o.truth
+                .causes
+                .iter()
+                .any(|c| c.kind.id() == e || equivalent(c.kind.id(), e, c.joint, o.truth.joints))
+        };
+        s.top3
+            .add(hit || d.ranking.iter().take(3).any(|r| known(&r.effect)));
+        if hidden.len() == 2 {
+            s.both.add(
+                hidden
+                    .iter()
+                    .all(|h| d.effects.iter().any(|e| e.effect == *h)),
+            );
+        }
+        if !hit {
+            continue;
+        }
+        for c in o.truth.causes.iter().filter(|c| c.kind.id() == said) {
+            if c.kind.has_joint() {
+                s.joint.add(d.joint == Some(c.joint + 1));
+            }
+            if hidden.len() == 1 {
+                gaps.push(d.gap_after / d.gap_floor);
+            }
+            let Some((key, value)) = c.kind.magnitude() else {
+                continue;
+            };
+            let estimate = d
+                .effects
+                .iter()
+                .find(|e| e.effect == said)
+                .and_then(|e| e.parameters.iter().find(|p| p.name == key));
+            if let Some(p) = estimate {
+                errors.push((p.value / value - 1.0).abs());
+                if let Some(std) = p.std {
+                    s.coverage.add((p.value - value).abs() <= 1.96 * std);
+                }
+            }
+        }
+    }
+    s.gap_over_floor = middle(gaps);
+    s.magnitude_error = middle(errors);
+    s.seconds = middle(outcomes.iter().map(|o| o.diagnosis.seconds).collect());
+    (s.reliability, s.calibration_error) = reliability(outcomes);
+    s
+}
+
+/// Bars of about equal number and the mean distance of stated and reached.
+fn reliability(outcomes: &[Outcome]) -> (Vec<Bin>, f64) {
+    let mut all: Vec<(f64, bool)> = outcomes
+        .iter()
+        .map(|o| (o.diagnosis.confidence, right(o)))
+        .collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let size = all.len().div_ceil(BINS).max(1);
+    let bins: Vec<Bin> = all
+        .chunks(size)
+        .map(|part| {
+            let mut bin = Bin {
+                stated: 0.0,
+                right: Share::default(),
+            };
+            for (stated, hit) in part {
+                bin.stated += stated / part.len() as f64;
+                bin.right.add(*hit);
+            }
+            bin
+        })
+        .collect();
+    let error = bins
+        .iter()
+        .filter_map(|b| Some(b.right.of as f64 * (b.stated - b.right.value()?).abs()))
+        .sum::<f64>()
+        / all.len().max(1) as f64;
+    (bins, error)
+}
