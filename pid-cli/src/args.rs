@@ -135,6 +135,9 @@ pub(crate) struct IdentifyArgs {
     /// Second derivatives of the Lagrangian.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) hessian: HessianArg,
+    /// Method of the solver.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) solver: SolverArg,
     /// How far a simulation runs before it is restarted: `record`, a time (`1s`), a number of samples, or `auto`, which
     /// chooses among half a second, one and two seconds by cross validation over the training records. Without it: the
     /// whole record, or `1s` where a record is longer than 10 s.
@@ -233,6 +236,20 @@ pub(crate) enum HessianArg {
     Exact,
     /// Without the second derivatives of the equations of motion.
     GaussNewton,
+    /// Damped BFGS from all steps so far.
+    Bfgs,
+    /// Damped BFGS from the last ten steps.
+    LBfgs,
+}
+
+/// Methods of the solver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum SolverArg {
+    /// Interior point with a filter line search.
+    #[default]
+    InteriorPoint,
+    /// Sequential quadratic programming with a filter line search.
+    Sqp,
 }
 
 /// Where starts are drawn.

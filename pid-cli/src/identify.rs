@@ -8,11 +8,11 @@ use pid_runtime::ident::{
     self, ForceError, Identification, InitialState, Method, Run, Sampling, Settings, Weighting,
 };
 use pid_runtime::report::{CheckRow, Setting, StartRow, Verdict};
-use pid_runtime::solver::{self, Iteration, Status};
+use pid_runtime::solver::{self, Algorithm, Iteration, Status};
 use pid_runtime::transcribe::{Adaptive, Curvature};
 
 use crate::args::{
-    HessianArg, HorizonArg, IdentifyArgs, InitialArg, MethodArg, SamplingArg, WeightsArg,
+    HessianArg, HorizonArg, IdentifyArgs, InitialArg, MethodArg, SamplingArg, SolverArg, WeightsArg,
 };
 use crate::assemble::{Fit, assemble};
 use crate::error::CliError;
@@ -145,6 +145,17 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         curvature: match args.hessian {
             HessianArg::Exact => Curvature::Exact,
             HessianArg::GaussNewton => Curvature::GaussNewton,
+            // Not asked for, except by the standard deviations at the solution.
+            HessianArg::Bfgs | HessianArg::LBfgs => Curvature::Exact,
+        },
+        quasi_newton: match args.hessian {
+            HessianArg::Exact | HessianArg::GaussNewton => None,
+            HessianArg::Bfgs => Some(usize::MAX),
+            HessianArg::LBfgs => Some(10),
+        },
+        algorithm: match args.solver {
+            SolverArg::InteriorPoint => Algorithm::InteriorPoint,
+            SolverArg::Sqp => Algorithm::Sqp,
         },
         horizon: if method == Method::EquationError {
             Horizon::Samples(1)
@@ -263,9 +274,18 @@ fn in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
             }
             rows.push(Setting::new(
                 "Hessian",
-                match settings.curvature {
-                    Curvature::Exact => "exact",
-                    _ => "Gauss-Newton",
+                match (settings.quasi_newton, settings.curvature) {
+                    (Some(usize::MAX), _) => "damped BFGS".to_owned(),
+                    (Some(steps), _) => format!("damped BFGS from the last {steps} steps"),
+                    (None, Curvature::Exact) => "exact".to_owned(),
+                    (None, _) => "Gauss-Newton".to_owned(),
+                },
+            ));
+            rows.push(Setting::new(
+                "solver",
+                match settings.algorithm {
+                    Algorithm::Sqp => "sequential quadratic programming",
+                    _ => "interior point",
                 },
             ));
             rows.push(Setting::new("horizon", settings.horizon));

@@ -128,3 +128,42 @@ fn derivatives_agree_with_differences() {
         .collect();
     assert!(bad.is_empty(), "{bad:?}");
 }
+
+/// What sequential quadratic programming does not bring to a minimum: 13 has no multipliers; from the starts of 61 and of 97 and
+/// 98 it ends at a point where the constraints cannot be met, and at a stationary point that is no minimum; in 17 and 105 the
+/// filter refuses every step.
+const NOT_BY_SQP: [u32; 6] = [13, 17, 61, 97, 98, 105];
+
+#[test]
+fn sequential_quadratic_programming_solves_nearly_all() {
+    let settings = Settings {
+        max_iterations: 300,
+        ..Settings::default()
+    };
+    let mut failed = Vec::new();
+    for mut case in all() {
+        let outcome = study::run(&mut case, &settings, &mut study::sqp(None));
+        if outcome.verdict == Verdict::Failed {
+            failed.push(outcome.number);
+        }
+    }
+    failed.retain(|number| !NOT_BY_SQP.contains(number));
+    assert!(failed.is_empty(), "{failed:?}");
+}
+
+#[test]
+fn both_methods_solve_nearly_all_by_damped_bfgs() {
+    let settings = Settings::default();
+    let solvers: [(&str, Box<study::Solver<'_>>); 2] = [
+        ("interior point", Box::new(study::quasi_newton(usize::MAX))),
+        ("SQP", Box::new(study::sqp(Some(usize::MAX)))),
+    ];
+    for (name, mut solver) in solvers {
+        let mut solved = 0;
+        for mut case in all() {
+            let outcome = study::run(&mut case, &settings, solver.as_mut());
+            solved += usize::from(outcome.verdict != Verdict::Failed);
+        }
+        assert!(solved >= 109, "{name}: {solved}");
+    }
+}

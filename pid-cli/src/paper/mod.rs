@@ -13,7 +13,7 @@ mod study;
 use std::time::Instant;
 
 use pid_runtime::data::Dataset;
-use pid_runtime::transcribe::{Curvature, Scheme};
+use pid_runtime::transcribe::Scheme;
 use serde::Serialize;
 
 use crate::args::PaperArgs;
@@ -21,7 +21,7 @@ use crate::error::{CliError, make_folder, write};
 use crate::output;
 use crate::progress::{Interrupt, Progress};
 use size::Size;
-use study::{HESSIANS, Job, Outcome};
+use study::{HESSIANS, Job, Outcome, Second};
 
 /// How much is done.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -101,13 +101,13 @@ impl Plan {
                 }
             }
             for &nodes in &self.nodes {
-                jobs.push(euler(Some(nodes), Curvature::Exact, true, start));
+                jobs.push(euler(Some(nodes), Second::Exact, true, start));
             }
             for &(scheme, substeps) in &self.schemes {
                 jobs.push(Job {
                     scheme,
                     substeps,
-                    ..euler(None, Curvature::Exact, false, start)
+                    ..euler(None, Second::Exact, false, start)
                 });
             }
         }

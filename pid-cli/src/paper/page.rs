@@ -6,11 +6,11 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use pid_models::TwoLink;
 use pid_runtime::data::Role;
 use pid_runtime::dynamics::Dynamics;
-use pid_runtime::transcribe::{Curvature, Scheme};
+use pid_runtime::transcribe::Scheme;
 
 use super::plot::{Axes, Series, chart};
 use super::robot;
-use super::study::{HESSIANS, Outcome};
+use super::study::{HESSIANS, MEMORY, Outcome, Second};
 use super::{Findings, Size};
 
 /// Runs of one kind.
@@ -26,13 +26,13 @@ impl<'a> Group<'a> {
         }
     }
 
-    fn shooting(findings: &'a Findings, nodes: usize, hessian: Curvature, lift: bool) -> Self {
+    fn shooting(findings: &'a Findings, nodes: usize, hessian: Second, lift: bool) -> Self {
         Self::of(findings, |o| {
             o.job.nodes == Some(nodes) && o.job.hessian == hessian && o.job.lift == lift
         })
     }
 
-    fn full(findings: &'a Findings, scheme: Scheme, substeps: usize, hessian: Curvature) -> Self {
+    fn full(findings: &'a Findings, scheme: Scheme, substeps: usize, hessian: Second) -> Self {
         Self::of(findings, |o| {
             let job = &o.job;
             job.nodes.is_none()
@@ -140,8 +140,8 @@ fn table(head: &[&str], rows: &[Vec<String>]) -> Markup {
 /// Rows of "paper says / we find".
 fn comparison(f: &Findings) -> Vec<Vec<String>> {
     let best = best_euler(f);
-    let full = Group::full(f, Scheme::ExplicitEuler, 1, Curvature::Exact);
-    let five = Group::shooting(f, 5, Curvature::Exact, false);
+    let full = Group::full(f, Scheme::ExplicitEuler, 1, Second::Exact);
+    let five = Group::shooting(f, 5, Second::Exact, false);
     let size = |nodes| f.sizes.iter().find(|s| s.nodes == nodes);
     let mut rows = Vec::new();
     let mut row = |what: &str, paper: &str, found: String| {
@@ -184,7 +184,7 @@ fn comparison(f: &Findings) -> Vec<Vec<String>> {
         .map(|&m| {
             format!(
                 "{m}: {}",
-                share(&Group::shooting(f, m, Curvature::Exact, false))
+                share(&Group::shooting(f, m, Second::Exact, false))
             )
         })
         .collect();
@@ -260,7 +260,7 @@ fn table_two(f: &Findings) -> (Vec<String>, Vec<Vec<String>>) {
     let mut shown = vec![(Scheme::ExplicitEuler, 1)];
     shown.extend(f.plan.schemes.iter().copied());
     for (scheme, substeps) in shown {
-        if let Some(best) = Group::full(f, scheme, substeps, Curvature::Exact).best() {
+        if let Some(best) = Group::full(f, scheme, substeps, Second::Exact).best() {
             head.push(name(scheme, substeps));
             columns.push(robot::combinations(&best.parameters));
         }
@@ -292,7 +292,7 @@ fn schemes(f: &Findings) -> Vec<Vec<String>> {
     shown
         .into_iter()
         .map(|(scheme, substeps)| {
-            let group = Group::full(f, scheme, substeps, Curvature::Exact);
+            let group = Group::full(f, scheme, substeps, Second::Exact);
             let mut row = vec![name(scheme, substeps), scheme.order().to_string()];
             match group.best() {
                 None => row.extend(std::iter::repeat_n("–".to_owned(), 6)),
@@ -312,7 +312,7 @@ fn schemes(f: &Findings) -> Vec<Vec<String>> {
 
 /// Objective, share of starts, and what accurate simulations on unseen records say, of every optimum of one scheme.
 fn optima(f: &Findings, scheme: Scheme) -> Vec<Vec<String>> {
-    let group = Group::full(f, scheme, 1, Curvature::Exact);
+    let group = Group::full(f, scheme, 1, Second::Exact);
     let mut found: Vec<(f64, Vec<&Outcome>)> = Vec::new();
     let mut runs: Vec<&Outcome> = group
         .runs
@@ -344,8 +344,8 @@ fn figure_two(f: &Findings) -> Vec<String> {
     let Some(record) = f.dataset.with_role(Role::Train).next() else {
         return Vec::new();
     };
-    let five = Group::shooting(f, 5, Curvature::Exact, false);
-    let full = Group::full(f, Scheme::ExplicitEuler, 1, Curvature::Exact);
+    let five = Group::shooting(f, 5, Second::Exact, false);
+    let full = Group::full(f, Scheme::ExplicitEuler, 1, Second::Exact);
     (0..2)
         .map(|joint| {
             let motion = |o: Option<&&Outcome>| {
@@ -393,7 +393,7 @@ fn figure_three(f: &Findings) -> String {
     let kinds = HESSIANS
         .iter()
         .map(|&(hessian, name)| (hessian, false, name.to_owned()))
-        .chain([(Curvature::Exact, true, "exact, lifted start".to_owned())]);
+        .chain([(Second::Exact, true, "exact, lifted start".to_owned())]);
     let mut series: Vec<Series> = kinds
         .map(|(hessian, lift, label)| Series {
             label,
@@ -406,7 +406,7 @@ fn figure_three(f: &Findings) -> String {
                 .collect(),
         })
         .collect();
-    let full = Group::full(f, Scheme::ExplicitEuler, 1, Curvature::Exact);
+    let full = Group::full(f, Scheme::ExplicitEuler, 1, Second::Exact);
     series.push(Series {
         label: "full discretization".to_owned(),
         line: false,
@@ -475,7 +475,7 @@ fn hessians(f: &Findings) -> Vec<Vec<String>> {
         for (hessian, name) in HESSIANS {
             row(who.clone(), name, Group::shooting(f, nodes, hessian, false));
         }
-        let lifted = Group::shooting(f, nodes, Curvature::Exact, true);
+        let lifted = Group::shooting(f, nodes, Second::Exact, true);
         row(who, "exact, lifted start", lifted);
     }
     for (hessian, name) in HESSIANS {
@@ -544,7 +544,7 @@ pub(super) fn html(f: &Findings) -> String {
                 p { "Every run that is feasible to 1e-6. A lifted start is the solution of the same problem with a node at every sample." }
                 (PreEscaped(figure_three(f)))
                 h2 { "Hessians side by side" }
-                p { "Shares count starts within 1 % and 15 % of the lowest J of any run, " (number(best_euler(f))) ". ∞: not feasible, or the motion could not be integrated." }
+                p { "Shares count starts within 1 % and 15 % of the lowest J of any run, " (number(best_euler(f))) ". ∞: not feasible, or the motion could not be integrated. BFGS is damped and keeps the last " (MEMORY) " steps." }
                 (table(&side, &hessians(f)))
                 h2 { "Open question: order and step of the scheme" }
                 p { "A scheme's own error goes into the parameters: the last columns are J of an accurate simulation with them." }

@@ -15,10 +15,25 @@ use serde::Serialize;
 use std::ops::ControlFlow;
 
 /// Second derivatives that the study compares.
-pub(super) const HESSIANS: [(Curvature, &str); 2] = [
-    (Curvature::Exact, "exact"),
-    (Curvature::GaussNewton, "Gauss-Newton"),
+pub(super) const HESSIANS: [(Second, &str); 3] = [
+    (Second::Exact, "exact"),
+    (Second::Bfgs, "BFGS, the paper's setting"),
+    (Second::GaussNewton, "Gauss-Newton"),
 ];
+
+/// Where second derivatives come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub(super) enum Second {
+    /// The second derivatives themselves.
+    Exact,
+    /// Damped BFGS from the last [`MEMORY`] steps.
+    Bfgs,
+    /// Without the second derivatives of the steps.
+    GaussNewton,
+}
+
+/// Steps that BFGS remembers.
+pub(super) const MEMORY: usize = 40;
 
 /// One identification to be made.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -27,7 +42,7 @@ pub(super) struct Job {
     pub(super) nodes: Option<usize>,
     pub(super) scheme: Scheme,
     pub(super) substeps: usize,
-    pub(super) hessian: Curvature,
+    pub(super) hessian: Second,
     /// Whether shooting starts from the solution with a node at every sample.
     pub(super) lift: bool,
     /// Number of the start.
@@ -68,7 +83,12 @@ fn settings(job: &Job, max_iterations: usize) -> Settings {
         substeps: job.substeps,
         nodes: job.nodes.unwrap_or(1),
         lift: job.lift,
-        curvature: job.hessian,
+        curvature: if job.hessian == Second::GaussNewton {
+            Curvature::GaussNewton
+        } else {
+            Curvature::Exact
+        },
+        quasi_newton: (job.hessian == Second::Bfgs).then_some(MEMORY),
         horizon: Horizon::Record,
         initial_state: InitialState::Free,
         weighting: Weighting::Unit,

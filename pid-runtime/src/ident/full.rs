@@ -10,13 +10,18 @@ use crate::signal::{StateEstimate, state_from_data};
 use crate::solver::kkt::Kkt;
 use crate::solver::kkt::sparse::SparseKkt;
 use crate::solver::kkt::structured::StructuredKkt;
-use crate::solver::{Solution, ip};
+use crate::solver::{self, Solution, ip};
 use crate::transcribe::{Curvature, ExplicitForm, FullDiscretization, ResidualFit, Setup, Track};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// Most Gauss-Newton iterations before the exact Hessian takes over.
 const APPROACH: usize = 60;
+/// Violation of the steps, and relative change of the objective, below which it takes over.
+const NEAR: f64 = 1e-1;
+const SETTLED: f64 = 5e-2;
+/// Optimality error at which the preparing fit of the residual ends.
+const PREPARED: f64 = 1e-2;
 
 /// Windows of the training records and what is asked of their transcription.
 #[derive(Clone)]
@@ -177,7 +182,8 @@ fn solve(
     if settings.prepare {
         let first = problem.layout().p();
         let options = crate::solver::Settings {
-            tol: 1e-6,
+            // A start is wanted, not the optimum of the fit.
+            tol: PREPARED,
             max_iterations: 100,
             ..settings.solver.clone()
         };
@@ -195,11 +201,19 @@ fn solve(
         ..settings.solver.clone()
     };
     let mut kkt = system(problem);
-    if settings.prepare && settings.curvature == Curvature::Exact {
+    let exact = settings.quasi_newton.is_none() && settings.curvature == Curvature::Exact;
+    if settings.prepare && exact {
         iterations += approach(problem, kkt.as_mut(), &mut x0, &options, report);
     }
     let mut news = |line: &_, _: &[f64]| report("solving", line);
-    let solution = ip::solve(problem, kkt.as_mut(), &x0, &options, &mut news);
+    let solution = solver::solve(
+        problem,
+        kkt.as_mut(),
+        &x0,
+        (settings.algorithm, settings.quasi_newton),
+        &options,
+        &mut news,
+    );
     let check = check_point(problem, &solution.x, &solution.lambda);
     iterations += solution.log.len().saturating_sub(1);
     let run = Run {
@@ -232,10 +246,10 @@ fn approach(
         ..options.clone()
     };
     let mut news = |line: &crate::solver::Iteration, _: &[f64]| {
-        let settled = (line.objective - previous).abs() <= 1e-2 * line.objective.abs();
+        let settled = (line.objective - previous).abs() <= SETTLED * line.objective.abs();
         previous = line.objective;
         if report("approaching by Gauss-Newton", line).is_break()
-            || line.primal_inf < 1e-2 && settled
+            || line.primal_inf < NEAR && settled
         {
             ControlFlow::Break(())
         } else {

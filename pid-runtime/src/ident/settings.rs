@@ -61,6 +61,11 @@ pub struct Settings {
     pub adaptive: Option<Adaptive>,
     /// Second derivatives for the solver.
     pub curvature: Curvature,
+    /// Damped BFGS from this many last steps in place of `curvature`; a number as large as that of the iterations makes it the
+    /// full BFGS matrix, 6 to 20 is usual for limited memory.
+    pub quasi_newton: Option<usize>,
+    /// The solver's method.
+    pub algorithm: solver::Algorithm,
     /// Length of the restart windows.
     pub horizon: Horizon,
     /// Initial states of the windows.
@@ -93,6 +98,8 @@ impl Default for Settings {
             lift: false,
             adaptive: None,
             curvature: Curvature::Exact,
+            quasi_newton: None,
+            algorithm: solver::Algorithm::InteriorPoint,
             horizon: Horizon::Record,
             initial_state: InitialState::Free,
             weighting: Weighting::Spread,

@@ -9,7 +9,7 @@ use crate::dynamics::Hessian;
 use crate::nlp::{Nlp, check_point};
 use crate::solver::kkt::sparse::SparseKkt;
 use crate::solver::kkt::{Kkt, KktValues};
-use crate::solver::{Solution, ip};
+use crate::solver::{self, Solution, ip};
 use crate::transcribe::{FullDiscretization, ResidualFit, Shooting, ShootingKkt};
 use std::time::Instant;
 
@@ -152,7 +152,14 @@ fn solve(
         from[place..].copy_from_slice(&x0[at..]);
         let mut kkt = ShootingKkt::from(&lifted);
         let mut news = |line: &_, _: &[f64]| report("solving with a node at every sample", line);
-        let solution = ip::solve(&mut lifted, &mut kkt, &from, &options, &mut news);
+        let solution = solver::solve(
+            &mut lifted,
+            &mut kkt,
+            &from,
+            (settings.algorithm, settings.quasi_newton),
+            &options,
+            &mut news,
+        );
         iterations += solution.log.len().saturating_sub(1);
         if let Some(states) = lifted
             .states(&solution.x)
@@ -173,7 +180,14 @@ fn solve(
     }
     let mut kkt = ShootingKkt::from(&*problem);
     let mut news = |line: &_, _: &[f64]| report("solving", line);
-    let solution = ip::solve(problem, &mut kkt, &x0, &options, &mut news);
+    let solution = solver::solve(
+        problem,
+        &mut kkt,
+        &x0,
+        (settings.algorithm, settings.quasi_newton),
+        &options,
+        &mut news,
+    );
     let check = check_point(problem, &solution.x, &solution.lambda);
     iterations += solution.log.len().saturating_sub(1);
     let motion = problem.states(&solution.x).unwrap_or_default();

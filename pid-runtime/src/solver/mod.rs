@@ -2,9 +2,12 @@
 
 pub mod ip;
 pub mod kkt;
+mod method;
 mod outcome;
 pub mod quasi_newton;
 mod settings;
+pub mod sqp;
 
+pub use method::{Algorithm, solve};
 pub use outcome::{Counts, Iteration, Seconds, Solution, Status};
 pub use settings::{Barrier, Interrupt, Oracle, Settings};

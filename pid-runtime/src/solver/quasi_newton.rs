@@ -34,6 +34,9 @@ struct Memory {
     delta: f64,
     s: VecDeque<Vec<f64>>,
     y: VecDeque<Vec<f64>>,
+    /// Products sᵢᵀsⱼ and sᵢᵀyⱼ, row i by row.
+    ss: VecDeque<VecDeque<f64>>,
+    sy: VecDeque<VecDeque<f64>>,
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -41,6 +44,55 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl Memory {
+    fn new(capacity: usize) -> Self {
+        Self {
+            capacity: capacity.max(1),
+            delta: 1.0,
+            s: VecDeque::new(),
+            y: VecDeque::new(),
+            ss: VecDeque::new(),
+            sy: VecDeque::new(),
+        }
+    }
+
+    fn clear(&mut self) {
+        self.s.clear();
+        self.y.clear();
+        self.ss.clear();
+        self.sy.clear();
+    }
+
+    fn forget_oldest(&mut self) {
+        self.s.pop_front();
+        self.y.pop_front();
+        for products in [&mut self.ss, &mut self.sy] {
+            products.pop_front();
+            for row in products {
+                row.pop_front();
+            }
+        }
+    }
+
+    fn remember(&mut self, s: Vec<f64>, y: Vec<f64>) {
+        let with = |list: &VecDeque<Vec<f64>>, v: &[f64]| -> VecDeque<f64> {
+            list.iter().map(|l| dot(l, v)).collect()
+        };
+        let (old_ss, old_sy) = (with(&self.s, &s), with(&self.s, &y));
+        let (mut row_ss, mut row_sy) = (old_ss.clone(), with(&self.y, &s));
+        row_ss.push_back(dot(&s, &s));
+        row_sy.push_back(dot(&s, &y));
+        for (row, v) in self.ss.iter_mut().zip(old_ss) {
+            row.push_back(v);
+        }
+        for (row, v) in self.sy.iter_mut().zip(old_sy) {
+            row.push_back(v);
+        }
+        self.ss.push_back(row_ss);
+        self.sy.push_back(row_sy);
+        self.s.push_back(s);
+        self.y.push_back(y);
+    }
+
     /// Columns of W.
     fn columns(&self) -> Vec<Vec<f64>> {
         let scaled = |s: &Vec<f64>| s.iter().map(|s| self.delta * s).collect();
@@ -54,14 +106,14 @@ impl Memory {
         let mut m = DMatrix::zeros(2 * k, 2 * k);
         for i in 0..k {
             for j in 0..k {
-                m[(i, j)] = self.delta * dot(&self.s[i], &self.s[j]);
+                m[(i, j)] = self.delta * self.ss[i][j];
                 if i > j {
-                    let l = dot(&self.s[i], &self.y[j]);
+                    let l = self.sy[i][j];
                     m[(i, k + j)] = l;
                     m[(k + j, i)] = l;
                 }
             }
-            m[(k + i, k + i)] = -dot(&self.s[i], &self.y[i]);
+            m[(k + i, k + i)] = -self.sy[i][i];
         }
         m
     }
@@ -89,8 +141,7 @@ impl Memory {
             return;
         }
         let Some(bs) = self.multiply(&s) else {
-            self.s.clear();
-            self.y.clear();
+            self.clear();
             return;
         };
         let (curvature, model) = (dot(&s, &y), dot(&s, &bs));
@@ -105,20 +156,25 @@ impl Memory {
             return;
         }
         if self.s.len() == self.capacity {
-            self.s.pop_front();
-            self.y.pop_front();
+            self.forget_oldest();
         }
         self.delta = (dot(&y, &y) / product).clamp(SMALLEST, LARGEST);
-        self.s.push_back(s);
-        self.y.push_back(y);
+        self.remember(s, y);
     }
 }
 
 /// What the program and its linear system share.
 #[derive(Debug, Clone)]
-struct Shared(Arc<Mutex<Memory>>);
+pub(super) struct Shared(Arc<Mutex<Memory>>);
 
 impl Shared {
+    /// B x.
+    pub(super) fn multiply(&self, x: &[f64]) -> Vec<f64> {
+        let memory = self.get();
+        let plain = || x.iter().map(|x| memory.delta * x).collect();
+        memory.multiply(x).unwrap_or_else(plain)
+    }
+
     fn get(&self) -> MutexGuard<'_, Memory> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -132,7 +188,7 @@ struct Previous {
 }
 
 /// A program whose second derivatives are never asked for.
-struct QuasiNewton<'a> {
+pub(super) struct QuasiNewton<'a> {
     problem: &'a mut dyn Nlp,
     memory: Shared,
     previous: Option<Previous>,
@@ -205,7 +261,7 @@ impl Nlp for QuasiNewton<'_> {
 }
 
 /// The linear system with B in place of the Hessian.
-struct QuasiNewtonKkt<'a> {
+pub(super) struct QuasiNewtonKkt<'a> {
     inner: &'a mut dyn Kkt,
     memory: Shared,
     sigma: Vec<f64>,
@@ -217,6 +273,10 @@ struct QuasiNewtonKkt<'a> {
 }
 
 impl Kkt for QuasiNewtonKkt<'_> {
+    fn expect_error(&mut self, error: f64) {
+        self.inner.expect_error(error);
+    }
+
     fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
         self.capacitance = None;
         let takes_part = |v: &f64| *v == 0.0 && v.is_sign_negative();
@@ -281,6 +341,32 @@ impl Kkt for QuasiNewtonKkt<'_> {
     }
 }
 
+/// A program and its linear system with B in place of the Hessian, and B itself.
+pub(super) fn wrap<'a>(
+    problem: &'a mut dyn Nlp,
+    kkt: &'a mut dyn Kkt,
+    memory: usize,
+) -> (QuasiNewton<'a>, QuasiNewtonKkt<'a>, Shared) {
+    // More pairs than twice the variables tell nothing new.
+    let capacity = memory.min((2 * problem.n()).max(20));
+    let shared = Shared(Arc::new(Mutex::new(Memory::new(capacity))));
+    let system = QuasiNewtonKkt {
+        inner: kkt,
+        memory: shared.clone(),
+        sigma: Vec::new(),
+        w: Vec::new(),
+        z: Vec::new(),
+        capacitance: None,
+        rows: problem.m(),
+    };
+    let wrapped = QuasiNewton {
+        problem,
+        memory: shared.clone(),
+        previous: None,
+    };
+    (wrapped, system, shared)
+}
+
 /// Minimises a problem by the interior-point method with damped BFGS from the last `memory` steps (at least 1; 6 to 20 is usual,
 /// the number of iterations for the full matrix). The problem's [`Nlp::hessian`] is not called.
 ///
@@ -293,27 +379,7 @@ pub fn solve(
     settings: &Settings,
     callback: &mut Callback<'_>,
 ) -> Solution {
-    let shared = Shared(Arc::new(Mutex::new(Memory {
-        capacity: memory.max(1),
-        delta: 1.0,
-        s: VecDeque::new(),
-        y: VecDeque::new(),
-    })));
-    let rows = problem.m();
-    let mut system = QuasiNewtonKkt {
-        inner: kkt,
-        memory: shared.clone(),
-        sigma: Vec::new(),
-        w: Vec::new(),
-        z: Vec::new(),
-        capacitance: None,
-        rows,
-    };
-    let mut wrapped = QuasiNewton {
-        problem,
-        memory: shared,
-        previous: None,
-    };
+    let (mut wrapped, mut system, _) = wrap(problem, kkt, memory);
     ip::solve(&mut wrapped, &mut system, x0, settings, callback)
 }
 
@@ -341,12 +407,7 @@ mod tests {
             (vec![1.0, 0.0, 0.5], vec![4.5, 1.0, 1.5]),
             (vec![0.0, 1.0, -0.5], vec![0.5, 3.0, -1.0]),
         ];
-        let mut memory = Memory {
-            capacity: 5,
-            delta: 1.0,
-            s: VecDeque::new(),
-            y: VecDeque::new(),
-        };
+        let mut memory = Memory::new(5);
         for (s, y) in &pairs {
             memory.update(s.clone(), y.clone());
         }

@@ -1,7 +1,7 @@
 //! Solves the Hock-Schittkowski collection and prints a line per problem.
 //!
 //! ```text
-//! hock_schittkowski [--barrier monotone|loqo|probing|quality] [--relaxation R] [--log NUMBER]
+//! hock_schittkowski [--barrier monotone|loqo|probing|quality] [--relaxation R] [--sqp] [--bfgs] [--log NUMBER]
 //! ```
 #![allow(clippy::print_stdout, reason = "a command that prints a table")]
 
@@ -12,6 +12,7 @@ use pid_tests::hock_schittkowski::study::{self, Verdict};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut settings = Settings::default();
     let mut shown = None;
+    let (mut sqp, mut memory) = (false, None);
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         match arg.as_str() {
@@ -28,12 +29,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 settings.bound_relaxation =
                     args.next().ok_or("--relaxation takes a number")?.parse()?;
             }
+            "--sqp" => sqp = true,
+            "--bfgs" => memory = Some(usize::MAX),
             "--log" => shown = Some(args.next().ok_or("--log takes a number")?.parse::<u32>()?),
             other => {
                 return Err(format!("unknown option {other}; see the head of this file").into());
             }
         }
     }
+    let mut solver: Box<study::Solver<'_>> = match (sqp, memory) {
+        (true, memory) => Box::new(study::sqp(memory)),
+        (false, Some(memory)) => Box::new(study::quasi_newton(memory)),
+        (false, None) => Box::new(study::interior_point),
+    };
     let mut cases = all();
     if let Some(number) = shown {
         cases.retain(|case| case.info.number == number);
@@ -44,7 +52,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     );
     let (mut published, mut lower, mut other, mut sums) = (0, 0, 0, [0usize; 4]);
     for case in &mut cases {
-        let o = study::run(case, &settings, &mut study::interior_point);
+        let o = study::run(case, &settings, solver.as_mut());
         if shown.is_some() {
             println!("{}", Iteration::HEADING);
             o.solution.log.iter().for_each(|l| println!("{}", l.line()));

@@ -4,7 +4,7 @@ use super::Case;
 use pid_runtime::nlp::{Nlp, PointCheck, check_point};
 use pid_runtime::solver::kkt::sparse::SparseKkt;
 use pid_runtime::solver::kkt::{Kkt, KktValues};
-use pid_runtime::solver::{Settings, Solution, ip};
+use pid_runtime::solver::{Settings, Solution, ip, quasi_newton, sqp};
 use std::ops::ControlFlow;
 
 /// How an outcome compares with the book.
@@ -53,6 +53,30 @@ pub fn interior_point(problem: &mut dyn Nlp, x0: &[f64], settings: &Settings) ->
     ip::solve(problem, &mut kkt, x0, settings, &mut |_, _| {
         ControlFlow::Continue(())
     })
+}
+
+/// Sequential quadratic programming on the sparse linear system, with damped BFGS from the last `memory` steps if stated.
+pub fn sqp(
+    memory: Option<usize>,
+) -> impl FnMut(&mut dyn Nlp, &[f64], &Settings) -> Solution + 'static {
+    move |problem, x0, settings| {
+        let mut kkt = SparseKkt::new(problem);
+        sqp::solve(problem, &mut kkt, x0, memory, settings, &mut |_, _| {
+            ControlFlow::Continue(())
+        })
+    }
+}
+
+/// The interior-point method with damped BFGS from the last `memory` steps.
+pub fn quasi_newton(
+    memory: usize,
+) -> impl FnMut(&mut dyn Nlp, &[f64], &Settings) -> Solution + 'static {
+    move |problem, x0, settings| {
+        let mut kkt = SparseKkt::new(problem);
+        quasi_newton::solve(problem, &mut kkt, x0, memory, settings, &mut |_, _| {
+            ControlFlow::Continue(())
+        })
+    }
 }
 
 /// Solves a problem and judges the point.

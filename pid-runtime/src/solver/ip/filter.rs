@@ -4,34 +4,34 @@
 //! nonlinear programming, Math. Program. 106 (2006), section 2.3.
 
 /// Margins by which a point must improve on an entry.
-pub(super) const GAMMA_THETA: f64 = 1e-5;
-pub(super) const GAMMA_PHI: f64 = 1e-8;
+pub(in crate::solver) const GAMMA_THETA: f64 = 1e-5;
+pub(in crate::solver) const GAMMA_PHI: f64 = 1e-8;
 
 /// Pairs (θ, φ); a point is acceptable if it is better in one of the two than every entry.
 #[derive(Debug, Default)]
-pub(super) struct Filter {
+pub(in crate::solver) struct Filter {
     entries: Vec<(f64, f64)>,
     theta_max: f64,
 }
 
 impl Filter {
-    pub(super) fn new(theta_max: f64) -> Self {
+    pub(in crate::solver) fn new(theta_max: f64) -> Self {
         Self {
             entries: Vec::new(),
             theta_max,
         }
     }
 
-    pub(super) fn clear(&mut self) {
+    pub(in crate::solver) fn clear(&mut self) {
         self.entries.clear();
     }
 
-    pub(super) fn accepts(&self, theta: f64, phi: f64) -> bool {
+    pub(in crate::solver) fn accepts(&self, theta: f64, phi: f64) -> bool {
         theta < self.theta_max && self.entries.iter().all(|&(t, p)| theta < t || phi < p)
     }
 
     /// Adds the point with its margins; entries it dominates go.
-    pub(super) fn add(&mut self, theta: f64, phi: f64) {
+    pub(in crate::solver) fn add(&mut self, theta: f64, phi: f64) {
         let entry = ((1.0 - GAMMA_THETA) * theta, phi - GAMMA_PHI * theta);
         self.entries.retain(|&(t, p)| t < entry.0 || p < entry.1);
         self.entries.push(entry);

@@ -10,7 +10,7 @@
 mod barrier;
 mod bounds;
 mod feasibility;
-mod filter;
+pub(super) mod filter;
 mod iterate;
 mod line_search;
 mod program;

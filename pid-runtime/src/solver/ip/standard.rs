@@ -270,6 +270,10 @@ impl<'a> StandardKkt<'a> {
 }
 
 impl Kkt for StandardKkt<'_> {
+    fn expect_error(&mut self, error: f64) {
+        self.inner.expect_error(error);
+    }
+
     fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
         if self.slack_rows.is_empty() {
             self.inner.relax(&self.outer);

@@ -86,6 +86,7 @@ impl Solver<'_> {
         });
         self.load_sigma();
         self.kkt.relax(&[]);
+        self.kkt.expect_error(self.error);
         self.factorise_system().map_err(|e| match e {
             KktError::NotFinite => Status::InvalidNumber,
             _ => Status::SingularSystem,

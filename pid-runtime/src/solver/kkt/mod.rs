@@ -88,6 +88,14 @@ pub trait Kkt: Send {
         let _ = diagonal;
     }
 
+    /// Tells the optimality error of the iterate ahead of its factorization, ∞ for unknown. What an implementation adds without
+    /// need, to directions that hardly matter, shrinks with the error, so that convergence stays fast (D. Li, M. Fukushima, L.
+    /// Qi, N. Yamashita, Regularized Newton methods for convex minimization problems with singular solutions, Comput. Optim.
+    /// Appl. 28 (2004)). No effect by default.
+    fn expect_error(&mut self, error: f64) {
+        let _ = error;
+    }
+
     /// Covariance-like inverse of the reduced Hessian in the given variables: the block of the inverse KKT matrix, row-major
     /// `vars.len()²`. Uses the last factorization.
     fn inverse_block(&mut self, vars: &[usize], n: usize, m: usize) -> Vec<f64> {

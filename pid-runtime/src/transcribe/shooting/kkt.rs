@@ -106,6 +106,10 @@ impl ShootingKkt {
 }
 
 impl Kkt for ShootingKkt {
+    fn expect_error(&mut self, error: f64) {
+        self.inner.expect_error(error);
+    }
+
     fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
         let intervals: usize = self.nodes.iter().sum();
         let split = intervals * self.hessian_size;

@@ -27,8 +27,11 @@ const STATIC: f64 = 1e-9;
 /// Eigenvalues of the reduced Hessian below this share of the largest one are rounding errors and are lifted to it. Active
 /// bounds make the largest one as large as 1e8, so that a share of 1e-9 would already slow down the identifiable directions.
 const FLOOR: f64 = 1e-14;
-/// The smallest eigenvalue that is kept, in the scaled problem.
+/// The smallest eigenvalue that is kept, in the scaled problem: this far from the solution, a share of the optimality error near
+/// it, where lifted directions would converge linearly, and never less than the last.
 const SMALLEST: f64 = 1e-5;
+const SHARE: f64 = 1e-3;
+const LEAST: f64 = 1e-9;
 /// Below this many steps the segments are condensed by the calling thread.
 const PARALLEL_STEPS: usize = 1500;
 
@@ -60,6 +63,8 @@ pub struct StructuredKkt {
     modification: Mat<f64>,
     vectors: Mat<f64>,
     eigenvalues: Vec<f64>,
+    /// Eigenvalues below this are lifted to it.
+    smallest: f64,
     delta_x: f64,
     last_delta: f64,
     hessian_pattern: SparsePattern,
@@ -138,6 +143,7 @@ impl StructuredKkt {
             modification: Mat::zeros(np, np),
             vectors: Mat::zeros(np, np),
             eigenvalues: vec![0.0; np],
+            smallest: SMALLEST,
             delta_x: 0.0,
             last_delta: 0.0,
             hessian: vec![0.0; hessian_pattern.nnz()],
@@ -361,7 +367,7 @@ impl StructuredKkt {
         if !largest.is_finite() {
             return Err(KktError::NotFinite);
         }
-        let floor = (FLOOR * largest).max(SMALLEST);
+        let floor = (FLOOR * largest).max(self.smallest);
         self.vectors.copy_from(u);
         self.modification.fill(0.0);
         let mut shift = 0.0_f64;
@@ -478,6 +484,10 @@ impl StructuredKkt {
 }
 
 impl Kkt for StructuredKkt {
+    fn expect_error(&mut self, error: f64) {
+        self.smallest = (SHARE * error).max(LEAST).min(SMALLEST);
+    }
+
     fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
         if !values
             .hessian
