@@ -15,9 +15,12 @@ pub(super) fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -
     if !diag.is_ok() {
         return resolved;
     }
-    // Equations that cannot be derived are reported where they are written.
-    let Ok(found) = pid_derive::identifiability(&resolved.robot) else {
-        return resolved;
+    let found = match pid_derive::identifiability(&resolved.robot) {
+        Ok(found) => found,
+        Err(error) => {
+            diag.error(&ast.name, error);
+            return resolved;
+        }
     };
     let robot = &resolved.robot;
     expected(ast, robot, &found, diag);

@@ -15,7 +15,8 @@ pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
     constants(
         ast.params
             .iter()
-            .chain(ast.per_joint.iter().flat_map(|b| &b.params)),
+            .chain(ast.per_joint.iter().flat_map(|b| &b.params))
+            .chain(ast.motors.iter().flat_map(|m| &m.body.params)),
         symbols,
         diag,
     );

@@ -312,8 +312,50 @@ pub(crate) enum Outcome {
     Robot,
 }
 
-/// Expands an input. Panics where anything promised does not hold: the output is Rust items, and a refusal says why.
-pub(crate) fn exercise(input: &TokenStream) -> Outcome {
+/// Parses and checks an input; where `whole`, and for robots from files, expands it as well. Panics where anything promised does
+/// not hold: the output is Rust items, a refusal says why, and both ways agree.
+pub(crate) fn exercise(input: &TokenStream, whole: bool) -> Outcome {
+    let from_file = input.to_string().contains("urdf");
+    let checked = match from_file {
+        true => Ok(Vec::new()),
+        false => pid_codegen::robots(input.clone()),
+    };
+    if let Err(messages) = &checked {
+        assert!(!messages.is_empty(), "refused without a message: {input}");
+        messages.iter().for_each(|m| says_why(m, input));
+    }
+    let mut refused = checked.is_err();
+    if whole || from_file {
+        let messages = expanded(input);
+        messages.iter().for_each(|m| says_why(m, input));
+        // Sizes are found by the expansion alone.
+        let late = messages.iter().all(|m| m.contains("operations (limit"));
+        assert!(
+            from_file || late || refused,
+            "checked, but not expanded: {messages:?}\n{input}"
+        );
+        refused |= !messages.is_empty();
+    }
+    if !refused {
+        return Outcome::Robot;
+    }
+    let mut diag = Diagnostics::new();
+    pid_codegen::syntax::parse(input.clone(), &mut diag);
+    match diag.is_ok() {
+        true => Outcome::Refused,
+        false => Outcome::Syntax,
+    }
+}
+
+fn says_why(message: &str, input: &TokenStream) {
+    assert!(
+        message.len() > 8 && !message.contains("is a defect of robot!"),
+        "{message}\ninput: {input}"
+    );
+}
+
+/// The messages of an expansion.
+fn expanded(input: &TokenStream) -> Vec<String> {
     let folder = Path::new(concat!(
         env!("CARGO_MANIFEST_DIR"),
         "/../pid-urdf/tests/robots"
@@ -323,22 +365,7 @@ pub(crate) fn exercise(input: &TokenStream) -> Outcome {
         Ok(file) => file,
         Err(error) => panic!("{error}\ninput: {input}\noutput: {output}"),
     };
-    let messages: Vec<String> = file.items.iter().filter_map(message).collect();
-    for message in &messages {
-        assert!(
-            message.len() > 8 && !message.contains("is a defect of robot!"),
-            "{message}\ninput: {input}"
-        );
-    }
-    if messages.is_empty() {
-        return Outcome::Robot;
-    }
-    let mut diag = Diagnostics::new();
-    pid_codegen::syntax::parse(input.clone(), &mut diag);
-    match diag.is_ok() {
-        true => Outcome::Refused,
-        false => Outcome::Syntax,
-    }
+    file.items.iter().filter_map(message).collect()
 }
 
 /// The text of a `compile_error!`.
