@@ -47,6 +47,9 @@ pub struct Settings {
     pub margin: f64,
     /// Share by which the gap on the test records must shrink.
     pub least_shrink: f64,
+    /// Size that an effect must reach, in its own standard deviations (A. Wald 1943): an observer with more freedom may predict
+    /// a little better without any effect of a size.
+    pub least_size: f64,
     /// A gap this many times the floor is not explained.
     pub unexplained: f64,
     /// Mean squared innovations beyond this figure are not explained.
@@ -62,6 +65,7 @@ impl Default for Settings {
             effects: 2,
             margin: 12.0,
             least_shrink: 0.06,
+            least_size: 3.0,
             unexplained: 1.9,
             largest_misfit: 1.6,
         }
@@ -210,7 +214,11 @@ pub fn diagnose(case: &Case, settings: &Settings) -> Diagnosis {
         let enough = relative > if round == 0 { 0.002 } else { 0.03 };
         // One of two effects may hide behind the other in free runs: it is kept until the last round shows what both give.
         let provisional = relative > PROVISIONAL && round + 1 < settings.effects;
-        let take = significant && held_out > 0.0 && enough && (shrinks || provisional);
+        let take = significant
+            && held_out > 0.0
+            && enough
+            && (shrinks || provisional)
+            && size_in_deviations(&first.fit) > settings.least_size;
         if take {
             accepted.push(first.term.clone());
             current = first.fit.clone();
@@ -254,6 +262,8 @@ fn test_value(case: &Case, fit: &Fit) -> f64 {
 
 /// Steps after which the refits are compared, how many go on, and whether they end at an optimum of their own.
 const STAGES: [(usize, usize, bool); 3] = [(3, usize::MAX, false), (5, 4, false), (8, 2, true)];
+/// Mean squared innovation of the leader above which it is followed to its end.
+const LEFT: f64 = 1.1;
 /// Share of the best gain below which a candidate is not followed further.
 const HOPELESS: f64 = 0.35;
 
@@ -302,6 +312,19 @@ fn refit(
             });
         }
         out.sort_by(|a, b| a.fit.train.evidence().total_cmp(&b.fit.train.evidence()));
+    }
+    // Impacts and sticking make for slow ends; where much is left the leader gets derivatives of its own in every step.
+    if let Some(leader) = out.first_mut()
+        && leader.fit.train.total() > LEFT * leader.fit.train.number()
+        && gain(current, leader) > 0.0
+    {
+        leader.fit = fit(
+            case,
+            basis,
+            &leader.fit.hypothesis,
+            leader.fit.point.clone(),
+            Effort::full(settings.steps),
+        );
     }
     let Some(least) = out
         .iter()
@@ -509,20 +532,57 @@ fn finish(
     }
 }
 
-/// The effects of a fit with their magnitudes and standard deviations (from the curvature, widened where the misfit is larger than
-/// the noise; 2 for what neighbouring innovations share).
-fn name(case: &Case, fit: &Fit) -> Vec<Named> {
-    let misfit = (fit.train.total() / fit.train.number()).max(1.0);
-    let size = fit.point.theta.len();
+/// Share of two neighbouring innovations in one another's information: variances are larger by this.
+const SHARED: f64 = 2.0;
+
+/// Curvature of a fit with 1 where a parameter has no influence, and which these are.
+fn curvature(fit: &Fit) -> (DMatrix<f64>, Vec<bool>) {
     let mut h = fit.quadratic.h.clone();
-    // A parameter without any influence is not determined; the others are.
     let dead: Vec<bool> = (0..h.nrows()).map(|i| h[(i, i)] <= 0.0).collect();
     for (i, dead) in dead.iter().enumerate() {
         if *dead {
             h[(i, i)] = 1.0;
         }
     }
-    let covariance = h.cholesky().map(|c| c.inverse() * (misfit * 2.0));
+    (h, dead)
+}
+
+/// Size of the last effect of a fit over its standard deviation, the largest of its amplitudes; 0 if it is not determined.
+fn size_in_deviations(fit: &Fit) -> f64 {
+    let Some(term) = fit.hypothesis.terms.last() else {
+        return 0.0;
+    };
+    let info = term.effect.info();
+    let first = fit.point.e.len() - info.parameters.len();
+    let size = fit.point.theta.len();
+    let misfit = (fit.train.total() / fit.train.number()).max(1.0);
+    let (h, dead) = curvature(fit);
+    let Some(factor) = h.cholesky() else {
+        return 0.0;
+    };
+    let covariance = factor.inverse() * (misfit * SHARED);
+    let own: &[usize] = if info.amplitudes.is_empty() {
+        &[0]
+    } else {
+        info.amplitudes
+    };
+    own.iter()
+        .filter(|&&a| !dead[size + first + a])
+        .map(|&a| {
+            let i = size + first + a;
+            fit.point.e[first + a].abs() / covariance[(i, i)].sqrt()
+        })
+        .fold(0.0, f64::max)
+}
+
+/// The effects of a fit with their magnitudes and standard deviations (from the curvature, widened where the misfit is larger than
+/// the noise; 2 for what neighbouring innovations share).
+fn name(case: &Case, fit: &Fit) -> Vec<Named> {
+    let misfit = (fit.train.total() / fit.train.number()).max(1.0);
+    let size = fit.point.theta.len();
+    // A parameter without any influence is not determined; the others are.
+    let (h, dead) = curvature(fit);
+    let covariance = h.cholesky().map(|c| c.inverse() * (misfit * SHARED));
     let mut at = 0;
     fit.hypothesis
         .terms

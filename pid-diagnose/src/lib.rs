@@ -1,4 +1,55 @@
 //! Which physical effect a model lacks, where it sits, and how far the gap shrinks once it is modelled.
+//!
+//! A [`Case`](case::Case) is a data folder with a nominal description; [`diagnose`](diagnose::diagnose) fits the nominal structure
+//! within its tolerances, screens every effect of the library at every joint, refits the best and gives a verdict.
+//!
+//! # An effect of your own
+//!
+//! An effect is a type with a description ([`Model`](effect::Model)) and an equation over any scalar ([`Law`](effect::Law));
+//! the hooks it does not need keep their defaults. It joins the library in the settings:
+//!
+//! ```
+//! use std::sync::Arc;
+//! use pid_diagnose::diagnose::Settings;
+//! use pid_diagnose::effect::{Forces, Info, Kind, Law, Model, Site, Unit, parameter};
+//! use pid_diagnose::plant::Plant;
+//! use pid_diagnose::scalar::Scalar;
+//!
+//! /// A spring that grows harder: additional force −K₃ q³.
+//! struct HardeningSpring;
+//!
+//! static INFO: Info = Info {
+//!     id: "hardening_spring",
+//!     title: "A spring that grows harder",
+//!     equation: "additional force −K₃ q³",
+//!     source: "G. Duffing 1918",
+//!     kind: Kind::Force,
+//!     has_joint: true,
+//!     parameters: &[parameter("cubic", "N*m/rad^3", Unit::One, -1e3, 1e3)],
+//!     starts: &[&[0.1]],
+//!     amplitudes: &[0],
+//!     confusions: &[("spring", "a spring is straight")],
+//!     regime: "far from the middle",
+//!     simulator_field: None,
+//! };
+//!
+//! impl Model for HardeningSpring {
+//!     fn info(&self) -> &'static Info {
+//!         &INFO
+//!     }
+//! }
+//!
+//! impl<D: Scalar> Law<D> for HardeningSpring {
+//!     fn force(&self, e: &[D], at: &Site<'_, D>, _: &[D], f: &mut Forces<'_, D>, _: &Plant<D>) {
+//!         let q = at.q[at.joint];
+//!         f.value[at.joint] -= e[0] * q * q * q;
+//!     }
+//! }
+//!
+//! let mut settings = Settings::default();
+//! settings.library.push(Arc::new(HardeningSpring));
+//! assert_eq!(settings.library.len(), 26);
+//! ```
 
 pub mod case;
 pub mod channel;

@@ -1,0 +1,74 @@
+//! The withheld-effect study: the same plan gives the same cases, what is there is not made again, scores count as they say.
+
+use pid_diagnose::diagnose::Settings;
+use pid_diagnose::study::{Outcome, Plan, run, summary};
+
+fn folder(name: &str) -> std::path::PathBuf {
+    let path = std::env::temp_dir().join(format!("pid-study-{name}-{}", std::process::id()));
+    let _ = std::fs::remove_dir_all(&path);
+    path
+}
+
+/// A robot that lacks nothing, seen by an independent simulation: nothing is named, and the innovations are as large as the
+/// noise that was drawn.
+#[test]
+fn a_drawn_robot_without_a_cause_is_called_none() {
+    let plan = Plan {
+        seed: 3,
+        cases: 2,
+        joints: 1,
+        nulls: true,
+    };
+    let out = folder("null");
+    let first = run(&plan, &Settings::default(), &out, &|_, _| {}).expect("a study");
+    for o in &first {
+        assert!(o.truth.causes.is_empty());
+        assert_eq!(o.diagnosis.effect, "none", "{}", o.id);
+        if o.truth.noise_stated {
+            assert!(
+                (o.diagnosis.misfit.0 - 1.0).abs() < 0.1,
+                "{} {:?}",
+                o.id,
+                o.diagnosis.misfit
+            );
+        }
+    }
+    let truth = std::fs::read_to_string(out.join(format!("truth/{}.json", first[0].id)));
+    let again = run(&plan, &Settings::default(), &out, &|_, _| {}).expect("a study");
+    // The time is part of a diagnosis: equal times mean that it was read, not made.
+    assert_eq!(again[0].diagnosis, first[0].diagnosis);
+    let fresh = folder("fresh");
+    let one = Plan { cases: 1, ..plan };
+    run(&one, &Settings::default(), &fresh, &|_, _| {}).expect("a study");
+    let same = std::fs::read_to_string(fresh.join(format!("truth/{}.json", first[0].id)));
+    assert_eq!(truth.expect("a cause"), same.expect("a cause"));
+    let s = summary(&first);
+    assert_eq!((s.false_alarms.hits, s.false_alarms.of), (0, 2));
+    let mut wrong: Vec<Outcome> = first.clone();
+    wrong[0].diagnosis.effect = "payload".to_owned();
+    wrong[0].diagnosis.confidence = 1.0;
+    wrong[1].diagnosis.confidence = 1.0;
+    let s = summary(&wrong);
+    assert_eq!((s.false_alarms.hits, s.false_alarms.of), (1, 2));
+    assert!((s.calibration_error - 0.5).abs() < 1e-12);
+    for path in [out, fresh] {
+        let _ = std::fs::remove_dir_all(path);
+    }
+}
+
+/// A file that is not of the study's making stops it with the place.
+#[test]
+fn a_foreign_file_is_named() {
+    let plan = Plan {
+        seed: 4,
+        cases: 1,
+        joints: 1,
+        nulls: true,
+    };
+    let out = folder("foreign");
+    std::fs::create_dir_all(out.join("truth")).expect("a folder");
+    std::fs::write(out.join("truth/s4_0000.json"), "not this").expect("a file");
+    let error = run(&plan, &Settings::default(), &out, &|_, _| {}).expect_err("refused");
+    assert!(error.to_string().contains("s4_0000.json"), "{error}");
+    let _ = std::fs::remove_dir_all(out);
+}
