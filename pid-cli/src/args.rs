@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use pid_estimate::term::Request;
 use pid_runtime::data::{Horizon, ParseHorizonError};
 use pid_runtime::transcribe::Scheme;
 
@@ -26,6 +27,9 @@ pub(crate) enum Command {
     Identify(IdentifyArgs),
     /// Compare a model with given parameters with a data folder; nothing is identified.
     Simulate(SimulateArgs),
+    /// Regress the equations of motion on records filtered without phase shift: base parameters with deviations, friction
+    /// laws beyond the model, checks on test records, physically consistent values.
+    Regress(RegressArgs),
     /// Say which physical effect the model in a data folder lacks, where, and how far the gap shrinks with it.
     Diagnose(crate::diagnose::DiagnoseArgs),
     /// Measure the diagnosis on drawn cases whose effect is withheld until it has been named.
@@ -86,6 +90,15 @@ pub(crate) struct Source {
     /// With --urdf: a rotor inertia per joint is identified.
     #[arg(long, requires = "urdf")]
     pub(crate) armature: bool,
+    /// Force law that the model lacks, at every joint (`stribeck`), one joint (`stribeck:elbow`) or a motor of two joints
+    /// (`viscous:j5+j6`); may be repeated. Laws: armature, offset, viscous, coulomb, asymmetric (viscous friction that
+    /// differs between the directions), stribeck, saturating, load (friction with the drive's torque), quadratic.
+    #[arg(long = "with", value_name = "TERM", conflicts_with = "urdf")]
+    pub(crate) terms: Vec<Request>,
+    /// Factors from the input columns to the torque or force at the joints (N·m/A for currents), one per joint, separated by
+    /// commas; the columns then count as torques or forces.
+    #[arg(long, value_name = "K1,K2,…", value_delimiter = ',', value_parser = finite)]
+    pub(crate) input_gain: Vec<f64>,
     /// Folder for the results; made if needed.
     #[arg(long, short, value_name = "FOLDER", default_value = "pid-report")]
     pub(crate) out: PathBuf,
@@ -189,6 +202,40 @@ pub(crate) struct SimulateArgs {
     /// Parameters: a fit.json, or a TOML file of lines `name = value`; nominal ones if absent.
     #[arg(long, value_name = "FILE")]
     pub(crate) parameters: Option<PathBuf>,
+}
+
+/// Arguments of `pid regress`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct RegressArgs {
+    #[command(flatten)]
+    pub(crate) source: Source,
+    /// Parameter that is held at its start; may be repeated.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) hold: Vec<String>,
+    /// Cut-off of the zero-phase filter, Hz; found from the data if absent.
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    pub(crate) cutoff: Option<f64>,
+    /// Keep every n-th sample; four per period of the cut-off if absent.
+    #[arg(long, value_name = "N", value_parser = at_least_one)]
+    pub(crate) decimate: Option<usize>,
+    /// Hold shape parameters of force terms (Stribeck velocities) instead of seeking them.
+    #[arg(long)]
+    pub(crate) hold_shapes: bool,
+    /// Leave out the physically consistent values.
+    #[arg(long)]
+    pub(crate) no_consistent: bool,
+    /// Random poses in which the mass matrix is checked.
+    #[arg(long, default_value_t = 10_000, value_name = "N", value_parser = at_least_one)]
+    pub(crate) poses: usize,
+    /// Draws of the block bootstrap; none if 0.
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub(crate) bootstrap: usize,
+    /// Seed of poses and bootstrap.
+    #[arg(long, default_value_t = 0, value_name = "S")]
+    pub(crate) seed: u64,
+    /// Parameters to start from: a fit.json, or a TOML file of lines `name = value`.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) start: Option<PathBuf>,
 }
 
 /// Arguments of `pid paper`.
@@ -297,6 +344,13 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
         _ => Err(format!("`{text}` is not a number above zero, such as 1e-8")),
+    }
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(x) if x.is_finite() && x != 0.0 => Ok(x),
+        _ => Err(format!("`{text}` is not a number other than zero")),
     }
 }
 

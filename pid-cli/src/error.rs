@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use pid_diagnose::case::CaseError;
 use pid_diagnose::study::StudyError;
+use pid_estimate::extend::ExtendError;
+use pid_estimate::regress::RegressError;
 use pid_models::UnknownModel;
 use pid_runtime::data::DataError;
 use pid_runtime::gap::force::MissingForceError;
@@ -30,6 +32,10 @@ pub(crate) enum CliError {
         "`{model}` is given without a data folder\n  help: give the folder with dataset.toml after it"
     )]
     NoFolder { model: String },
+    #[error(
+        "--input-gain has {found} factors, the data set {joints} joints\n  help: give one per joint, separated by commas"
+    )]
+    InputGains { found: usize, joints: usize },
     #[error("model `{model}` and --urdf are given\n  help: leave one of them out")]
     TwoModels { model: String },
     #[error(transparent)]
@@ -47,7 +53,13 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Identification(#[from] IdentError),
     #[error(transparent)]
+    Extend(#[from] ExtendError),
+    #[error(transparent)]
+    Regress(#[from] RegressError),
+    #[error(transparent)]
     CrossValidation(#[from] CrossValidationError),
+    #[error("the result cannot be written as JSON: {0}")]
+    Json(serde_json::Error),
     #[error("the figures of the study cannot be written as JSON: {0}")]
     PaperJson(serde_json::Error),
     #[error("{}: {error}", path.display())]

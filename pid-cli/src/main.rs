@@ -16,6 +16,7 @@ mod output;
 mod paper;
 mod parameters;
 mod progress;
+mod regress;
 mod simulate;
 mod source;
 mod study;
@@ -35,6 +36,7 @@ fn main() -> ExitCode {
         Some(Command::Diagnose(args)) => diagnose::run(&args),
         Some(Command::Study(args)) => study::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),
+        Some(Command::Regress(args)) => regress::run(&args),
         Some(Command::Models) => {
             models();
             Ok(0)

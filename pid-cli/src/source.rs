@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
+use pid_estimate::extend::Extended;
+use pid_estimate::term::Request;
 use pid_interpret::Model;
-use pid_runtime::data::Dataset;
+use pid_runtime::data::{Dataset, InputQuantity};
 use pid_runtime::dynamics::{Dynamics, Hessian};
 use pid_runtime::report::Report;
 use pid_urdf::{Description, Inertias, Options};
@@ -23,6 +25,7 @@ pub(crate) struct Subject {
 /// Where a model comes from.
 enum Origin {
     Compiled(&'static dyn Hessian),
+    Extended(Box<Extended<'static>>),
     Urdf(Box<FromUrdf>),
 }
 
@@ -37,11 +40,12 @@ impl Subject {
     pub(crate) fn model(&self) -> &dyn Hessian {
         match &self.origin {
             Origin::Compiled(model) => *model,
+            Origin::Extended(model) => model.as_ref(),
             Origin::Urdf(urdf) => &urdf.model,
         }
     }
 
-    fn compiled(name: &str) -> Result<Self, CliError> {
+    fn compiled(name: &str, terms: &[Request]) -> Result<Self, CliError> {
         let model = pid_models::by_name(name)?;
         let entry = pid_models::all()
             .into_iter()
@@ -51,7 +55,10 @@ impl Subject {
             name: entry.name.to_owned(),
             summary: entry.summary.to_owned(),
             source: entry.source.to_owned(),
-            origin: Origin::Compiled(model),
+            origin: match terms {
+                [] => Origin::Compiled(model),
+                terms => Origin::Extended(Box::new(Extended::new(model, terms)?)),
+            },
         })
     }
 
@@ -122,7 +129,7 @@ pub(crate) fn load(source: &Source) -> Result<(Subject, Dataset), CliError> {
         }
         (_, model, folder) => {
             let name = model.as_deref().unwrap_or(demo::MODEL);
-            (Subject::compiled(name)?, folder.as_deref())
+            (Subject::compiled(name, &source.terms)?, folder.as_deref())
         }
     };
     let dataset = match (folder, &source.urdf) {
@@ -134,8 +141,36 @@ pub(crate) fn load(source: &Source) -> Result<(Subject, Dataset), CliError> {
         }
         (None, None) => demo::dataset()?,
     };
+    let dataset = match source.input_gain.as_slice() {
+        [] => dataset,
+        gains => with_gains(dataset, gains)?,
+    };
     dataset.check_model(subject.model())?;
     Ok((subject, dataset))
+}
+
+/// The data with every input column multiplied by its factor, as torques or forces at the joints.
+fn with_gains(mut dataset: Dataset, gains: &[f64]) -> Result<Dataset, CliError> {
+    let nq = dataset.nq();
+    if gains.len() != nq {
+        return Err(CliError::InputGains {
+            found: gains.len(),
+            joints: nq,
+        });
+    }
+    for joint in &mut dataset.joints {
+        joint.input = match joint.prismatic {
+            true => InputQuantity::Force,
+            false => InputQuantity::Torque,
+        };
+        joint.input_unit = joint.force_unit().to_owned();
+    }
+    for experiment in &mut dataset.experiments {
+        for row in experiment.u.chunks_exact_mut(nq) {
+            row.iter_mut().zip(gains).for_each(|(u, k)| *u *= k);
+        }
+    }
+    Ok(dataset)
 }
 
 /// Writes fit.json and report.html and prints the summary.

@@ -1,0 +1,243 @@
+//! The residual of a model as a linear function of parameters: `r = Y p_L + r₀`.
+
+use pid_runtime::dynamics::{At, Hessian};
+
+/// A model split into parameters in which its residual is jointly linear, and the others, which are held.
+///
+/// A parameter is linear if the Hessian pattern has no entry that couples it with itself or with another linear one. Gains
+/// that multiply inputs are held: with them free, zero would solve the equations.
+pub struct LinearModel<'m> {
+    model: &'m dyn Hessian,
+    /// Positions of the linear parameters in `p`.
+    linear: Vec<usize>,
+    /// Parameters that are free in the model but held here.
+    held: Vec<usize>,
+    /// `p` with zeros at the linear parameters.
+    base: Vec<f64>,
+    /// Column of each entry of the Jacobian, where it is one.
+    columns: Vec<Option<usize>>,
+}
+
+impl<'m> LinearModel<'m> {
+    /// Splits a model; parameters that are not linear keep the values in `p`. Those in `hold` are held besides.
+    pub fn new(model: &'m dyn Hessian, p: &[f64], hold: &[usize]) -> Self {
+        let dims = model.dims();
+        let first = dims.p();
+        let mut free: Vec<bool> = model.params().iter().map(|i| !i.fixed).collect();
+        let candidates = free.clone();
+        hold.iter().for_each(|&j| free[j] = false);
+        let pattern = model.hessian_pattern();
+        let pairs: Vec<(usize, usize)> = pattern
+            .rows
+            .iter()
+            .zip(pattern.cols)
+            .filter_map(|(&r, &c)| {
+                Some((
+                    (r as usize).checked_sub(first)?,
+                    (c as usize).checked_sub(first)?,
+                ))
+            })
+            .collect();
+        pairs
+            .iter()
+            .filter(|(i, j)| i == j)
+            .for_each(|&(i, _)| free[i] = false);
+        let couples = |range: std::ops::Range<usize>| {
+            let mut with = vec![false; dims.np];
+            for (&r, &c) in pattern.rows.iter().zip(pattern.cols) {
+                if let Some(j) = (r as usize).checked_sub(first)
+                    && range.contains(&(c as usize))
+                {
+                    with[j] = true;
+                }
+            }
+            with
+        };
+        let with_input = couples(dims.u()..dims.p());
+        let with_velocity = couples(dims.v()..dims.a());
+        (0..dims.np)
+            .filter(|&j| with_input[j] && !with_velocity[j])
+            .for_each(|j| free[j] = false);
+        loop {
+            let mut conflicts = vec![0_usize; dims.np];
+            for &(i, j) in pairs.iter().filter(|(i, j)| i != j && free[*i] && free[*j]) {
+                conflicts[i] += 1;
+                conflicts[j] += 1;
+            }
+            // The one with the most conflicts goes; among equals the later.
+            match (0..dims.np)
+                .filter(|&j| conflicts[j] > 0)
+                .max_by_key(|&j| (conflicts[j], j))
+            {
+                Some(worst) => free[worst] = false,
+                None => break,
+            }
+        }
+        let linear: Vec<usize> = (0..dims.np).filter(|&j| free[j]).collect();
+        let held = (0..dims.np)
+            .filter(|&j| candidates[j] && !free[j])
+            .collect();
+        let mut base = p.to_vec();
+        linear.iter().for_each(|&j| base[j] = 0.0);
+        let place = |col: u32| {
+            let j = (col as usize).checked_sub(first)?;
+            linear.binary_search(&j).ok()
+        };
+        let columns = model
+            .jacobian_pattern()
+            .cols
+            .iter()
+            .map(|&c| place(c))
+            .collect();
+        Self {
+            model,
+            columns,
+            linear,
+            held,
+            base,
+        }
+    }
+
+    /// The model.
+    pub fn model(&self) -> &'m dyn Hessian {
+        self.model
+    }
+
+    /// Positions of the linear parameters in `p`, increasing.
+    pub fn linear(&self) -> &[usize] {
+        &self.linear
+    }
+
+    /// Positions of parameters that are free in the model but held here.
+    pub fn held(&self) -> &[usize] {
+        &self.held
+    }
+
+    /// Holds a parameter that is not linear at another value.
+    pub fn set(&mut self, parameter: usize, value: f64) {
+        if self.linear.binary_search(&parameter).is_err() {
+            self.base[parameter] = value;
+        }
+    }
+
+    /// Value at which a parameter is held; zero for a linear one.
+    pub fn held_value(&self, parameter: usize) -> f64 {
+        self.base[parameter]
+    }
+
+    /// All parameters, from values of the linear ones.
+    pub fn complete(&self, linear: &[f64]) -> Vec<f64> {
+        let mut p = self.base.clone();
+        for (&j, value) in self.linear.iter().zip(linear) {
+            p[j] = *value;
+        }
+        p
+    }
+
+    /// r₀ and Y (nq rows of `linear().len()` columns) at a sample; the parameters of `at` are not read. `values` is scratch
+    /// as long as the model's Jacobian pattern.
+    pub fn evaluate(&self, at: &At<'_>, offset: &mut [f64], y: &mut [f64], values: &mut [f64]) {
+        let at = At {
+            p: &self.base,
+            ..*at
+        };
+        self.model.residual_jacobian(&at, offset, values);
+        y.fill(0.0);
+        let n = self.linear.len();
+        let rows = self.model.jacobian_pattern().rows;
+        for ((&row, column), value) in rows.iter().zip(&self.columns).zip(&*values) {
+            if let Some(column) = column {
+                y[row as usize * n + column] += value;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::extend::Extended;
+    use pid_models::{DoublePendulum, Emps, TwoLink, Ur10e};
+    use pid_runtime::dynamics::Dynamics;
+
+    #[test]
+    fn the_split_reproduces_the_residual() {
+        let stribeck = Extended::new(
+            &Emps,
+            &["stribeck".parse().unwrap(), "load".parse().unwrap()],
+        )
+        .unwrap();
+        for model in [&TwoLink as &dyn Hessian, &DoublePendulum, &Ur10e, &stribeck] {
+            let dims = model.dims();
+            let p: Vec<f64> = model
+                .params()
+                .iter()
+                .enumerate()
+                .map(|(k, i)| i.nominal + 0.01 * k as f64)
+                .collect();
+            let split = LinearModel::new(model, &p, &[]);
+            let wave = |s: f64, n: usize| -> Vec<f64> {
+                (0..n).map(|k| (s + 1.3 * k as f64).sin()).collect()
+            };
+            let (q, v, a, u) = (
+                wave(0.1, dims.nq),
+                wave(0.7, dims.nq),
+                wave(1.9, dims.nq),
+                wave(2.2, dims.nu),
+            );
+            let at = At {
+                q: &q,
+                v: &v,
+                a: &a,
+                u: &u,
+                p: &p,
+            };
+            let n = split.linear().len();
+            let (mut r0, mut y) = (vec![0.0; dims.nq], vec![0.0; dims.nq * n]);
+            let mut scratch = vec![0.0; model.jacobian_pattern().nnz()];
+            split.evaluate(&at, &mut r0, &mut y, &mut scratch);
+            let mut r = vec![0.0; dims.nq];
+            model.residual(&at, &mut r);
+            for j in 0..dims.nq {
+                let sum: f64 = r0[j]
+                    + split
+                        .linear()
+                        .iter()
+                        .enumerate()
+                        .map(|(k, &i)| y[j * n + k] * p[i])
+                        .sum::<f64>();
+                assert!(
+                    (sum - r[j]).abs() < 1e-9 * (1.0 + r[j].abs()),
+                    "{}: {sum} {}",
+                    model.name(),
+                    r[j]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn gains_and_shapes_are_held() {
+        let names = |model: &dyn Hessian, at: &[usize]| -> Vec<String> {
+            at.iter()
+                .map(|&j| model.params()[j].name.to_string())
+                .collect()
+        };
+        let p: Vec<f64> = TwoLink.params().iter().map(|i| i.nominal).collect();
+        let held = names(&TwoLink, LinearModel::new(&TwoLink, &p, &[]).held());
+        assert!(held.iter().any(|n| n.contains("gain")), "{held:?}");
+        let model = Extended::new(
+            &Emps,
+            &["stribeck".parse().unwrap(), "load".parse().unwrap()],
+        )
+        .unwrap();
+        let p: Vec<f64> = model.params().iter().map(|i| i.nominal).collect();
+        let split = LinearModel::new(&model, &p, &[]);
+        let linear = names(&model, split.linear());
+        assert!(
+            linear.contains(&"load_x".to_owned()) && linear.contains(&"stribeck_x".to_owned()),
+            "{linear:?}"
+        );
+        assert!(names(&model, split.held()).contains(&"stribeck_velocity_x".to_owned()));
+    }
+}

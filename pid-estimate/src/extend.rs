@@ -1,0 +1,671 @@
+//! A model with further force terms: every estimator that takes a model takes this one.
+
+use std::borrow::Cow;
+
+use pid_runtime::dynamics::{
+    At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
+};
+
+use crate::term::{ARGUMENTS, Law, Place, REST_ROTATION, REST_TRANSLATION, Request, SHAPE};
+
+/// Range of velocities in which a shape parameter is sought, as multiples of v₀.
+const SHAPE_RANGE: (f64, f64, f64) = (1.0, 5.0, 200.0);
+/// Widest coefficient, N·m per unit of φ. Wide: what the data do not pin shows in the deviation.
+const WIDEST: f64 = 1e3;
+
+/// A term that does not fit the model.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExtendError {
+    /// A joint that the model does not have.
+    #[error("term `{term}`: the model has no joint `{joint}`; its joints are {joints}")]
+    UnknownJoint {
+        /// The term as written.
+        term: String,
+        /// The joint asked for.
+        joint: String,
+        /// The model's joints.
+        joints: String,
+    },
+    /// The same parameter twice.
+    #[error(
+        "term `{term}`: the model has a parameter `{parameter}` already\n  help: leave the term out"
+    )]
+    Twice {
+        /// The term as written.
+        term: String,
+        /// The parameter.
+        parameter: String,
+    },
+    /// A law of the input at a joint without one.
+    #[error(
+        "term `{term}`: joint `{joint}` has no input whose load could be felt\n  help: leave the joint out"
+    )]
+    NoInput {
+        /// The term as written.
+        term: String,
+        /// The joint.
+        joint: String,
+    },
+}
+
+/// A term in its place.
+#[derive(Debug, Clone)]
+struct Term {
+    law: Law,
+    /// One joint, or two whose sum the motor turns with.
+    joints: Vec<usize>,
+    /// Position of the input in `u`.
+    input: Option<usize>,
+    rest: f64,
+    /// Position of the coefficient and of the shape parameter in `p`.
+    coefficient: usize,
+    shape: Option<usize>,
+}
+
+impl Term {
+    fn arguments(&self, at: &At<'_>) -> [f64; ARGUMENTS] {
+        let sum = |x: &[f64]| self.joints.iter().map(|&j| x[j]).sum::<f64>();
+        let depends = self.law.depends();
+        [
+            if depends[0] { sum(at.v) } else { 0.0 },
+            if depends[1] { sum(at.a) } else { 0.0 },
+            match self.input {
+                Some(i) if depends[2] => at.u[i],
+                _ => 0.0,
+            },
+            self.shape.map_or(1.0, |s| at.p[s]),
+        ]
+    }
+
+    /// Positions in z of an argument of φ, each with derivative 1.
+    fn places(&self, argument: usize, dims: Dims) -> Vec<usize> {
+        match argument {
+            0 => self.joints.iter().map(|j| dims.v() + j).collect(),
+            1 => self.joints.iter().map(|j| dims.a() + j).collect(),
+            2 => self.input.iter().map(|i| dims.u() + i).collect(),
+            _ => self.shape.iter().map(|s| dims.p() + s).collect(),
+        }
+    }
+
+    fn force(&self, at: &At<'_>) -> f64 {
+        at.p[self.coefficient] * self.law.value(self.arguments(at), self.rest)
+    }
+}
+
+/// One contribution of a term to an entry of a derivative: which part of φ's derivatives, and where it goes.
+#[derive(Debug, Clone, Copy)]
+struct Share {
+    slot: usize,
+    part: Part,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Part {
+    /// φ.
+    Value,
+    /// c ∂φ/∂x_i.
+    Scaled(usize),
+    /// ∂φ/∂x_i.
+    Gradient(usize),
+    /// c ∂²φ/∂x_i∂x_j.
+    Curvature(usize, usize),
+}
+
+/// A model and the terms added to it. Parameters of the terms follow those of the model.
+///
+/// ```
+/// use pid_estimate::extend::Extended;
+/// use pid_models::Emps;
+/// use pid_runtime::dynamics::Dynamics;
+///
+/// let model = Extended::new(&Emps, &["asymmetric".parse()?])?;
+/// assert_eq!(model.params().last().unwrap().name, "asymmetric_x");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct Extended<'m> {
+    inner: &'m dyn Hessian,
+    dims: Dims,
+    params: Vec<ParamInfo>,
+    terms: Vec<Term>,
+    jacobian: Merged,
+    hessian: Merged,
+}
+
+/// The model's pattern with the terms' entries merged in.
+struct Merged {
+    rows: Vec<u32>,
+    cols: Vec<u32>,
+    /// Slot of each entry of the model, increasing.
+    inner: Vec<usize>,
+    /// Shares of each term.
+    shares: Vec<Vec<Share>>,
+}
+
+impl Merged {
+    fn new(inner: Pattern<'_>, entries: &[Vec<((u32, u32), Part)>]) -> Self {
+        let mut all: Vec<(u32, u32)> = inner
+            .rows
+            .iter()
+            .copied()
+            .zip(inner.cols.iter().copied())
+            .collect();
+        let own = all.clone();
+        all.extend(entries.iter().flatten().map(|(place, _)| *place));
+        all.sort_unstable();
+        all.dedup();
+        let slot = |place: &(u32, u32)| {
+            all.binary_search(place)
+                .expect("invariant: every place was put in above")
+        };
+        Self {
+            inner: own.iter().map(slot).collect(),
+            shares: entries
+                .iter()
+                .map(|term| {
+                    term.iter()
+                        .map(|(place, part)| Share {
+                            slot: slot(place),
+                            part: *part,
+                        })
+                        .collect()
+                })
+                .collect(),
+            rows: all.iter().map(|p| p.0).collect(),
+            cols: all.iter().map(|p| p.1).collect(),
+        }
+    }
+
+    fn pattern(&self) -> Pattern<'_> {
+        Pattern {
+            rows: &self.rows,
+            cols: &self.cols,
+        }
+    }
+
+    /// Moves the model's values, written at the front, to their slots; zero elsewhere.
+    fn spread(&self, values: &mut [f64]) {
+        let total = self.rows.len();
+        let mut end = total;
+        for (i, &slot) in self.inner.iter().enumerate().rev() {
+            let value = values[i];
+            values[slot + 1..end].fill(0.0);
+            values[slot] = value;
+            end = slot;
+        }
+        values[..end].fill(0.0);
+    }
+}
+
+impl<'m> Extended<'m> {
+    /// Adds terms to a model.
+    ///
+    /// # Errors
+    /// [`ExtendError`] where a term names a joint that does not exist, or a parameter that does.
+    pub fn new(inner: &'m dyn Hessian, requests: &[Request]) -> Result<Self, ExtendError> {
+        let mut params = inner.params().to_vec();
+        let mut terms = Vec::new();
+        for request in requests {
+            for joints in places(inner, request)? {
+                terms.push(place(inner, request, joints, &mut params)?);
+            }
+        }
+        let dims = Dims {
+            np: params.len(),
+            ..inner.dims()
+        };
+        let jacobian = Merged::new(
+            inner.jacobian_pattern(),
+            &terms
+                .iter()
+                .map(|t| jacobian_entries(t, dims))
+                .collect::<Vec<_>>(),
+        );
+        let hessian = Merged::new(
+            inner.hessian_pattern(),
+            &terms
+                .iter()
+                .map(|t| hessian_entries(t, dims))
+                .collect::<Vec<_>>(),
+        );
+        Ok(Self {
+            inner,
+            dims,
+            params,
+            terms,
+            jacobian,
+            hessian,
+        })
+    }
+
+    fn own<'a>(&self, at: &At<'a>) -> At<'a> {
+        At {
+            p: &at.p[..self.inner.dims().np],
+            ..*at
+        }
+    }
+}
+
+/// The joints of each term that a request asks for.
+fn places(model: &dyn Hessian, request: &Request) -> Result<Vec<Vec<usize>>, ExtendError> {
+    let find = |name: &String| {
+        model
+            .joints()
+            .iter()
+            .position(|j| j.name == *name)
+            .ok_or_else(|| ExtendError::UnknownJoint {
+                term: request.to_string(),
+                joint: name.clone(),
+                joints: model
+                    .joints()
+                    .iter()
+                    .map(|j| j.name.as_ref())
+                    .collect::<Vec<_>>()
+                    .join(", "),
+            })
+    };
+    Ok(match &request.place {
+        Place::EveryJoint => (0..model.dims().nq).map(|j| vec![j]).collect(),
+        Place::Joint(name) => vec![vec![find(name)?]],
+        Place::Sum(a, b) => vec![vec![find(a)?, find(b)?]],
+    })
+}
+
+fn place(
+    model: &dyn Hessian,
+    request: &Request,
+    joints: Vec<usize>,
+    params: &mut Vec<ParamInfo>,
+) -> Result<Term, ExtendError> {
+    let law = request.law;
+    let info = &model.joints()[joints[0]];
+    let name = joints
+        .iter()
+        .map(|&j| model.joints()[j].name.as_ref())
+        .collect::<Vec<_>>()
+        .join("_");
+    let input = model
+        .inputs()
+        .iter()
+        .position(|i| i.joint == Some(joints[0]));
+    if law == Law::Load && input.is_none() {
+        return Err(ExtendError::NoInput {
+            term: request.to_string(),
+            joint: name,
+        });
+    }
+    let rest = if info.prismatic {
+        REST_TRANSLATION
+    } else {
+        REST_ROTATION
+    };
+    let unit = law.unit(
+        info.prismatic,
+        input.map_or("", |i| &model.inputs()[i].unit),
+    );
+    let mut push = |name: String, unit: String, nominal: f64, lower: f64, upper: f64| {
+        if params.iter().any(|p| p.name == name) {
+            return Err(ExtendError::Twice {
+                term: request.to_string(),
+                parameter: name,
+            });
+        }
+        params.push(ParamInfo {
+            name: Cow::Owned(name),
+            unit: Cow::Owned(unit),
+            doc: Cow::Owned(format!("term `{request}`")),
+            nominal,
+            lower,
+            upper,
+            fixed: false,
+        });
+        Ok(params.len() - 1)
+    };
+    let lower = if law.non_negative() { 0.0 } else { -WIDEST };
+    let coefficient = push(format!("{}_{name}", law.word()), unit, 0.0, lower, WIDEST)?;
+    let shape = match law.has_shape() {
+        true => {
+            let (low, start, high) = SHAPE_RANGE;
+            let unit = if info.prismatic { "m/s" } else { "rad/s" };
+            Some(push(
+                format!("{}_velocity_{name}", law.word()),
+                unit.to_owned(),
+                start * rest,
+                low * rest,
+                high * rest,
+            )?)
+        }
+        false => None,
+    };
+    Ok(Term {
+        law,
+        joints,
+        input,
+        rest,
+        coefficient,
+        shape,
+    })
+}
+
+fn jacobian_entries(term: &Term, dims: Dims) -> Vec<((u32, u32), Part)> {
+    let mut entries = Vec::new();
+    let depends = term.law.depends();
+    for &row in &term.joints {
+        entries.push((pair(row, dims.p() + term.coefficient), Part::Value));
+        for i in (0..ARGUMENTS).filter(|&i| depends[i]) {
+            for z in term.places(i, dims) {
+                entries.push((pair(row, z), Part::Scaled(i)));
+            }
+        }
+    }
+    entries
+}
+
+fn hessian_entries(term: &Term, dims: Dims) -> Vec<((u32, u32), Part)> {
+    let mut entries = Vec::new();
+    let depends = term.law.depends();
+    let used: Vec<(usize, usize)> = (0..ARGUMENTS)
+        .filter(|&i| depends[i])
+        .flat_map(|i| term.places(i, dims).into_iter().map(move |z| (i, z)))
+        .collect();
+    let c = dims.p() + term.coefficient;
+    for &(i, z) in &used {
+        entries.push((pair(c.max(z), c.min(z)), Part::Gradient(i)));
+        if term.law.linear() {
+            continue;
+        }
+        for &(j, y) in used.iter().filter(|(_, y)| *y <= z) {
+            entries.push((pair(z, y), Part::Curvature(i, j)));
+        }
+    }
+    entries
+}
+
+fn pair(row: usize, col: usize) -> (u32, u32) {
+    (row as u32, col as u32)
+}
+
+impl Dynamics for Extended<'_> {
+    fn name(&self) -> &str {
+        self.inner.name()
+    }
+    fn dims(&self) -> Dims {
+        self.dims
+    }
+    fn params(&self) -> &[ParamInfo] {
+        &self.params
+    }
+    fn joints(&self) -> &[JointInfo] {
+        self.inner.joints()
+    }
+    fn inputs(&self) -> &[InputInfo] {
+        self.inner.inputs()
+    }
+    fn mass_matrix(&self, at: &At<'_>, m: &mut [f64]) {
+        self.inner.mass_matrix(&self.own(at), m);
+        for term in self.terms.iter().filter(|t| t.law == Law::Armature) {
+            let c = at.p[term.coefficient];
+            for &i in &term.joints {
+                for &j in term.joints.iter().filter(|&&j| j <= i) {
+                    m[i * (i + 1) / 2 + j] += c;
+                }
+            }
+        }
+    }
+    fn bias(&self, at: &At<'_>, b: &mut [f64]) {
+        self.inner.bias(&self.own(at), b);
+    }
+    fn applied_force(&self, at: &At<'_>, f: &mut [f64]) {
+        self.inner.applied_force(&self.own(at), f);
+        for term in self.terms.iter().filter(|t| t.law != Law::Armature) {
+            let force = term.force(at);
+            term.joints.iter().for_each(|&j| f[j] -= force);
+        }
+    }
+    fn residual(&self, at: &At<'_>, r: &mut [f64]) {
+        self.inner.residual(&self.own(at), r);
+        for term in &self.terms {
+            let force = term.force(at);
+            term.joints.iter().for_each(|&j| r[j] += force);
+        }
+    }
+    fn kinetic_energy(&self, at: &At<'_>) -> f64 {
+        let rotors: f64 = self
+            .terms
+            .iter()
+            .filter(|t| t.law == Law::Armature)
+            .map(|t| {
+                let w: f64 = t.joints.iter().map(|&j| at.v[j]).sum();
+                0.5 * at.p[t.coefficient] * w * w
+            })
+            .sum();
+        self.inner.kinetic_energy(&self.own(at)) + rotors
+    }
+    fn potential_energy(&self, at: &At<'_>) -> f64 {
+        self.inner.potential_energy(&self.own(at))
+    }
+}
+
+impl Jacobian for Extended<'_> {
+    fn jacobian_pattern(&self) -> Pattern<'_> {
+        self.jacobian.pattern()
+    }
+    fn residual_jacobian(&self, at: &At<'_>, r: &mut [f64], values: &mut [f64]) {
+        let own = self.jacobian.inner.len();
+        self.inner
+            .residual_jacobian(&self.own(at), r, &mut values[..own]);
+        self.jacobian.spread(values);
+        for (term, shares) in self.terms.iter().zip(&self.jacobian.shares) {
+            let c = at.p[term.coefficient];
+            let (value, gradient, _) = term.law.derivatives(term.arguments(at), term.rest);
+            term.joints.iter().for_each(|&j| r[j] += c * value);
+            for share in shares {
+                values[share.slot] += match share.part {
+                    Part::Value => value,
+                    Part::Scaled(i) => c * gradient[i],
+                    Part::Gradient(_) | Part::Curvature(..) => 0.0,
+                };
+            }
+        }
+    }
+}
+
+impl Hessian for Extended<'_> {
+    fn hessian_pattern(&self) -> Pattern<'_> {
+        self.hessian.pattern()
+    }
+    fn residual_hessian(&self, at: &At<'_>, lambda: &[f64], values: &mut [f64]) {
+        let own = self.hessian.inner.len();
+        self.inner
+            .residual_hessian(&self.own(at), lambda, &mut values[..own]);
+        self.hessian.spread(values);
+        for (term, shares) in self.terms.iter().zip(&self.hessian.shares) {
+            let l: f64 = term.joints.iter().map(|&j| lambda[j]).sum();
+            let c = at.p[term.coefficient];
+            let (_, gradient, curvature) = term.law.derivatives(term.arguments(at), term.rest);
+            for share in shares {
+                values[share.slot] += l * match share.part {
+                    Part::Gradient(i) => gradient[i],
+                    Part::Curvature(i, j) => c * curvature[i][j],
+                    Part::Value | Part::Scaled(_) => 0.0,
+                };
+            }
+        }
+    }
+}
+
+/// Position of the shape parameter among φ's arguments, for those who change it from outside.
+const _: () = assert!(SHAPE == ARGUMENTS - 1);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::term::LAWS;
+    use pid_models::{DoublePendulum, Emps, TwoLink};
+
+    fn everything(model: &dyn Hessian) -> Vec<Request> {
+        let mut requests: Vec<Request> = LAWS
+            .into_iter()
+            .map(|law| Request {
+                law,
+                place: Place::EveryJoint,
+            })
+            .collect();
+        if let [a, b, ..] = model.joints() {
+            requests.extend(
+                ["armature", "coulomb", "stribeck"]
+                    .map(|law| format!("{law}:{}+{}", a.name, b.name).parse().unwrap()),
+            );
+        }
+        // Terms that a model has by itself are refused; the rest are all there.
+        requests.retain(|r| Extended::new(model, std::slice::from_ref(r)).is_ok());
+        assert!(requests.len() >= 7);
+        requests
+    }
+
+    /// A point away from zero, different in every entry.
+    fn point(model: &dyn Hessian, shift: f64) -> Vec<f64> {
+        let dims = model.dims();
+        (0..dims.nz())
+            .map(|k| {
+                let wave = (1.7 * k as f64 + shift).sin();
+                match k.checked_sub(dims.p()) {
+                    Some(j) => {
+                        let info = &model.params()[j];
+                        info.nominal + 0.3 * (1.0 + wave) * info.nominal.abs().max(0.05)
+                    }
+                    None => 0.6 * wave,
+                }
+            })
+            .collect()
+    }
+
+    fn at<'a>(z: &'a [f64], dims: &Dims) -> At<'a> {
+        At {
+            q: &z[..dims.v()],
+            v: &z[dims.v()..dims.a()],
+            a: &z[dims.a()..dims.u()],
+            u: &z[dims.u()..dims.p()],
+            p: &z[dims.p()..],
+        }
+    }
+
+    #[test]
+    fn derivatives_are_those_of_differences() {
+        for inner in [&TwoLink as &dyn Hessian, &DoublePendulum, &Emps] {
+            let model = Extended::new(inner, &everything(inner)).unwrap();
+            let dims = model.dims();
+            let z = point(&model, 0.3);
+            let lambda: Vec<f64> = (0..dims.nq).map(|j| 0.7 - 0.4 * j as f64).collect();
+            let gradient = |z: &[f64]| {
+                let (mut r, mut j) = (
+                    vec![0.0; dims.nq],
+                    vec![0.0; model.jacobian_pattern().nnz()],
+                );
+                model.residual_jacobian(&at(z, &dims), &mut r, &mut j);
+                let mut dense = vec![0.0; dims.nq * dims.nz()];
+                let pattern = model.jacobian_pattern();
+                for ((&row, &col), v) in pattern.rows.iter().zip(pattern.cols).zip(&j) {
+                    dense[row as usize * dims.nz() + col as usize] += v;
+                }
+                (r, dense)
+            };
+            let weighted = |z: &[f64]| -> Vec<f64> {
+                let (_, dense) = gradient(z);
+                (0..dims.nz())
+                    .map(|k| {
+                        (0..dims.nq)
+                            .map(|j| lambda[j] * dense[j * dims.nz() + k])
+                            .sum()
+                    })
+                    .collect()
+            };
+            let mut hessian = vec![0.0; model.hessian_pattern().nnz()];
+            model.residual_hessian(&at(&z, &dims), &lambda, &mut hessian);
+            let mut full = vec![0.0; dims.nz() * dims.nz()];
+            let pattern = model.hessian_pattern();
+            for ((&row, &col), v) in pattern.rows.iter().zip(pattern.cols).zip(&hessian) {
+                assert!(row >= col);
+                full[row as usize * dims.nz() + col as usize] += v;
+                if row != col {
+                    full[col as usize * dims.nz() + row as usize] += v;
+                }
+            }
+            let (r, dense) = gradient(&z);
+            let mut plain = vec![0.0; dims.nq];
+            model.residual(&at(&z, &dims), &mut plain);
+            for k in 0..dims.nz() {
+                let h = 1e-6 * z[k].abs().max(0.1);
+                let moved = |d: f64| {
+                    let mut y = z.clone();
+                    y[k] += d;
+                    y
+                };
+                let (up, down) = (moved(h), moved(-h));
+                for j in 0..dims.nq {
+                    assert!((r[j] - plain[j]).abs() < 1e-12 * (1.0 + r[j].abs()));
+                    let difference = (gradient(&up).0[j] - gradient(&down).0[j]) / (2.0 * h);
+                    let exact = dense[j * dims.nz() + k];
+                    assert!(
+                        (difference - exact).abs() < 1e-5 * (1.0 + exact.abs()),
+                        "{} {j} {k}: {difference} {exact}",
+                        model.name()
+                    );
+                }
+                for (m, (a, b)) in weighted(&up).iter().zip(weighted(&down)).enumerate() {
+                    let difference = (a - b) / (2.0 * h);
+                    let exact = full[m * dims.nz() + k];
+                    assert!(
+                        (difference - exact).abs() < 1e-4 * (1.0 + exact.abs()),
+                        "{} {m} {k}: {difference} {exact}",
+                        model.name()
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_parts_make_the_residual() {
+        let model = Extended::new(&TwoLink, &everything(&TwoLink)).unwrap();
+        let dims = model.dims();
+        let z = point(&model, 1.1);
+        let at = at(&z, &dims);
+        let (mut m, mut b, mut f, mut r) = (
+            vec![0.0; dims.nm()],
+            vec![0.0; 2],
+            vec![0.0; 2],
+            vec![0.0; 2],
+        );
+        model.mass_matrix(&at, &mut m);
+        model.bias(&at, &mut b);
+        model.applied_force(&at, &mut f);
+        model.residual(&at, &mut r);
+        let full = [
+            m[0] * at.a[0] + m[1] * at.a[1],
+            m[1] * at.a[0] + m[2] * at.a[1],
+        ];
+        let energy = 0.5
+            * (m[0] * at.v[0] * at.v[0]
+                + 2.0 * m[1] * at.v[0] * at.v[1]
+                + m[2] * at.v[1] * at.v[1]);
+        for j in 0..2 {
+            assert!((full[j] + b[j] - f[j] - r[j]).abs() < 1e-10 * (1.0 + r[j].abs()));
+        }
+        assert!((model.kinetic_energy(&at) - energy).abs() < 1e-10 * energy.abs());
+    }
+
+    #[test]
+    fn mistakes_name_term_and_joint() {
+        let error = |t: &str| {
+            Extended::new(&Emps, &[t.parse().unwrap()])
+                .err()
+                .unwrap()
+                .to_string()
+        };
+        assert!(error("load:elbow").contains("no joint `elbow`; its joints are x"));
+        let twice = ["offset".parse().unwrap(), "offset:x".parse().unwrap()];
+        let message = Extended::new(&Emps, &twice).err().unwrap().to_string();
+        assert!(message.contains("`offset_x` already"), "{message}");
+    }
+}

@@ -1,0 +1,22 @@
+//! Estimation by inverse dynamics.
+//!
+//! ```text
+//! records -> zero-phase filters -> linear regression, parallel decimation -> normal equations per block of time
+//! normal equations -> weighted least squares, base parameters, deviations, folds, bootstrap, consistent values
+//! ```
+//!
+//! Everything after the filters works on the normal equations, a few small matrices per block, and takes no further pass over
+//! the records.
+
+pub mod base;
+pub mod columns;
+pub mod consistent;
+pub mod extend;
+pub mod normal;
+pub mod poses;
+pub mod pseudo_inertia;
+pub mod range;
+pub mod record;
+pub mod regress;
+pub mod solution;
+pub mod term;
