@@ -218,6 +218,13 @@ pub(crate) struct RegressArgs {
     /// Keep every n-th sample; four per period of the cut-off if absent.
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub(crate) decimate: Option<usize>,
+    /// A joint slower than so many transition velocities (0.02 rad/s, 1 mm/s) rests: its rows are left out of the fit, not of
+    /// the judgement. 0 keeps all.
+    #[arg(long, default_value_t = 2.0, value_name = "X", value_parser = not_negative)]
+    pub(crate) rest: f64,
+    /// Training records to fit on, separated by commas; all of them if absent. Those left out are neither fitted nor judged.
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub(crate) train: Vec<String>,
     /// Hold shape parameters of force terms (Stribeck velocities) instead of seeking them.
     #[arg(long)]
     pub(crate) hold_shapes: bool,
@@ -344,6 +351,13 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
         _ => Err(format!("`{text}` is not a number above zero, such as 1e-8")),
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x.is_finite() && x >= 0.0 => Ok(x),
+        _ => Err(format!("`{text}` is not a number of at least zero")),
     }
 }
 

@@ -36,6 +36,8 @@ pub(crate) enum CliError {
         "--input-gain has {found} factors, the data set {joints} joints\n  help: give one per joint, separated by commas"
     )]
     InputGains { found: usize, joints: usize },
+    #[error("--train: no training record named `{name}`; they are {records}")]
+    NoSuchRecord { name: String, records: String },
     #[error("model `{model}` and --urdf are given\n  help: leave one of them out")]
     TwoModels { model: String },
     #[error(transparent)]

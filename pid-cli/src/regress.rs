@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use pid_estimate::record::Filtering;
 use pid_estimate::regress::{Errors, Options, Regression, regress};
+use pid_runtime::data::{Dataset, Experiment, Role};
 use pid_runtime::dynamics::Hessian;
 use serde_json::{Value, json};
 
@@ -18,7 +19,8 @@ const DISAGREES: f64 = 3.0;
 /// Runs the command; the exit code.
 pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     let progress = Progress::start("reading the data");
-    let (subject, dataset) = source::load(&args.source)?;
+    let (subject, mut dataset) = source::load(&args.source)?;
+    keep(&mut dataset, &args.train)?;
     let model = subject.model();
     let start = match &args.start {
         Some(file) => parameters::read(file, model.params())?,
@@ -30,6 +32,7 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
             decimate: args.decimate,
         },
         hold: args.hold.clone(),
+        rest: args.rest,
         shapes: !args.hold_shapes,
         consistent: !args.no_consistent,
         poses: args.poses,
@@ -48,6 +51,32 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     output::print(&in_words(model, &title, &found));
     output::print(&format!("\nwritten: {}\n", file.display()));
     Ok(0)
+}
+
+/// Leaves out training records that were not named.
+fn keep(dataset: &mut Dataset, names: &[String]) -> Result<(), CliError> {
+    let known = |e: &Experiment| e.role == Role::Train;
+    if let Some(name) = names.iter().find(|name| {
+        !dataset
+            .experiments
+            .iter()
+            .any(|e| known(e) && e.name == **name)
+    }) {
+        let records: Vec<&str> = dataset
+            .with_role(Role::Train)
+            .map(|e| e.name.as_str())
+            .collect();
+        return Err(CliError::NoSuchRecord {
+            name: name.clone(),
+            records: records.join(", "),
+        });
+    }
+    if !names.is_empty() {
+        dataset
+            .experiments
+            .retain(|e| !known(e) || names.contains(&e.name));
+    }
+    Ok(())
 }
 
 /// The result for people.

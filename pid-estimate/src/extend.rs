@@ -9,7 +9,7 @@ use pid_runtime::dynamics::{
 use crate::term::{ARGUMENTS, Law, Place, REST_ROTATION, REST_TRANSLATION, Request, SHAPE};
 
 /// Range of velocities in which a shape parameter is sought, as multiples of v₀.
-const SHAPE_RANGE: (f64, f64, f64) = (1.0, 5.0, 200.0);
+const SHAPE_RANGE: (f64, f64, f64) = (4.0, 10.0, 200.0);
 /// Widest coefficient, N·m per unit of φ. Wide: what the data do not pin shows in the deviation.
 const WIDEST: f64 = 1e3;
 

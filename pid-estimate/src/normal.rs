@@ -76,14 +76,15 @@ pub struct Normal {
 }
 
 impl Normal {
-    /// Passes the records through the model once.
-    pub fn new(model: &LinearModel<'_>, records: &[Record]) -> Self {
+    /// Passes the records through the model once. Rows of a joint that is slower than `rest` (one value per joint) are left
+    /// out: sticking friction may be anything within its band there.
+    pub fn new(model: &LinearModel<'_>, records: &[Record], rest: Option<&[f64]>) -> Self {
         let columns = model.linear().len();
         let nq = model.model().dims().nq;
         let blocks = records
             .par_iter()
             .enumerate()
-            .flat_map_iter(|(index, record)| blocks(model, record, index))
+            .flat_map_iter(|(index, record)| blocks(model, record, index, rest))
             .collect();
         Self {
             blocks,
@@ -103,11 +104,11 @@ impl Normal {
         self.nq
     }
 
-    /// Number of kept samples.
+    /// Number of kept samples, of the joint with the most of them.
     pub fn samples(&self) -> usize {
         self.blocks
             .iter()
-            .map(|b| b.joints.first().map_or(0, |j| j.count))
+            .map(|b| b.joints.iter().map(|j| j.count).max().unwrap_or(0))
             .sum()
     }
 
@@ -167,7 +168,17 @@ impl Normal {
 }
 
 /// The blocks of one record.
-fn blocks(model: &LinearModel<'_>, record: &Record, index: usize) -> Vec<Block> {
+fn blocks(
+    model: &LinearModel<'_>,
+    record: &Record,
+    index: usize,
+    rest: Option<&[f64]>,
+) -> Vec<Block> {
+    let moving: Vec<bool> = record
+        .kept()
+        .flat_map(|i| (0..record.nq).map(move |j| (i, j)))
+        .map(|(i, j)| rest.is_none_or(|rest| record.v[i * record.nq + j].abs() >= rest[j]))
+        .collect();
     let rows = filtered(model, record);
     let nq = record.nq;
     let columns = model.linear().len();
@@ -179,7 +190,13 @@ fn blocks(model: &LinearModel<'_>, record: &Record, index: usize) -> Vec<Block> 
             let range = piece * count / pieces..(piece + 1) * count / pieces;
             let samples = &rows[range.start * width..range.end * width];
             let joints = (0..nq)
-                .map(|j| sums(samples, width, nq, columns, j))
+                .map(|j| {
+                    let used = moving[range.start * nq..range.end * nq]
+                        .iter()
+                        .skip(j)
+                        .step_by(nq);
+                    sums(samples, used, (nq, columns), j)
+                })
                 .collect();
             Block {
                 record: index,
@@ -189,7 +206,13 @@ fn blocks(model: &LinearModel<'_>, record: &Record, index: usize) -> Vec<Block> 
         .collect()
 }
 
-fn sums(samples: &[f64], width: usize, nq: usize, columns: usize, joint: usize) -> Sums {
+fn sums<'a>(
+    samples: &[f64],
+    moving: impl Iterator<Item = &'a bool>,
+    (nq, columns): (usize, usize),
+    joint: usize,
+) -> Sums {
+    let width = nq * (columns + 2);
     let mut out = Sums::zero(columns);
     // Columns that this joint's row has at all: the others stay zero.
     let used: Vec<usize> = (0..columns)
@@ -199,7 +222,7 @@ fn sums(samples: &[f64], width: usize, nq: usize, columns: usize, joint: usize) 
                 .any(|row| row[2 * nq + joint * columns + k] != 0.0)
         })
         .collect();
-    for row in samples.chunks_exact(width) {
+    for (row, _) in samples.chunks_exact(width).zip(moving).filter(|(_, m)| **m) {
         let (offset, drive) = (row[joint], row[nq + joint]);
         let y = &row[2 * nq + joint * columns..][..columns];
         for (place, &k) in used.iter().enumerate() {

@@ -15,6 +15,7 @@ use crate::poses::indefinite_share;
 use crate::range::{self, Excess};
 use crate::record::{Filtering, Record};
 use crate::solution::{self, RegressionError, Solution, as_columns, weighted};
+use crate::term::{REST_ROTATION, REST_TRANSLATION};
 
 /// Values of each shape parameter that are tried over its range, and passes over all of them.
 const SHAPES: usize = 12;
@@ -30,6 +31,9 @@ pub struct Options {
     pub filtering: Filtering,
     /// Names of parameters held at their start.
     pub hold: Vec<String>,
+    /// Multiple of the transition velocity v₀ below which a joint counts as resting; its rows are then left out of the fit
+    /// (not of the judgement). 0 keeps all.
+    pub rest: f64,
     /// Whether shape parameters (Stribeck velocities) are sought, or held at their start.
     pub shapes: bool,
     /// Whether physically consistent values are sought.
@@ -47,6 +51,7 @@ impl Default for Options {
         Self {
             filtering: Filtering::default(),
             hold: Vec::new(),
+            rest: 2.0,
             shapes: true,
             consistent: true,
             poses: 10_000,
@@ -176,11 +181,23 @@ pub fn regress(
     }
     let train = Record::of(dataset, options.filtering, |e| e.role == Role::Train)?;
     let test = Record::of(dataset, options.filtering, |e| e.role == Role::Test)?;
+    let rest: Vec<f64> = model
+        .joints()
+        .iter()
+        .map(|j| {
+            options.rest
+                * if j.prismatic {
+                    REST_TRANSLATION
+                } else {
+                    REST_ROTATION
+                }
+        })
+        .collect();
     if options.shapes {
-        tune(&mut split, &train, &hold)?;
+        tune(&mut split, &train, &rest, &hold)?;
     }
-    let normal = Normal::new(&split, &train);
-    let judged = Normal::new(&split, &test);
+    let normal = Normal::new(&split, &train, Some(&rest));
+    let judged = Normal::new(&split, &test, None);
     let solution = solution::solve(&normal)?;
     let p = as_columns(&solution.base, &solution.beta, normal.columns());
 
@@ -306,6 +323,7 @@ fn scales(infos: &[&ParamInfo]) -> Vec<f64> {
 fn tune(
     split: &mut LinearModel<'_>,
     records: &[Record],
+    rest: &[f64],
     hold: &[usize],
 ) -> Result<(), RegressError> {
     let params = split.model().params();
@@ -328,7 +346,7 @@ fn tune(
             let mut best = (f64::INFINITY, split.held_value(shape));
             for k in 0..SHAPES {
                 split.set(shape, info.lower * (ratio * k as f64).exp());
-                let normal = Normal::new(split, records);
+                let normal = Normal::new(split, records, Some(rest));
                 let solution = solution::solve(&normal)?;
                 let p = as_columns(&solution.base, &solution.beta, normal.columns());
                 let cost: f64 = normal
@@ -350,7 +368,7 @@ fn tune(
     Ok(())
 }
 
-/// Residuals of all training records together, then of each test record and of all of them.
+/// Residuals of the fitted rows of all training records together, then of each test record and of all of them.
 fn errors(train: &Normal, test: &Normal, p: &DVector<f64>) -> Vec<Errors> {
     let row = |normal: &Normal, records: &str, record: Option<usize>| {
         let choice = |b: &crate::normal::Block| record.is_none_or(|r| b.record == r);

@@ -420,7 +420,7 @@ mod tests {
     #[test]
     fn the_known_carriage_is_found() {
         let model = split();
-        let normal = Normal::new(&model, &[record(1, 0.0, 0.0)]);
+        let normal = Normal::new(&model, &[record(1, 0.0, 0.0)], None);
         let solution = solve(&normal).unwrap();
         assert_eq!(solution.base.rank(), 4);
         for (value, truth) in solution.beta.iter().zip([90.0, 200.0, 20.0, -3.0]) {
@@ -434,7 +434,7 @@ mod tests {
         let model = split();
         let runs: Vec<(f64, f64, f64)> = (0..60)
             .map(|seed| {
-                let normal = Normal::new(&model, &[record(100 + seed, 4.0, 0.97)]);
+                let normal = Normal::new(&model, &[record(100 + seed, 4.0, 0.97)], None);
                 let s = solve(&normal).unwrap();
                 (s.beta[0], s.deviations()[0], s.white[(0, 0)].sqrt())
             })
@@ -456,7 +456,7 @@ mod tests {
 
     #[test]
     fn bootstrap_and_jackknife_agree() {
-        let normal = Normal::new(&split(), &[record(7, 4.0, 0.5), record(8, 4.0, 0.5)]);
+        let normal = Normal::new(&split(), &[record(7, 4.0, 0.5), record(8, 4.0, 0.5)], None);
         let solution = solve(&normal).unwrap();
         let quantiles = bootstrap(&normal, &solution, 400, 3).unwrap();
         for ((low, high), deviation) in quantiles.iter().zip(solution.deviations()) {
@@ -470,7 +470,7 @@ mod tests {
 
     #[test]
     fn nothing_to_solve_is_said() {
-        let normal = Normal::new(&split(), &[]);
+        let normal = Normal::new(&split(), &[], None);
         assert_eq!(solve(&normal).unwrap_err(), RegressionError::NoSamples);
     }
 }

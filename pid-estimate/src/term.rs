@@ -138,7 +138,7 @@ impl Law {
     /// φ of (w, α, u, s) with the transition velocity v₀.
     pub fn value<D: DualNum<Primitive = f64> + Copy>(self, x: [D; ARGUMENTS], rest: f64) -> D {
         let [w, alpha, u, s] = x;
-        let sign = || (w / rest).tanh();
+        let sign = || saturated(w / rest);
         match self {
             Law::Armature => alpha,
             Law::Offset => D::from(1.0),
@@ -149,7 +149,7 @@ impl Law {
                 let ratio = w / s;
                 (-(ratio * ratio)).exp() * sign()
             }
-            Law::Saturating => (w / s).tanh(),
+            Law::Saturating => saturated(w / s),
             Law::Load => (u * u + LOAD_SMOOTHING * LOAD_SMOOTHING).sqrt() * sign(),
             Law::Quadratic => w * (w * w + rest * rest).sqrt(),
         }
@@ -177,6 +177,17 @@ impl Law {
             }
         }
         (self.value(x, rest), gradient, hessian)
+    }
+}
+
+/// tanh, whose derivatives stay finite where the exponential functions overflow: beyond 20 it is ±1 to rounding.
+fn saturated<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
+    if x > 20.0 {
+        D::from(1.0)
+    } else if x < -20.0 {
+        D::from(-1.0)
+    } else {
+        x.tanh()
     }
 }
 
