@@ -532,7 +532,7 @@ fn finish(
     }
 }
 
-/// Share of two neighbouring innovations in one another's information: variances are larger by this.
+/// Factor on variances from the curvature: neighbouring innovations share information.
 const SHARED: f64 = 2.0;
 
 /// Curvature of a fit with 1 where a parameter has no influence, and which these are.
