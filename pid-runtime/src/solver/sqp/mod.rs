@@ -562,16 +562,15 @@ impl<'a> Solver<'a> {
                 && theta.is_finite()
                 && theta >= current
                 && self.settings.max_corrections > 0
+                && let Some((corrected, x, f, c)) = self.corrected(step, &c)
             {
-                if let Some((corrected, x, f, c)) = self.corrected(step, &c) {
-                    trials += 1;
-                    let theta = self.theta(&c);
-                    if let Some(decrease) = self.judge(theta, f, 1.0, step.slope) {
-                        *step = corrected;
-                        let mut accepted = self.accept(x, f, c, 1.0, trials, decrease);
-                        accepted.kind = 's';
-                        return Some(accepted);
-                    }
+                trials += 1;
+                let theta = self.theta(&c);
+                if let Some(decrease) = self.judge(theta, f, 1.0, step.slope) {
+                    *step = corrected;
+                    let mut accepted = self.accept(x, f, c, 1.0, trials, decrease);
+                    accepted.kind = 's';
+                    return Some(accepted);
                 }
             }
             if self.stop_requested().is_some() {

@@ -485,7 +485,11 @@ impl StructuredKkt {
 
 impl Kkt for StructuredKkt {
     fn expect_error(&mut self, error: f64) {
-        self.smallest = (SHARE * error).max(LEAST).min(SMALLEST);
+        self.smallest = if error.is_nan() {
+            SMALLEST
+        } else {
+            (SHARE * error).clamp(LEAST, SMALLEST)
+        };
     }
 
     fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
