@@ -42,6 +42,8 @@ pub(crate) enum Command {
     Paper(PaperArgs),
     /// Show what `robot!` makes of the declarations in a Rust source file.
     Dump(DumpArgs),
+    /// Find the motion from which a record tells most: optimal excitation within limits.
+    Excite(crate::excite::ExciteArgs),
 }
 
 /// Arguments of `pid dump`.

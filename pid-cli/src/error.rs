@@ -9,6 +9,7 @@ use pid_estimate::extend::ExtendError;
 use pid_estimate::regress::RegressError;
 use pid_models::UnknownModel;
 use pid_runtime::data::DataError;
+use pid_runtime::excite::ExciteError;
 use pid_runtime::gap::force::MissingForceError;
 use pid_runtime::gap::metrics::FreeRunError;
 use pid_runtime::ident::{CrossValidationError, IdentError};
@@ -16,6 +17,7 @@ use pid_runtime::integrate::SimulateError;
 use pid_runtime::report::ReportError;
 use pid_urdf::UrdfError;
 
+use crate::excite::LimitsError;
 use crate::parameters::ParameterFileError;
 
 /// An error of the command line.
@@ -62,13 +64,15 @@ pub(crate) enum CliError {
     CrossValidation(#[from] CrossValidationError),
     #[error("the result cannot be written as JSON: {0}")]
     Json(serde_json::Error),
-    #[error("the figures of the study cannot be written as JSON: {0}")]
-    PaperJson(serde_json::Error),
     #[error("{}: {error}", path.display())]
     Dump {
         path: PathBuf,
         error: pid_dump::Error,
     },
+    #[error(transparent)]
+    Excite(#[from] ExciteError),
+    #[error(transparent)]
+    Limits(#[from] LimitsError),
     #[error("{}: cannot be read: {error}", path.display())]
     Read { path: PathBuf, error: io::Error },
     #[error("{}: no robot named `{name}`; the file has {found}", path.display())]

@@ -9,6 +9,7 @@ mod demo;
 mod diagnose;
 mod dump;
 mod error;
+mod excite;
 mod findings;
 mod horizon;
 mod identify;
@@ -44,6 +45,7 @@ fn main() -> ExitCode {
         Some(Command::DemoData(args)) => demo_data(&args),
         Some(Command::Paper(args)) => paper::run(&args),
         Some(Command::Dump(args)) => dump::run(&args),
+        Some(Command::Excite(args)) => excite::run(&args),
     };
     match outcome {
         Ok(code) => ExitCode::from(code),

@@ -2,6 +2,7 @@
 
 pub mod data;
 pub mod dynamics;
+pub mod excite;
 pub mod gap;
 pub mod generic;
 pub mod ident;

@@ -170,7 +170,7 @@ pub(crate) fn run(args: &PaperArgs) -> Result<u8, CliError> {
     make_folder(&args.out)?;
     let (html, json) = (args.out.join("paper.html"), args.out.join("paper.json"));
     write(&html, &page::html(&findings))?;
-    let text = serde_json::to_string_pretty(&findings).map_err(CliError::PaperJson)?;
+    let text = serde_json::to_string_pretty(&findings).map_err(CliError::Json)?;
     write(&json, &text)?;
     output::print(&page::text(&findings));
     output::print(&format!(
