@@ -15,7 +15,7 @@ fn records(name: &str) -> Option<Dataset> {
         .join("../../shared/data")
         .join(name);
     if !folder.is_dir() {
-        println!("skipped: no records at {}", folder.display());
+        eprintln!("skipped: no records at {}", folder.display());
         return None;
     }
     Some(Dataset::read(&folder).expect("readable"))
