@@ -1,7 +1,7 @@
 //! Base parameters from data: which combinations of the parameters the normal equations determine, and their names.
 //!
 //! With A scaled to a unit diagonal, a Cholesky factorization with complete pivoting takes the columns one by one; those whose
-//! remainder (1 − R² on the columns taken before) falls below [`DEPENDENT`] are linear combinations of the others,
+//! remainder (1 − R² on the columns taken before) falls below 1e-10 are linear combinations of the others,
 //! `W_d = W_i K`, and only `β = p_i + K p_d` can be determined (M. Gautier, J. Robotic Systems 8, 1991, by QR).
 
 use nalgebra::{DMatrix, DVector};

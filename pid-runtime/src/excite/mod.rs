@@ -9,7 +9,7 @@
 //! Trans. Robot. Autom. 13 (1997)). The regressor is the force's derivative by the parameters at their nominal values, its
 //! columns those that are independent there; parameters in which the force is no polynomial, and those whose effect depends on
 //! the inputs, are taken as known. The program has exact first and second derivatives, all from the model's generated
-//! Jacobian and Hessian, and is solved by [`solver::ip`](crate::solver::ip).
+//! Jacobian and Hessian, and is solved by [`ip`].
 
 mod columns;
 mod criterion;

@@ -28,10 +28,11 @@ const STATIC: f64 = 1e-9;
 /// bounds make the largest one as large as 1e8, so that a share of 1e-9 would already slow down the identifiable directions.
 const FLOOR: f64 = 1e-14;
 /// The smallest eigenvalue that is kept, in the scaled problem: this far from the solution, a share of the optimality error near
-/// it, where lifted directions would converge linearly, and never less than the last.
+/// it, where lifted directions would converge linearly, and never less than the last: at 1e-9 rounding in redundant directions
+/// cost 616 instead of 69 iterations on 1001 samples.
 const SMALLEST: f64 = 1e-5;
 const SHARE: f64 = 1e-3;
-const LEAST: f64 = 1e-9;
+const LEAST: f64 = 1e-7;
 /// Below this many steps the segments are condensed by the calling thread.
 const PARALLEL_STEPS: usize = 1500;
 
