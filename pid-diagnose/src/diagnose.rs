@@ -36,13 +36,13 @@ const EXPLAINED: f64 = 1.1;
 #[derive(Clone)]
 pub struct Settings {
     /// The effects considered; [`effects::all`](crate::effects::all) and the user's own.
-    pub library: Vec<Arc<dyn Effect>>,
+    pub effects: Vec<Arc<dyn Effect>>,
     /// How many candidates are refitted in full.
     pub refits: usize,
     /// Steps of a refit at most.
     pub steps: usize,
     /// Most effects named together.
-    pub effects: usize,
+    pub most: usize,
     /// Gain of twice the log-likelihood beyond the penalty that an effect must reach.
     pub margin: f64,
     /// Share by which the gap on the test records must shrink.
@@ -59,10 +59,10 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Settings {
-            library: crate::effects::all(),
+            effects: crate::effects::all(),
             refits: 7,
             steps: 14,
-            effects: 2,
+            most: 2,
             margin: 12.0,
             least_shrink: 0.06,
             least_size: 3.0,
@@ -184,8 +184,8 @@ pub fn diagnose(case: &Case, settings: &Settings) -> Diagnosis {
     let mut ranking: Vec<Refit> = Vec::new();
     let mut refits = 0;
     let mut accepted: Vec<Term> = Vec::new();
-    for round in 0..settings.effects {
-        let mut list = candidates(case, &settings.library, &current.hypothesis);
+    for round in 0..settings.most {
+        let mut list = candidates(case, &settings.effects, &current.hypothesis);
         for (term, starts) in &mut list {
             starts.extend(windows::start(case, &basis, &current, term));
         }
@@ -213,7 +213,7 @@ pub fn diagnose(case: &Case, settings: &Settings) -> Diagnosis {
         let shrinks = after.total < (1.0 - needed) * current_gap.total;
         let enough = relative > if round == 0 { 0.002 } else { 0.03 };
         // One of two effects may hide behind the other in free runs: it is kept until the last round shows what both give.
-        let provisional = relative > PROVISIONAL && round + 1 < settings.effects;
+        let provisional = relative > PROVISIONAL && round + 1 < settings.most;
         let take = significant
             && held_out > 0.0
             && enough
@@ -355,7 +355,7 @@ fn gain(current: &Fit, refit: &Refit) -> f64 {
 /// A derived velocity that does not follow from its positions as stated.
 fn lagging_velocity(case: &Case, settings: &Settings) -> Option<(Term, f64, f64)> {
     let effect = settings
-        .library
+        .effects
         .iter()
         .find(|e| e.info().id == "velocity_filter_lag")?;
     channel::consistency(case)

@@ -47,8 +47,8 @@
 //! }
 //!
 //! let mut settings = Settings::default();
-//! settings.library.push(Arc::new(HardeningSpring));
-//! assert_eq!(settings.library.len(), 26);
+//! settings.effects.push(Arc::new(HardeningSpring));
+//! assert_eq!(settings.effects.len(), 26);
 //! ```
 
 pub mod case;
