@@ -3,7 +3,7 @@
 use num_dual::DualNum;
 
 pub use crate::lanes::one_by_one;
-pub use multiversion;
+pub use fearless_simd;
 
 #[cfg(target_arch = "x86_64")]
 pub use crate::lanes::avx2;

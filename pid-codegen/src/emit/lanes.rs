@@ -1,8 +1,8 @@
 //! Bodies over four nodes at once.
 //!
 //! A body becomes a second set of functions on 256-bit vectors, which the compiler builds for AVX2 and FMA whatever the rest
-//! of the program is built for, and a dispatcher that runs it where the processor can (`multiversion` does the
-//! asking, so that nothing here is unsafe). A product that is used once, by a sum of its own block, becomes one fused
+//! of the program is built for, and a dispatcher that runs it where the processor can (`fearless_simd` does the
+//! asking and hands out the proof, so that nothing here is unsafe). A product that is used once, by a sum of its own block, becomes one fused
 //! operation: fewer statements to compile and to run.
 //!
 //! Vector code is written with the intrinsics themselves. Measured on the derivatives of a six-axis arm it compiles in little
@@ -89,19 +89,22 @@ impl LaneFunction {
                 #[target_feature(enable = "avx2,fma")]
                 fn #parts(#arguments w: &mut [V; #slots]) { #bodies }
             )*
-            #[target_feature(enable = "avx2,fma")]
-            pub(super) fn #name(#arguments) {
-                let mut w = [all(0.0_f64); #slots];
-                #( #parts(#forwarded &mut w); )*
+            fearless_simd::kernel! {
+                pub(super) fn #name(level: Avx2, #arguments) {
+                    let mut w = [all(0.0_f64); #slots];
+                    #( #parts(#forwarded &mut w); )*
+                }
             }
         };
         let dispatcher = quote! {
-            #[multiversion::multiversion(targets("x86_64+avx2+fma"))]
+            #[allow(unused_variables)]
             fn #name(#arguments) -> bool {
-                multiversion::target::match_target! {
-                    "x86_64+avx2+fma" => { avx2::#name(#forwarded); true }
-                    _ => false,
+                #[cfg(target_arch = "x86_64")]
+                if let Some(level) = ::pid_runtime::__private::fearless_simd::Level::new().as_avx2() {
+                    avx2::#name(level, #forwarded);
+                    return true;
                 }
+                false
             }
         };
         Self {
@@ -290,12 +293,10 @@ fn definitions(functions: &[&LaneFunction]) -> TokenStream {
     let bodies = functions.iter().map(|function| &function.definition);
     let dispatchers = functions.iter().map(|function| &function.dispatcher);
     quote! {
-        #[allow(unused_imports)]
-        use ::pid_runtime::__private::multiversion;
         #[cfg(target_arch = "x86_64")]
         mod avx2 {
             #[allow(unused_imports)]
-            use ::pid_runtime::__private::avx2::*;
+            use ::pid_runtime::__private::{avx2::*, fearless_simd};
             #(#bodies)*
         }
         #(#dispatchers)*

@@ -242,20 +242,8 @@ mod tests {
         out
     }
 
-    #[multiversion::multiversion(targets("x86_64+avx2+fma"))]
-    #[allow(
-        unused_variables,
-        reason = "on processors without AVX2 there is nothing to test"
-    )]
-    fn worst(f: usize) -> f64 {
-        multiversion::target::match_target! {
-            "x86_64+avx2+fma" => worst_avx2(f),
-            _ => 0.0,
-        }
-    }
-
-    #[target_feature(enable = "avx2,fma")]
-    fn worst_avx2(f: usize) -> f64 {
+    fearless_simd::kernel! {
+    fn worst(level: Avx2, f: usize) -> f64 {
         let mut worst: f64 = 0.0;
         for x in arguments().chunks_exact(4) {
             let v = load(x.try_into().unwrap());
@@ -273,11 +261,16 @@ mod tests {
         }
         worst
     }
+    }
 
     #[test]
     fn functions_are_accurate_to_a_few_units_in_the_last_place() {
-        assert!(worst(0) <= 2.0);
-        assert!(worst(1) <= 2.0);
-        assert!(worst(2) <= 3.0);
+        let Some(level) = fearless_simd::Level::new().as_avx2() else {
+            eprintln!("skipped: this processor has no AVX2");
+            return;
+        };
+        assert!(worst(level, 0) <= 2.0);
+        assert!(worst(level, 1) <= 2.0);
+        assert!(worst(level, 2) <= 3.0);
     }
 }
