@@ -41,6 +41,9 @@ pub enum CaseError {
 /// Fewest samples of a record.
 const SHORTEST: usize = 50;
 
+/// Drive noise to start from where it is not stated, share of the typical torque.
+const FIRST_GUESS: f64 = 0.003;
+
 /// How the velocity of a joint is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Velocity {
@@ -254,7 +257,7 @@ impl Case {
             let largest = at(&u, 0.002).abs().max(at(&u, 0.998).abs());
             let torque = joint
                 .torque_peak
-                .unwrap_or((largest * joint.motor_gain).abs())
+                .unwrap_or((largest * joint.gain()).abs())
                 .max(1e-9);
             self.scale.push(Scale {
                 torque,
@@ -273,31 +276,34 @@ impl Case {
                 x.sort_by(f64::total_cmp);
                 x.first().copied().unwrap_or(0.0)
             };
-            let quantum = joint.q_resolution.unwrap_or(0.0) / 12f64.sqrt();
-            let q_noise = match joint.q_noise_std {
-                Some(x) => x.hypot(quantum),
-                None => level(&|r| &r.q[j]),
-            };
-            let v_noise = match joint.dq_noise_std {
+            let quantum = joint.resolution.unwrap_or(0.0) / 12f64.sqrt();
+            let q_noise = joint
+                .position_noise
+                .unwrap_or_else(|| level(&|r| &r.q[j]).max(quantum));
+            let v_noise = match joint.velocity_noise {
                 Some(x) if x > 0.0 => x,
                 _ => level(&|r| &r.v[j]),
             };
             self.noise.push(Noise {
                 q: q_noise.max(1e-12),
                 v: v_noise.max(1e-9),
-                torque: self.nominal.input_noise.unwrap_or(0.003) * torque,
-                stated: self.nominal.input_noise.is_some(),
+                // A first guess where it is not stated; it is settled with the fit.
+                torque: match joint.input_noise {
+                    Some(x) => (x * joint.gain().abs()).max(1e-6 * torque),
+                    None => FIRST_GUESS * torque,
+                },
+                stated: joint.input_noise.is_some(),
             });
         }
         let reach: f64 = self.nominal.joints[1..]
             .iter()
-            .map(|j| norm(j.origin))
+            .map(|j| norm(j.hinge.origin))
             .sum::<f64>()
             + norm(self.nominal.tool);
         let second = 1.min(n - 1);
         self.tip = (
             self.scale[second].torque / reach.max(0.05),
-            self.nominal.joints[n - 1].mass.max(1e-6),
+            self.nominal.joints[n - 1].mass().max(1e-6),
         );
     }
 

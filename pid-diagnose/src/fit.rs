@@ -41,9 +41,9 @@ pub struct Value {
     pub count: Vec<[f64; 2]>,
     /// Sum of (θ/σ)².
     pub prior: f64,
-    /// Sum of ln det S over the innovations' predicted covariances S: gains of their own make hypotheses comparable only
-    /// together with it.
-    pub log_det: f64,
+    /// Sum of ln det S over the innovations' predicted covariances S, per joint: gains of their own make hypotheses comparable
+    /// only together with it.
+    pub log_det: Vec<f64>,
 }
 
 impl Value {
@@ -55,17 +55,21 @@ impl Value {
     pub fn number(&self) -> f64 {
         self.count.iter().map(|c| c[0] + c[1]).sum()
     }
+    /// Sum of ln det S over all joints.
+    pub fn spread(&self) -> f64 {
+        self.log_det.iter().sum()
+    }
     /// Sum of squares and prior.
     pub fn objective(&self) -> f64 {
         self.total() + self.prior
     }
     /// Minus twice the log-likelihood, up to a constant of the records: sum of squares and ln det S.
     pub fn surprise(&self) -> f64 {
-        self.total() + self.log_det
+        self.total() + self.spread()
     }
     /// Minus twice the logarithm of the posterior density, up to a constant of the records.
     pub fn evidence(&self) -> f64 {
-        self.objective() + self.log_det
+        self.objective() + self.spread()
     }
 }
 
@@ -144,15 +148,15 @@ pub fn value(
         chi: vec![[0.0; 2]; n],
         count: vec![[0.0; 2]; n],
         prior: at.theta.iter().map(|t| (t / PRIOR).powi(2)).sum(),
-        log_det: 0.0,
+        log_det: vec![0.0; n],
     };
     for (record, g) in case.records.iter().zip(gains) {
         if record.role == role {
             let rows = rows(record) as f64;
             for (j, g) in g.iter().enumerate() {
-                total.log_det -= 2.0 * rows * g.whiten[0][0].ln();
+                total.log_det[j] -= 2.0 * rows * g.whiten[0][0].ln();
                 if case.velocity[j] == Velocity::Measured {
-                    total.log_det -= 2.0 * rows * g.whiten[1][1].ln();
+                    total.log_det[j] -= 2.0 * rows * g.whiten[1][1].ln();
                 }
             }
         }

@@ -248,7 +248,7 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
         for _ in 0..DRAWS {
             let mut noisy = record.clone();
             for j in 0..n {
-                let scale = case.noise[j].torque / case.nominal.joints[j].motor_gain.abs();
+                let scale = case.noise[j].torque / case.nominal.joints[j].gain().abs();
                 for u in &mut noisy.u[j] {
                     *u += scale * random.next();
                 }

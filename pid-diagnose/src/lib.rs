@@ -59,6 +59,8 @@ pub mod effects;
 pub mod fit;
 pub mod gap;
 mod kernels;
+pub mod next;
+pub mod noise;
 pub mod nominal;
 pub mod observer;
 mod page;

@@ -1,48 +1,32 @@
-//! `nominal.toml`: what is known of the robot before looking at the data.
+//! What is known of the robot before looking at the data, as the simulation takes it: a chain of joints, each with its drive.
+//!
+//! The description itself is [`pid_interpret::nominal`]'s; this module reads its values off, joint by joint.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use serde::Deserialize;
+use pid_derive::model::{Expr, JointKind};
+use pid_interpret::nominal::{self as description, Role, Velocity};
 
-use crate::rigid::Hinge;
+pub use pid_interpret::nominal::EncoderSide;
+
+use crate::plant::{GAIN, PER_JOINT};
+use crate::rigid::{Hinge, M3};
 
 /// A nominal description that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum NominalError {
-    /// The file cannot be read.
+    /// It cannot be read.
+    #[error(transparent)]
+    Description(#[from] description::NominalError),
+    /// It is not a chain.
     #[error(
-        "cannot read {path}: {source}; a folder to diagnose holds nominal.toml beside dataset.toml"
+        "joint `{joint}` does not hang on the joint before it; a diagnosis takes a chain, listed base to tip\n  help: leave `parent` out, or diagnose each chain by itself"
     )]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The file is not what is expected.
-    #[error("{path}: {message}")]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// Where and what.
-        message: String,
-    },
-    /// A value is out of range.
-    #[error("joint `{joint}`: {key} = {value} must be {must}")]
-    Value {
+    Branch {
         /// The joint.
         joint: String,
-        /// The key.
-        key: &'static str,
-        /// What was found.
-        value: f64,
-        /// What it must be.
-        must: &'static str,
     },
-    /// No joint is described.
-    #[error("no [[joint]] in nominal.toml; describe the chain from base to tip")]
-    NoJoint,
     /// Records and description disagree.
     #[error(
         "nominal.toml describes {nominal} joints, dataset.toml {data}; give both the same joints, base to tip"
@@ -55,104 +39,40 @@ pub enum NominalError {
     },
 }
 
-/// Which side of the transmission the encoder sits on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Default)]
-#[serde(rename_all = "lowercase")]
-pub enum EncoderSide {
-    /// On the motor.
-    #[default]
-    Motor,
-    /// On the link.
-    Link,
-}
-
-/// How far the real values may lie from the nominal ones.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-pub struct Tolerance {
-    /// Share of the mass.
-    pub mass_rel: f64,
-    /// Each component of the centre of mass, m.
-    pub com_abs_m: f64,
-    /// Each element of the inertia about the centre of mass, share of its largest principal value.
-    pub inertia_rel: f64,
-    /// Share of the rotor inertia.
-    pub rotor_inertia_rel: f64,
-    /// Share of the motor gain.
-    pub motor_gain_rel: f64,
-    /// Share of Coulomb and viscous friction.
-    pub friction_rel: f64,
-}
-
-/// One joint and the link it moves, as stated.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+/// One joint, the link it moves and its drive.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
     /// Name.
     pub name: String,
-    /// `revolute` or `prismatic`.
-    pub r#type: String,
-    /// Axis in the link's frame.
-    pub axis: [f64; 3],
-    /// Origin of the link's frame in the parent's, m.
-    pub origin: [f64; 3],
-    /// Fixed roll, pitch, yaw, rad.
-    #[serde(default)]
-    pub rpy: [f64; 3],
-    /// Mass, kg.
-    pub mass: f64,
-    /// Centre of mass, m.
-    pub com: [f64; 3],
-    /// Inertia about the centre of mass, xx yy zz xy xz yz, kg m².
-    pub inertia: [f64; 6],
-    /// Rotor inertia at the joint, kg m² (kg for a slide).
-    #[serde(default)]
-    pub rotor_inertia: f64,
-    /// Coulomb friction, N m or N.
-    #[serde(default)]
-    pub coulomb: f64,
-    /// Viscous friction, N m s or N s/m.
-    #[serde(default)]
-    pub viscous: f64,
-    /// Torque or force per unit of input.
-    pub motor_gain: f64,
-    /// `measured`, `derived` or `absent`; the data set decides if absent here.
-    #[serde(default)]
-    pub velocity: Option<String>,
+    /// Geometry.
+    pub hinge: Hinge,
+    /// Nominal values in the order of [`plant::NAMES`](crate::plant::NAMES), SI.
+    pub values: [f64; PER_JOINT],
+    /// The real values lie within nominal ± these.
+    pub half_widths: [f64; PER_JOINT],
+    /// Range of the coordinate, rad or m.
+    pub limits: Option<(f64, f64)>,
     /// Step of the encoder, rad or m.
-    #[serde(default)]
-    pub q_resolution: Option<f64>,
+    pub resolution: Option<f64>,
     /// Standard deviation of a position reading, rad or m.
-    #[serde(default)]
-    pub q_noise_std: Option<f64>,
+    pub position_noise: Option<f64>,
     /// Standard deviation of a measured velocity, rad/s or m/s.
-    #[serde(default)]
-    pub dq_noise_std: Option<f64>,
+    pub velocity_noise: Option<f64>,
+    /// Standard deviation of the applied input, per sample, in its unit.
+    pub input_noise: Option<f64>,
     /// Typical largest torque or force.
-    #[serde(default)]
     pub torque_peak: Option<f64>,
-    /// Typical speed.
-    #[serde(default)]
-    pub speed_scale: Option<f64>,
 }
 
-#[derive(Debug, Deserialize)]
-struct RawRobot {
-    name: String,
-    gravity: [f64; 3],
-    #[serde(default)]
-    tool: [f64; 3],
-    #[serde(default)]
-    encoder_side: EncoderSide,
-    velocity_filter_hz: Option<f64>,
-    input_noise: Option<f64>,
-    horizon_s: Option<f64>,
-}
-
-#[derive(Debug, Deserialize)]
-struct Raw {
-    robot: RawRobot,
-    tolerance: Tolerance,
-    #[serde(default)]
-    joint: Vec<Joint>,
+impl Joint {
+    /// Torque or force per unit of input.
+    pub fn gain(&self) -> f64 {
+        self.values[GAIN]
+    }
+    /// Mass of the link, kg.
+    pub fn mass(&self) -> f64 {
+        self.values[0]
+    }
 }
 
 /// The nominal robot with its tolerances and what is said of the measurement.
@@ -168,28 +88,43 @@ pub struct Nominal {
     pub encoder_side: EncoderSide,
     /// Corner of the filter behind a derived velocity, Hz.
     pub velocity_filter_hz: Option<f64>,
-    /// Standard deviation of the applied input's noise, share of the torque peak.
-    pub input_noise: Option<f64>,
     /// Free-run window, s; the whole record if absent.
     pub horizon: Option<f64>,
-    /// Tolerances.
-    pub tolerance: Tolerance,
     /// Joints, base to tip.
     pub joints: Vec<Joint>,
+    /// The description it was read from.
+    pub description: description::Nominal,
+}
+
+/// Place of a role among the values of a joint; `None` for what is no value of the robot.
+fn place(role: Role) -> Option<usize> {
+    match role {
+        Role::Mass => Some(0),
+        Role::CenterOfMass(k) => Some(1 + k),
+        Role::Inertia(k) => Some(4 + k),
+        Role::RotorInertia => Some(10),
+        Role::Gain => Some(GAIN),
+        Role::Coulomb => Some(12),
+        Role::Viscous => Some(13),
+        _ => None,
+    }
+}
+
+/// A description states numbers where the language of robots allows expressions.
+fn number(x: &Expr) -> f64 {
+    match x {
+        Expr::Num(x) => *x,
+        _ => f64::NAN,
+    }
 }
 
 impl Nominal {
     /// Reads `nominal.toml` of a folder.
     ///
     /// # Errors
-    /// If it is absent, malformed, or holds values that cannot be meant.
+    /// If it is absent, malformed, holds values that cannot be meant, or branches.
     pub fn read(folder: &Path) -> Result<Self, NominalError> {
-        let path = folder.join("nominal.toml");
-        let text = std::fs::read_to_string(&path).map_err(|source| NominalError::Read {
-            path: path.clone(),
-            source,
-        })?;
-        Self::parse(&text, &path)
+        Self::new(description::Nominal::read(folder.join("nominal.toml"))?)
     }
 
     /// From the text of the file; `path` is for messages.
@@ -197,26 +132,72 @@ impl Nominal {
     /// # Errors
     /// As [`Nominal::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, NominalError> {
-        let raw: Raw = toml::from_str(text).map_err(|e| NominalError::Syntax {
-            path: path.to_owned(),
-            message: e.to_string().trim_end().to_owned(),
-        })?;
-        if raw.joint.is_empty() {
-            return Err(NominalError::NoJoint);
-        }
-        for j in &raw.joint {
-            check(j)?;
+        Self::new(description::Nominal::parse(path, text)?)
+    }
+
+    /// From a description.
+    ///
+    /// # Errors
+    /// If it branches.
+    pub fn new(description: description::Nominal) -> Result<Self, NominalError> {
+        let robot = description.robot();
+        let measurement = description.measurement();
+        let mut joints = Vec::with_capacity(robot.joints.len());
+        let mut velocity_filter_hz = None;
+        for (k, (joint, channel)) in robot.joints.iter().zip(&measurement.channels).enumerate() {
+            if joint.parent != k.checked_sub(1) {
+                return Err(NominalError::Branch {
+                    joint: joint.name.clone(),
+                });
+            }
+            let (revolute, axis) = match joint.kind {
+                JointKind::Prismatic(axis) => (false, axis),
+                JointKind::Revolute(axis) => (true, axis),
+                // A description has no other kinds.
+                _ => (true, [f64::NAN; 3]),
+            };
+            let velocity_noise = match channel.velocity {
+                Velocity::Measured { noise } => noise,
+                Velocity::Derived { filter_hz } => {
+                    velocity_filter_hz = velocity_filter_hz.or(filter_hz);
+                    None
+                }
+                Velocity::Absent => None,
+            };
+            let mut values = [0.0; PER_JOINT];
+            let mut half_widths = [0.0; PER_JOINT];
+            for t in description.tolerances().iter().filter(|t| t.joint == k) {
+                if let Some(i) = place(t.role) {
+                    (values[i], half_widths[i]) = (t.nominal, t.half_width);
+                }
+            }
+            joints.push(Joint {
+                name: joint.name.clone(),
+                hinge: Hinge {
+                    revolute,
+                    axis,
+                    origin: [0, 1, 2].map(|i| number(&joint.origin[i])),
+                    rotation: rpy([0, 1, 2].map(|i| number(&joint.rpy[i]))),
+                },
+                values,
+                half_widths,
+                limits: joint.limits,
+                resolution: channel.position_resolution,
+                position_noise: channel.position_std(),
+                velocity_noise,
+                input_noise: channel.input_noise,
+                torque_peak: channel.torque_peak,
+            });
         }
         Ok(Nominal {
-            name: raw.robot.name,
-            gravity: raw.robot.gravity,
-            tool: raw.robot.tool,
-            encoder_side: raw.robot.encoder_side,
-            velocity_filter_hz: raw.robot.velocity_filter_hz,
-            input_noise: raw.robot.input_noise,
-            horizon: raw.robot.horizon_s,
-            tolerance: raw.tolerance,
-            joints: raw.joint,
+            name: robot.name.clone(),
+            gravity: [0, 1, 2].map(|i| number(&robot.gravity[i])),
+            tool: measurement.tool.unwrap_or([0.0; 3]),
+            encoder_side: measurement.encoder_side,
+            velocity_filter_hz,
+            horizon: measurement.horizon,
+            joints,
+            description,
         })
     }
 
@@ -227,57 +208,12 @@ impl Nominal {
 
     /// Geometry of the chain.
     pub fn hinges(&self) -> Vec<Hinge> {
-        self.joints
-            .iter()
-            .map(|j| {
-                let length = j.axis.iter().map(|x| x * x).sum::<f64>().sqrt();
-                Hinge {
-                    revolute: j.r#type == "revolute",
-                    axis: j.axis.map(|x| x / length),
-                    origin: j.origin,
-                    rotation: rpy(j.rpy),
-                }
-            })
-            .collect()
+        self.joints.iter().map(|j| j.hinge.clone()).collect()
     }
-}
-
-fn check(j: &Joint) -> Result<(), NominalError> {
-    let fail = |key, value, must| {
-        Err(NominalError::Value {
-            joint: j.name.clone(),
-            key,
-            value,
-            must,
-        })
-    };
-    if !(j.mass >= 0.0 && j.mass.is_finite()) {
-        return fail("mass", j.mass, "zero or positive");
-    }
-    if j.motor_gain == 0.0 || !j.motor_gain.is_finite() {
-        return fail("motor_gain", j.motor_gain, "finite and not zero");
-    }
-    for (key, x) in [
-        ("rotor_inertia", j.rotor_inertia),
-        ("coulomb", j.coulomb),
-        ("viscous", j.viscous),
-    ] {
-        if !(x >= 0.0 && x.is_finite()) {
-            return fail(key, x, "zero or positive");
-        }
-    }
-    let length = j.axis.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if !(length > 1e-9 && length.is_finite()) {
-        return fail("axis", length, "a vector that is not zero");
-    }
-    if j.r#type != "revolute" && j.r#type != "prismatic" {
-        return fail("type", f64::NAN, "`revolute` or `prismatic`");
-    }
-    Ok(())
 }
 
 /// Rotation `Rz(yaw) Ry(pitch) Rx(roll)`.
-fn rpy([r, p, y]: [f64; 3]) -> [[f64; 3]; 3] {
+fn rpy([r, p, y]: [f64; 3]) -> M3<f64> {
     let ((sr, cr), (sp, cp), (sy, cy)) = (r.sin_cos(), p.sin_cos(), y.sin_cos());
     [
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],

@@ -1,9 +1,9 @@
 //! The parameters of the nominal structure, as deviations in units of their tolerances.
 //!
 //! Per joint k, in this order: mass, centre of mass (3), inertia about it (6), rotor inertia, motor gain, Coulomb friction,
-//! viscous friction. A deviation of 1 is one tolerance: `m = m₀ (1 + tol θ)`, `c = c₀ + tol θ`, and so on.
+//! viscous friction. A deviation of 1 is one tolerance: `m = m₀ + Δm θ`, and so on.
 
-use crate::nominal::{Joint, Nominal};
+use crate::nominal::Nominal;
 use crate::rigid::{Body, Hinge, V3};
 use crate::scalar::Scalar;
 
@@ -53,7 +53,6 @@ pub struct Plant<D> {
 impl<D: Scalar> Plant<D> {
     /// The plant at the deviations `theta` (n × [`PER_JOINT`]).
     pub fn new(nominal: &Nominal, theta: &[D]) -> Self {
-        let t = &nominal.tolerance;
         let mut plant = Plant {
             hinges: nominal.hinges(),
             bodies: Vec::with_capacity(nominal.n()),
@@ -65,34 +64,19 @@ impl<D: Scalar> Plant<D> {
             tool: nominal.tool,
         };
         for (j, d) in nominal.joints.iter().zip(theta.chunks_exact(PER_JOINT)) {
-            let relative = |x: f64, tolerance: f64, d: D| d * (x * tolerance) + x;
-            let mass = relative(j.mass, t.mass_rel, d[0]);
-            let com = [0, 1, 2].map(|i| d[1 + i] * t.com_abs_m + j.com[i]);
-            let unit = t.inertia_rel * largest_principal(j);
-            let central = [0, 1, 2, 3, 4, 5].map(|i| d[4 + i] * unit + j.inertia[i]);
-            plant.bodies.push(about_origin(mass, com, central));
-            plant
-                .rotor
-                .push(relative(j.rotor_inertia, t.rotor_inertia_rel, d[10]));
-            plant
-                .gain
-                .push(relative(j.motor_gain, t.motor_gain_rel, d[11]));
-            plant
-                .coulomb
-                .push(relative(j.coulomb, t.friction_rel, d[12]));
-            plant
-                .viscous
-                .push(relative(j.viscous, t.friction_rel, d[13]));
+            let x = |i: usize| d[i] * j.half_widths[i] + j.values[i];
+            plant.bodies.push(about_origin(
+                x(0),
+                [x(1), x(2), x(3)],
+                [x(4), x(5), x(6), x(7), x(8), x(9)],
+            ));
+            plant.rotor.push(x(10));
+            plant.gain.push(x(GAIN));
+            plant.coulomb.push(x(12));
+            plant.viscous.push(x(13));
         }
         plant
     }
-}
-
-/// Largest principal value of the stated inertia; the largest diagonal entry bounds it well enough as a unit.
-fn largest_principal(j: &Joint) -> f64 {
-    let [xx, yy, zz, xy, xz, yz] = j.inertia;
-    let m = nalgebra::Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-    m.symmetric_eigenvalues().max().max(1e-12)
 }
 
 /// Inertial parameters about the link's origin from those about the centre of mass (parallel axes).

@@ -49,7 +49,7 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
                     (all - rotor).max(0.02 * all),
                     1.0 / compliance,
                     g.damping.min(2.0 * (rotor / compliance).sqrt()),
-                    case.nominal.encoder_side == EncoderSide::Link,
+                    case.nominal.encoder_side == EncoderSide::Joint,
                 )
             });
             gain(&Design {
@@ -167,7 +167,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
     }
 
     fn encoder(&self, state: &State<D>, j: usize) -> (D, D) {
-        if self.case.nominal.encoder_side == EncoderSide::Link {
+        if self.case.nominal.encoder_side == EncoderSide::Joint {
             (state.q[j], state.v[j])
         } else {
             (state.drive_q[j], state.drive_v[j])
@@ -270,7 +270,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
             if self.machine.gears[j].is_some() {
                 state.drive_q[j] += dq;
                 state.q[j] += dq;
-                if self.case.nominal.encoder_side == EncoderSide::Link {
+                if self.case.nominal.encoder_side == EncoderSide::Joint {
                     state.v[j] = D::constant(v);
                 } else {
                     state.drive_v[j] = D::constant(v);

@@ -5,7 +5,7 @@ use crate::scalar::Scalar;
 
 /// Three components.
 pub type V3<D> = [D; 3];
-type M3<D> = [[D; 3]; 3];
+pub(crate) type M3<D> = [[D; 3]; 3];
 
 /// Inertial parameters of one link in its own frame.
 #[derive(Debug, Clone, Copy, PartialEq)]

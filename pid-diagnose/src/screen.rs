@@ -292,7 +292,7 @@ impl Reference<'_> {
                     start: own.iter().zip(&step).map(|(s, d)| s + d).collect(),
                     theta,
                     // Gains of its own: the predicted covariances count.
-                    objective: objective + near.train.log_det - self.fit.train.log_det,
+                    objective: objective + near.train.spread() - self.fit.train.spread(),
                 })
             })
             .collect()

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pid_interpret::Model;
-use pid_interpret::nominal::{EncoderSide, Nominal, Ranges, Role, Velocity};
+use pid_interpret::nominal::{Channel, EncoderSide, Nominal, Ranges, Role, Velocity};
 use pid_runtime::dynamics::{At, Dynamics};
 
 /// A pendulum about y and a slide on its rod.
@@ -170,17 +170,19 @@ fn measurement_is_read() {
     let [swing, slide] = m.channels.as_slice() else {
         panic!("two joints")
     };
-    assert_eq!(swing.velocity, Velocity::Measured { noise: 0.015 });
+    assert_eq!(swing.velocity, Velocity::Measured { noise: Some(0.015) });
     assert_eq!(
         slide.velocity,
         Velocity::Derived {
             filter_hz: Some(40.0)
         }
     );
-    assert!((swing.input_noise - 0.01 * 4.5 / 1.8).abs() < 1e-15);
-    assert!((slide.input_noise - 0.2).abs() < 1e-15);
+    let noise = |channel: &Channel| channel.input_noise.expect("stated");
+    assert!((noise(swing) - 0.01 * 4.5 / 1.8).abs() < 1e-15);
+    assert!((noise(slide) - 0.2).abs() < 1e-15);
     // 1.2e-4 / √12 = 3.464e-5.
-    assert!((swing.position_std() - 1.058_300_524_425_836e-4).abs() < 1e-15);
+    let std = swing.position_std().expect("stated");
+    assert!((std - 1.058_300_524_425_836e-4).abs() < 1e-15);
 }
 
 /// One mistake at a time: the message names file, line, key and value.

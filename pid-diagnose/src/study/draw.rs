@@ -411,7 +411,7 @@ fn nominal_text(robot: &Robot, noise: bool, velocity: &str) -> String {
         let [xx, yy, zz] = j.inertia;
         let _ = write!(
             s,
-            "\n[[joint]]\nname = \"j{}\"\ntype = \"{kind}\"\naxis = {}\norigin = {}\nmass = {:?}\ncom = {}\ninertia = [{xx:?}, {yy:?}, {zz:?}, 0.0, 0.0, 0.0]\nrotor_inertia = {:?}\ncoulomb = {:?}\nviscous = {:?}\nmotor_gain = {:?}\nvelocity = \"{velocity}\"\n",
+            "\n[[joint]]\nname = \"j{}\"\ntype = \"{kind}\"\naxis = {}\norigin = {}\nmass = {:?}\ncom = {}\ninertia = [{xx:?}, {yy:?}, {zz:?}, 0.0, 0.0, 0.0]\nrotor_inertia = {:?}\ncoulomb = {:?}\nviscous = {:?}\nmotor_gain = {:?}\ninput = \"current\"\nvelocity = \"{velocity}\"\n",
             k + 1,
             list(j.axis),
             list(j.origin),

@@ -477,16 +477,18 @@ fn measurement(source: &Source<'_>, raw: &RawFile) -> Result<Measurement, Nomina
         positive,
     )?;
     let noise = "a standard deviation is zero or positive";
-    let input_noise = source
-        .optional(
-            robot.input_noise.as_ref(),
-            "robot",
-            "input_noise",
-            |x| x >= 0.0,
-            noise,
-        )?
-        .unwrap_or(0.0);
-    let sides = [("motor", EncoderSide::Motor), ("joint", EncoderSide::Joint)];
+    let input_noise = source.optional(
+        robot.input_noise.as_ref(),
+        "robot",
+        "input_noise",
+        |x| x >= 0.0,
+        noise,
+    )?;
+    let sides = [
+        ("motor", EncoderSide::Motor),
+        ("joint", EncoderSide::Joint),
+        ("link", EncoderSide::Joint),
+    ];
     let encoder_side = match &robot.encoder_side {
         Some(side) => source.word(side, "robot", "encoder_side", &sides)?,
         None => EncoderSide::Joint,
@@ -501,8 +503,7 @@ fn measurement(source: &Source<'_>, raw: &RawFile) -> Result<Measurement, Nomina
     for joint in &raw.joint {
         let item = format!("joint {}", joint.name.get_ref());
         let number = |value: &Option<_>, key| {
-            let number = source.optional(value.as_ref(), &item, key, |x| x >= 0.0, noise)?;
-            Ok::<_, NominalError>(number.unwrap_or(0.0))
+            source.optional(value.as_ref(), &item, key, |x| x >= 0.0, noise)
         };
         let dq_noise = number(&joint.dq_noise_std, "dq_noise_std")?;
         let kinds = [
@@ -518,21 +519,21 @@ fn measurement(source: &Source<'_>, raw: &RawFile) -> Result<Measurement, Nomina
             positive,
         )?;
         if peak.is_none()
-            && let Some(share) = robot.input_noise.as_ref().filter(|_| input_noise > 0.0)
+            && let Some(share) = &robot.input_noise
+            && *share.get_ref() > 0.0
         {
             let mend = format!(
                 "it is a share of `torque_peak`, which {item} does not state; state it, or give 0"
             );
-            return Err(source.error(share, "robot", "input_noise", input_noise, mend));
+            return Err(source.error(share, "robot", "input_noise", share.get_ref(), mend));
         }
         channels.push(Channel {
             name: joint.name.get_ref().clone(),
             position_noise: number(&joint.q_noise_std, "q_noise_std")?,
             position_resolution: number(&joint.q_resolution, "q_resolution")?,
             velocity: source.word(&joint.velocity, &item, "velocity", &kinds)?,
-            input_noise: peak.map_or(0.0, |peak| {
-                input_noise * peak / joint.motor_gain.get_ref().abs()
-            }),
+            input_noise: input_noise
+                .map(|share| share * peak.unwrap_or(0.0) / joint.motor_gain.get_ref().abs()),
             torque_peak: peak,
             speed_scale: joint.speed_scale.as_ref().map(|x| *x.get_ref()),
         });

@@ -111,14 +111,14 @@ pub enum EncoderSide {
 pub struct Channel {
     /// Name of the joint.
     pub name: String,
-    /// Standard deviation of the position noise, rad or m.
-    pub position_noise: f64,
-    /// Step of the encoder, rad or m.
-    pub position_resolution: f64,
+    /// Standard deviation of the position noise, rad or m; `None` if it is not stated.
+    pub position_noise: Option<f64>,
+    /// Step of the encoder, rad or m; `None` if it is not stated.
+    pub position_resolution: Option<f64>,
     /// How the velocity is read.
     pub velocity: Velocity,
-    /// Standard deviation, per sample, of the noise of the applied input, in the unit of the input.
-    pub input_noise: f64,
+    /// Standard deviation, per sample, of the noise of the applied input, in the unit of the input; `None` if it is not stated.
+    pub input_noise: Option<f64>,
     /// Typical largest torque or force at the joint.
     pub torque_peak: Option<f64>,
     /// Typical velocity.
@@ -126,9 +126,11 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// Standard deviation of a position reading: noise and rounding to the encoder's step `δ`, whose variance is `δ²/12`.
-    pub fn position_std(&self) -> f64 {
-        (self.position_noise.powi(2) + self.position_resolution.powi(2) / 12.0).sqrt()
+    /// Standard deviation of a position reading: noise and rounding to the encoder's step `δ`, whose variance is `δ²/12`;
+    /// `None` if the noise is not stated.
+    pub fn position_std(&self) -> Option<f64> {
+        let step = self.position_resolution.unwrap_or(0.0);
+        Some(self.position_noise?.hypot(step / 12f64.sqrt()))
     }
 }
 
@@ -137,8 +139,8 @@ impl Channel {
 pub enum Velocity {
     /// By a sensor of its own.
     Measured {
-        /// Standard deviation of its noise, rad/s or m/s.
-        noise: f64,
+        /// Standard deviation of its noise, rad/s or m/s; `None` if it is not stated.
+        noise: Option<f64>,
     },
     /// From the read positions, `w_k = c w_{k−1} + (1 − c)(q_k − q_{k−1})/h` with `c = exp(−2π f h)`.
     Derived {

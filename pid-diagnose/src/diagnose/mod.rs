@@ -1,0 +1,406 @@
+//! From a case to a verdict.
+//!
+//! The nominal structure is fitted within its tolerances; all effects at all joints are screened on top; the best are refitted in
+//! full and ranked by their objective with a penalty per parameter; a second effect is looked for on top of the first. An effect is
+//! named only if it gains more than chance and multiplicity allow, on the train records and on records never fitted.
+
+mod magnitude;
+mod refit;
+mod verdict;
+
+use std::sync::Arc;
+
+use pid_runtime::data::Role;
+use serde::{Deserialize, Serialize};
+
+use crate::case::Case;
+use crate::effect::{Effect, Term};
+use crate::fit::{Basis, Effort, Fit, Point, basis, fit, value};
+use crate::gap::{Gap, floor, gap};
+use crate::noise;
+use crate::plant::PER_JOINT;
+use crate::screen::{candidates, screen};
+use crate::simulate::Hypothesis;
+use crate::windows;
+use magnitude::size_in_deviations;
+use refit::{Refit, refit};
+use verdict::{Parts, lagging_velocity};
+
+/// Version of the JSON form.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// Relative decrease of the objective with which an effect is kept for a further round although the gap does not shrink yet.
+const PROVISIONAL: f64 = 0.1;
+/// Score, in margins, with which it is kept where the noise levels are not stated.
+const STRONG: f64 = 20.0;
+/// Gap over floor below which nothing is left to look for where the noise levels are not stated.
+const NEAR: f64 = 1.4;
+/// Mean squared innovation below which no further effect is looked for.
+const EXPLAINED: f64 = 1.1;
+
+/// What may be set.
+#[derive(Clone)]
+pub struct Settings {
+    /// The effects considered; [`effects::all`](crate::effects::all) and the user's own.
+    pub effects: Vec<Arc<dyn Effect>>,
+    /// How many candidates are refitted in full.
+    pub refits: usize,
+    /// Steps of a refit at most.
+    pub steps: usize,
+    /// Most effects named together.
+    pub most: usize,
+    /// Gain of twice the log-likelihood beyond the penalty that an effect must reach.
+    pub margin: f64,
+    /// Share by which the gap on the test records must shrink.
+    pub least_shrink: f64,
+    /// Size that an effect must reach, in its own standard deviations (A. Wald 1943): an observer with more freedom may predict
+    /// a little better without any effect of a size.
+    pub least_size: f64,
+    /// A gap this many times the floor is not explained.
+    pub unexplained: f64,
+    /// Mean squared innovations beyond this figure are not explained.
+    pub largest_misfit: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            effects: crate::effects::all(),
+            refits: 7,
+            steps: 14,
+            most: 2,
+            margin: 12.0,
+            least_shrink: 0.06,
+            least_size: 3.0,
+            unexplained: 1.9,
+            largest_misfit: 1.6,
+        }
+    }
+}
+
+/// A parameter of a named effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Magnitude {
+    /// Name.
+    pub name: String,
+    /// Value, SI units.
+    pub value: f64,
+    /// Standard deviation; `None` if the records do not determine it.
+    pub std: Option<f64>,
+}
+
+/// A named effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Named {
+    /// Identifier.
+    pub effect: String,
+    /// Joint from 1.
+    pub joint: Option<usize>,
+    /// Magnitudes.
+    pub parameters: Vec<Magnitude>,
+    /// Where it shows.
+    pub regime: String,
+}
+
+/// A line of the ranking.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ranked {
+    /// Identifier.
+    pub effect: String,
+    /// Joint from 1.
+    pub joint: Option<usize>,
+    /// Twice the gain in log-likelihood over the nominal structure, less the penalty.
+    pub score: f64,
+    /// Posterior probability among the refitted candidates.
+    pub probability: f64,
+}
+
+/// The verdict and what it rests on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Diagnosis {
+    /// [`SCHEMA_VERSION`].
+    pub schema_version: u32,
+    /// Data set.
+    pub case: String,
+    /// The first effect, `none` or `unknown`.
+    pub effect: String,
+    /// Its joint from 1.
+    pub joint: Option<usize>,
+    /// All named effects.
+    pub effects: Vec<Named>,
+    /// Gap of the nominal structure within its tolerances, test records.
+    pub gap_before: f64,
+    /// Gap with the named effects.
+    pub gap_after: f64,
+    /// Interval of 95 % of the gap before and after, from the windows of the test records.
+    pub gap_intervals: ((f64, f64), (f64, f64)),
+    /// What noise alone leaves.
+    pub gap_floor: f64,
+    /// Gap per joint after: position, velocity.
+    pub gap_joints: Vec<(f64, Option<f64>)>,
+    /// Candidates, best first.
+    pub ranking: Vec<Ranked>,
+    /// Stated probability that the verdict is right.
+    pub confidence: f64,
+    /// Effects that the records cannot tell from the named one.
+    pub confusion_set: Vec<String>,
+    /// Where the effect shows.
+    pub regime: String,
+    /// Mean squared innovation of the nominal structure and of the verdict; 1 where the noise is as stated.
+    pub misfit: (f64, f64),
+    /// Processor-independent effort: refits made.
+    pub refits: usize,
+    /// Time, s.
+    pub seconds: f64,
+}
+
+impl Diagnosis {
+    /// As JSON, indented.
+    pub fn to_json(&self) -> String {
+        // Only numbers, texts and lists: writing to memory cannot fail.
+        serde_json::to_string_pretty(self).unwrap_or_default()
+    }
+}
+
+/// A diagnosis with the fits it rests on.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// The case; noise levels that were not stated as they were found.
+    pub case: Case,
+    /// What is said.
+    pub diagnosis: Diagnosis,
+    /// The nominal structure within its tolerances.
+    pub base: Fit,
+    /// With the named effects.
+    pub fit: Fit,
+    /// Refitted candidates, best first: each beside those named before it.
+    pub rivals: Vec<Fit>,
+}
+
+/// Diagnoses a case.
+pub fn diagnose(case: &Case, settings: &Settings) -> Diagnosis {
+    investigate(case, settings).diagnosis
+}
+
+/// Diagnoses a case and keeps the fits.
+pub fn investigate(case: &Case, settings: &Settings) -> Found {
+    let clock = std::time::Instant::now();
+    let mut case = case.clone();
+    let basis = basis(&case);
+    let nothing = Hypothesis::default();
+    let start = Point {
+        theta: vec![0.0; case.n() * PER_JOINT],
+        e: Vec::new(),
+    };
+    let mut base = fit(&case, &basis, &nothing, start, Effort::full(settings.steps));
+    if noise::settle(&mut case, &base) {
+        base = again(&case, &basis, &base);
+        // What the nominal structure leaves is not all noise: the level is that of the most promising candidate.
+        if let Some(better) = sketch(&case, &basis, settings, &base) {
+            noise::settle(&mut case, &better);
+            base = again(&case, &basis, &base);
+        }
+    }
+    let before = measured(&case, &base);
+    let mut current = base.clone();
+    let mut current_gap = before.clone();
+    let mut ranking: Vec<Refit> = Vec::new();
+    let mut refits = 0;
+    let mut accepted: Vec<Term> = Vec::new();
+    for round in 0..settings.most {
+        let list = listed(&case, &basis, settings, &current);
+        let (best, slopes) = screen(&case, &basis, &current, &list);
+        let tried = refit(
+            &case,
+            &basis,
+            settings,
+            &current,
+            (&best, &slopes),
+            list.len(),
+        );
+        refits += tried.len();
+        let Some(first) = tried.first() else { break };
+        let after = measured(&case, &first.fit);
+        let held_out = test_value(&case, &current) - test_value(&case, &first.fit);
+        let significant = first.score > settings.margin;
+        let relative =
+            (current.train.evidence() - first.fit.train.evidence()) / current.train.objective();
+        let needed = if round == 0 {
+            settings.least_shrink
+        } else {
+            2.0 * settings.least_shrink
+        };
+        let shrinks = after.total < (1.0 - needed) * current_gap.total;
+        let enough = relative > if round == 0 { 0.002 } else { 0.03 };
+        // One of two effects may hide behind the other in free runs: it is kept until the last round shows what both give.
+        // Noise levels that were settled on one effect hide part of what the other does: there the score decides.
+        let open = case.noise.iter().any(|n| !n.stated);
+        let strong = relative > PROVISIONAL || (open && first.score > STRONG * settings.margin);
+        let provisional = strong && round + 1 < settings.most;
+        let take = significant
+            && held_out > 0.0
+            && enough
+            && (shrinks || provisional)
+            && size_in_deviations(&first.fit) > settings.least_size;
+        if take {
+            accepted.push(first.term.clone());
+            current = first.fit.clone();
+            current_gap = after;
+            if noise::settle(&mut case, &current) {
+                current = again(&case, &basis, &current);
+                current_gap = measured(&case, &current);
+            }
+        }
+        if round == 0 {
+            ranking = tried;
+        } else if take {
+            let mut tried = tried;
+            let second = tried.remove(0);
+            ranking.insert(1.min(ranking.len()), second);
+        }
+        // Nothing is left to look for where the innovations are as large as the noise, and free runs too where it was settled.
+        let white = current.train.total() < EXPLAINED * current.train.number();
+        if !take || (white && (!open || current_gap.total < NEAR * noise_alone(&case, &current))) {
+            break;
+        }
+    }
+    if accepted.len() > 1
+        && let Some((kept, dropped)) = backward(&case, &basis, settings, &current)
+    {
+        current = kept;
+        current_gap = measured(&case, &current);
+        accepted.remove(dropped);
+        ranking.remove(0);
+    }
+    if current_gap.total > (1.0 - settings.least_shrink) * before.total {
+        current = base.clone();
+        accepted.clear();
+    }
+    base.train = value(&case, &nothing, &base.point, &base.gains, Role::Train);
+    let lagging = lagging_velocity(&case, settings);
+    let parts = Parts {
+        case: &case,
+        settings,
+        base: &base,
+        before: &before,
+        ranking: &ranking,
+        accepted: &accepted,
+        lagging,
+        refits,
+        clock,
+    };
+    let (diagnosis, fit) = parts.verdict(current);
+    Found {
+        diagnosis,
+        base,
+        fit,
+        rivals: ranking.into_iter().map(|r| r.fit).collect(),
+        case,
+    }
+}
+
+/// All candidates on top of a fit, with their starts.
+fn listed(
+    case: &Case,
+    basis: &Basis,
+    settings: &Settings,
+    current: &Fit,
+) -> Vec<(Term, Vec<Vec<f64>>)> {
+    let mut list = candidates(case, &settings.effects, &current.hypothesis);
+    for (term, starts) in &mut list {
+        starts.extend(windows::start(case, basis, current, term));
+    }
+    list
+}
+
+/// Steps that follow a change of the noise levels.
+const TOUCH: usize = 4;
+
+/// The same hypothesis under the noise levels as they are now.
+fn again(case: &Case, basis: &Basis, at: &Fit) -> Fit {
+    fit(
+        case,
+        basis,
+        &at.hypothesis,
+        at.point.clone(),
+        Effort::full(TOUCH),
+    )
+}
+
+/// Candidates of a sketch.
+const SKETCHED: usize = 4;
+
+/// The most likely of the best candidates after a few steps; `None` if none gains beyond its penalty.
+fn sketch(case: &Case, basis: &Basis, settings: &Settings, base: &Fit) -> Option<Fit> {
+    let list = listed(case, basis, settings, base);
+    let (best, slopes) = screen(case, basis, base, &list);
+    let few = Settings {
+        refits: SKETCHED,
+        ..settings.clone()
+    };
+    let tried = refit(case, basis, &few, base, (&best, &slopes), list.len());
+    let first = tried.into_iter().next()?;
+    (first.score > settings.margin).then_some(first.fit)
+}
+
+/// Backward check: drops the effect that the others have made superfluous. The fit without it and its place, if there is one
+/// whose removal costs less than an effect must gain.
+fn backward(
+    case: &Case,
+    basis: &Basis,
+    settings: &Settings,
+    current: &Fit,
+) -> Option<(Fit, usize)> {
+    let (starts, _) = current.hypothesis.offsets();
+    let last = current.hypothesis.terms.len() - 1;
+    let number = current.train.number();
+    let scale = (current.train.objective() / number).max(1.0);
+    let unseen = test_value(case, current);
+    (0..last)
+        .filter_map(|i| {
+            let mut hypothesis = current.hypothesis.clone();
+            let k = hypothesis.terms.remove(i).effect.info().parameters.len();
+            let mut point = current.point.clone();
+            point.e.drain(starts[i]..starts[i] + k);
+            let without = fit(
+                case,
+                basis,
+                &hypothesis,
+                point,
+                Effort::full(settings.steps),
+            );
+            let cost = (without.train.evidence() - current.train.evidence()
+                + test_value(case, &without)
+                - unseen)
+                / scale
+                - k as f64 * number.ln();
+            (cost < settings.margin).then_some((without, i, cost))
+        })
+        .min_by(|a, b| a.2.total_cmp(&b.2))
+        .map(|(fit, i, _)| (fit, i))
+}
+
+/// The gap that noise alone leaves on the test records.
+fn noise_alone(case: &Case, fit: &Fit) -> f64 {
+    floor(
+        case,
+        &fit.hypothesis,
+        &fit.point.theta,
+        &fit.point.e,
+        Role::Test,
+    )
+}
+
+fn measured(case: &Case, fit: &Fit) -> Gap {
+    gap(
+        case,
+        &fit.hypothesis,
+        &fit.point.theta,
+        &fit.point.e,
+        Role::Test,
+    )
+}
+
+fn test_value(case: &Case, fit: &Fit) -> f64 {
+    value(case, &fit.hypothesis, &fit.point, &fit.gains, Role::Test).surprise()
+}

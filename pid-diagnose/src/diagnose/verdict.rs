@@ -1,0 +1,203 @@
+//! From the fits to what is said.
+
+use super::magnitude::name;
+use super::refit::Refit;
+use super::{Diagnosis, Magnitude, Named, Ranked, SCHEMA_VERSION, Settings, measured, noise_alone};
+use crate::case::Case;
+use crate::channel;
+use crate::effect::Term;
+use crate::fit::Fit;
+use crate::gap::Gap;
+
+/// Factor on the limits of what counts as unexplained where the noise is an estimate.
+const ESTIMATED: f64 = 1.6;
+
+/// What a verdict is made from.
+pub(super) struct Parts<'a> {
+    pub(super) case: &'a Case,
+    pub(super) settings: &'a Settings,
+    pub(super) base: &'a Fit,
+    pub(super) before: &'a Gap,
+    pub(super) ranking: &'a [Refit],
+    pub(super) accepted: &'a [Term],
+    pub(super) lagging: Option<(Term, f64, f64)>,
+    pub(super) refits: usize,
+    pub(super) clock: std::time::Instant,
+}
+
+impl Parts<'_> {
+    /// The verdict on the fit that forward selection ended with, and that fit with what the velocity channel adds.
+    pub(super) fn verdict(self, mut fit: Fit) -> (Diagnosis, Fit) {
+        let Parts {
+            case,
+            settings,
+            base,
+            before,
+            ranking,
+            accepted,
+            lagging,
+            refits,
+            clock,
+        } = self;
+        let misfit = fit.train.total() / fit.train.number();
+        let mut named = name(case, &fit);
+        if let Some((term, lag, _)) = &lagging {
+            fit.hypothesis.terms.push(term.clone());
+            fit.point.e.push(*lag);
+            named.insert(
+                0,
+                Named {
+                    effect: term.effect.info().id.to_owned(),
+                    joint: term.shown_joint(),
+                    parameters: vec![Magnitude {
+                        name: "time_constant_s".to_owned(),
+                        value: *lag,
+                        std: None,
+                    }],
+                    regime: term.effect.info().regime.to_owned(),
+                },
+            );
+        }
+        let after = measured(case, &fit);
+        let floor = noise_alone(case, &fit);
+        let factor = if case.noise.iter().all(|n| n.stated) {
+            1.0
+        } else {
+            ESTIMATED
+        };
+        let unexplained = after.total > factor * settings.unexplained * floor
+            || misfit > factor * factor * settings.largest_misfit;
+        let scale = misfit.max(1.0);
+        // Neighbouring innovations of a misfit are not independent: the odds are tempered.
+        let temper = |score: f64| score / (2.0 * (2.0 + 2.0 * (scale - 1.0)));
+        // A second effect was compared with others on top of the first, not with the first.
+        let second = accepted.get(1).map(Term::label);
+        let on_top = |r: &Refit| second.as_deref() == Some(r.term.label().as_str());
+        let best = ranking
+            .iter()
+            .filter(|r| !on_top(r))
+            .map(|r| r.score)
+            .fold(0.0, f64::max);
+        let weights: Vec<f64> = ranking
+            .iter()
+            .map(|r| {
+                if on_top(r) {
+                    0.0
+                } else {
+                    temper(r.score - best).exp()
+                }
+            })
+            .collect();
+        let nothing = temper(-best).exp();
+        let sum: f64 = weights.iter().sum::<f64>() + nothing;
+        let mut lines: Vec<Ranked> = ranking
+            .iter()
+            .zip(&weights)
+            .map(|(r, w)| Ranked {
+                effect: r.term.effect.info().id.to_owned(),
+                joint: r.term.shown_joint(),
+                score: r.score,
+                probability: if on_top(r) { 1.0 } else { w / sum },
+            })
+            .collect();
+        if let Some((term, _, ratio)) = &lagging {
+            lines.insert(
+                0,
+                Ranked {
+                    effect: term.effect.info().id.to_owned(),
+                    joint: term.shown_joint(),
+                    score: ratio * ratio,
+                    probability: 1.0,
+                },
+            );
+        }
+        let (effect, joint, confidence, regime) = if unexplained {
+            (
+                "unknown".to_owned(),
+                None,
+                0.9,
+                "what is left is larger than the noise".to_owned(),
+            )
+        } else if let Some(first) = named.first() {
+            let own = lines
+                .iter()
+                .find(|l| l.effect == first.effect && l.joint == first.joint)
+                .map_or(0.5, |l| l.probability);
+            (first.effect.clone(), first.joint, own, first.regime.clone())
+        } else {
+            (
+                "none".to_owned(),
+                None,
+                // Known from drawn cases rather than from the odds, which know nothing of the gap that did not shrink.
+                if best > settings.margin { 0.9 } else { 0.97 },
+                "all records".to_owned(),
+            )
+        };
+        let mut confusion: Vec<String> = lines
+            .iter()
+            .filter(|l| {
+                !named
+                    .iter()
+                    .any(|n| n.effect == l.effect && n.joint == l.joint)
+                    && l.probability > 0.05
+            })
+            .map(|l| {
+                l.joint
+                    .map_or(l.effect.clone(), |j| format!("{}:{j}", l.effect))
+            })
+            .collect();
+        if case.n() == 1 && (effect == "input_delay" || effect == "sensor_delay") {
+            let twin = if effect == "input_delay" {
+                "sensor_delay:1"
+            } else {
+                "input_delay:1"
+            };
+            if !confusion.iter().any(|c| c == twin) {
+                confusion.push(twin.to_owned());
+            }
+        }
+        let diagnosis = Diagnosis {
+            schema_version: SCHEMA_VERSION,
+            case: case.name.clone(),
+            effect,
+            joint,
+            effects: named,
+            gap_before: before.total,
+            gap_after: after.total,
+            gap_intervals: (before.interval(), after.interval()),
+            gap_floor: floor,
+            gap_joints: after.joints,
+            ranking: lines,
+            confidence,
+            confusion_set: confusion,
+            regime,
+            misfit: (base.train.total() / base.train.number(), misfit),
+            refits,
+            seconds: clock.elapsed().as_secs_f64(),
+        };
+        (diagnosis, fit)
+    }
+}
+
+/// A derived velocity that does not follow from its positions as stated.
+pub(super) fn lagging_velocity(case: &Case, settings: &Settings) -> Option<(Term, f64, f64)> {
+    let effect = settings
+        .effects
+        .iter()
+        .find(|e| e.info().id == "velocity_filter_lag")?;
+    channel::consistency(case)
+        .into_iter()
+        .enumerate()
+        .filter_map(|(joint, c)| c.filter(|c| c.lagging).map(|c| (joint, c)))
+        .max_by(|a, b| a.1.mismatch.total_cmp(&b.1.mismatch))
+        .map(|(joint, c)| {
+            (
+                Term {
+                    effect: effect.clone(),
+                    joint,
+                },
+                c.lag,
+                c.mismatch / c.with_lag.max(1e-12),
+            )
+        })
+}
