@@ -10,6 +10,7 @@
 //! The 19 parameters are not all identifiable: link 1 enters only through `iz1 + m1 (sx1² + sy1²)`, `iz1` can be traded
 //! against `ix2` and `iz2` together, and one scale is common to masses, inertias, friction and gains.
 
+use pid_runtime::dynamics::Dynamics;
 use pid_runtime::robot;
 
 robot! {
@@ -67,4 +68,45 @@ robot! {
         expect rank 14;
         expect rank 13 at nominal;
     }
+}
+
+/// Combinations of the 19 parameters that motions under known currents determine, all over κ₃ of the elbow: the inertia of the
+/// hanging arm about z, its change with the elbow's angle, the inertia about the elbow, the moment of gravity, κ₃ of the
+/// shoulder, then κ₁ and κ₂ of both joints. `p` in the order of the model's parameters.
+///
+/// # Panics
+/// If `p` is not as long as the model's parameters.
+pub fn identifiable(p: &[f64]) -> [(&'static str, f64); 9] {
+    let infos = TwoLink.params();
+    assert_eq!(p.len(), infos.len(), "parameters of the two-link robot");
+    let at = |name: &str| {
+        let k = infos.iter().position(|i| i.name == name);
+        p[k.unwrap_or_else(|| unreachable!("the robot declares {name}"))]
+    };
+    let square = |name: &str| at(name) * at(name);
+    let (m1, m2) = (at("m1"), at("m2"));
+    let combinations = [
+        (
+            "Iz1 + m1 (sx1² + sy1²) + Iz2 + m2 (sx2² + sy2²)",
+            at("iz1")
+                + m1 * (square("sx1") + square("sy1"))
+                + at("iz2")
+                + m2 * (square("sx2") + square("sy2")),
+        ),
+        (
+            "Ix2 − Iz2 + m2 (sz2² − sx2²)",
+            at("ix2") - at("iz2") + m2 * (square("sz2") - square("sx2")),
+        ),
+        (
+            "Iy2 + m2 (sx2² + sz2²)",
+            at("iy2") + m2 * (square("sx2") + square("sz2")),
+        ),
+        ("m2 sz2", m2 * at("sz2")),
+        ("κ3 of joint 1", at("gain_shoulder")),
+        ("κ1 of joint 1", at("dry_shoulder")),
+        ("κ1 of joint 2", at("dry_elbow")),
+        ("κ2 of joint 1", at("viscous_shoulder")),
+        ("κ2 of joint 2", at("viscous_elbow")),
+    ];
+    combinations.map(|(name, value)| (name, value / at("gain_elbow")))
 }

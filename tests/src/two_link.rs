@@ -141,39 +141,3 @@ pub fn simulated(p: &[f64], samples: usize) -> Result<Dataset, SimulateError> {
         warnings: Vec::new(),
     })
 }
-
-/// Combinations of the 19 parameters that motions with known currents determine, all over κ₃ of the elbow: the inertia of the
-/// hanging arm about z, its change with the elbow's angle, the inertia about the elbow, the moment of gravity, κ₃ of the
-/// shoulder, then κ₁ and κ₂ of shoulder and elbow.
-pub fn identifiable(p: &[f64]) -> [(&'static str, f64); 9] {
-    let at = |name: &str| {
-        let k = TwoLink.params().iter().position(|i| i.name == name);
-        p[k.unwrap_or_else(|| panic!("no parameter {name}"))]
-    };
-    let square = |name: &str| at(name) * at(name);
-    let (m1, m2) = (at("m1"), at("m2"));
-    let combinations = [
-        (
-            "inertia about z",
-            at("iz1")
-                + m1 * (square("sx1") + square("sy1"))
-                + at("iz2")
-                + m2 * (square("sx2") + square("sy2")),
-        ),
-        (
-            "change of that inertia",
-            at("ix2") - at("iz2") + m2 * (square("sz2") - square("sx2")),
-        ),
-        (
-            "inertia about the elbow",
-            at("iy2") + m2 * (square("sx2") + square("sz2")),
-        ),
-        ("moment of gravity", m2 * at("sz2")),
-        ("gain_shoulder", at("gain_shoulder")),
-        ("dry_shoulder", at("dry_shoulder")),
-        ("dry_elbow", at("dry_elbow")),
-        ("viscous_shoulder", at("viscous_shoulder")),
-        ("viscous_elbow", at("viscous_elbow")),
-    ];
-    combinations.map(|(name, value)| (name, value / at("gain_elbow")))
-}

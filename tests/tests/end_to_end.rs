@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use pid_models::TwoLink;
+use pid_models::two_link::identifiable;
 use pid_runtime::data::Dataset;
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::ident::{Identification, identify};
@@ -59,11 +60,8 @@ fn fit(dataset: &Dataset) -> Identification {
 
 /// The combinations that the record determines, to a relative tolerance.
 fn assert_identified(found: &[f64], tolerance: f64) {
-    let expected = two_link::identifiable(&two_link::truth());
-    let pairs: Vec<_> = two_link::identifiable(found)
-        .into_iter()
-        .zip(expected)
-        .collect();
+    let expected = identifiable(&two_link::truth());
+    let pairs: Vec<_> = identifiable(found).into_iter().zip(expected).collect();
     for ((name, value), (_, truth)) in &pairs {
         eprintln!(
             "{name}: {value:.5} for {truth:.5} ({:+.4} %)",
@@ -82,10 +80,7 @@ fn assert_identified(found: &[f64], tolerance: f64) {
 #[test]
 fn the_start_is_far_from_the_truth() {
     let start = perturbed(&two_link::truth());
-    let (start, truth) = (
-        two_link::identifiable(&start),
-        two_link::identifiable(&two_link::truth()),
-    );
+    let (start, truth) = (identifiable(&start), identifiable(&two_link::truth()));
     let off = start
         .iter()
         .zip(&truth)

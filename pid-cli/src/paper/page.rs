@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use pid_models::TwoLink;
+use pid_models::{TwoLink, two_link};
 use pid_runtime::data::Role;
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::transcribe::Scheme;
@@ -251,7 +251,7 @@ fn comparison(f: &Findings) -> Vec<Vec<String>> {
 }
 
 fn table_two(f: &Findings) -> (Vec<String>, Vec<Vec<String>>) {
-    let truth = robot::combinations(&robot::truth());
+    let truth = two_link::identifiable(&robot::truth());
     let mut head = vec![
         "combination, over κ3 of joint 2".to_owned(),
         "true".to_owned(),
@@ -262,7 +262,7 @@ fn table_two(f: &Findings) -> (Vec<String>, Vec<Vec<String>>) {
     for (scheme, substeps) in shown {
         if let Some(best) = Group::full(f, scheme, substeps, Second::Exact).best() {
             head.push(name(scheme, substeps));
-            columns.push(robot::combinations(&best.parameters));
+            columns.push(two_link::identifiable(&best.parameters));
         }
     }
     let rows = truth

@@ -135,39 +135,3 @@ pub(super) fn starts(count: usize, seed: u64) -> Vec<Vec<f64>> {
     all.remove(0);
     all
 }
-
-/// Combinations that motions under known currents determine, over κ₃ of the elbow.
-pub(super) fn combinations(p: &[f64]) -> Vec<(&'static str, f64)> {
-    let at = |name: &str| {
-        let k = TwoLink.params().iter().position(|i| i.name == name);
-        k.map_or(f64::NAN, |k| p[k])
-    };
-    let square = |name: &str| at(name) * at(name);
-    let (m1, m2) = (at("m1"), at("m2"));
-    [
-        (
-            "Iz1 + m1 (sx1² + sy1²) + Iz2 + m2 (sx2² + sy2²)",
-            at("iz1")
-                + m1 * (square("sx1") + square("sy1"))
-                + at("iz2")
-                + m2 * (square("sx2") + square("sy2")),
-        ),
-        (
-            "Ix2 − Iz2 + m2 (sz2² − sx2²)",
-            at("ix2") - at("iz2") + m2 * (square("sz2") - square("sx2")),
-        ),
-        (
-            "Iy2 + m2 (sx2² + sz2²)",
-            at("iy2") + m2 * (square("sx2") + square("sz2")),
-        ),
-        ("m2 sz2", m2 * at("sz2")),
-        ("κ3 of joint 1", at("gain_shoulder")),
-        ("κ1 of joint 1", at("dry_shoulder")),
-        ("κ1 of joint 2", at("dry_elbow")),
-        ("κ2 of joint 1", at("viscous_shoulder")),
-        ("κ2 of joint 2", at("viscous_elbow")),
-    ]
-    .into_iter()
-    .map(|(name, value)| (name, value / at("gain_elbow")))
-    .collect()
-}

@@ -323,6 +323,10 @@ impl Builder<'_, '_> {
         {
             values::mass(self.symbols, params, name, at, mass, self.diag);
         }
+        if let (Some(at), Some(params), Inertial::Body { com, .. }) = (&decl.com, params, &inertial)
+        {
+            values::com(params, name, at, com, self.diag);
+        }
         if let (Some(i), Some(params)) = (&decl.inertia, params) {
             values::inertia(params, name, i.loc, &inertial, self.diag);
         }

@@ -2,7 +2,7 @@
 
 use crate::diag::{Diagnostics, Loc};
 use crate::si::Unit;
-use crate::syntax::{Entry, Expr, Nominal, ParamDecl, Range, Ranges};
+use crate::syntax::{Entry, Expr, Nominal, ParamDecl, Range, Ranges, Vector};
 use pid_derive::model::{self, About, Inertial, Param, Tensor};
 
 use super::names::{Origin, Scope, Symbols};
@@ -279,6 +279,27 @@ pub fn mass(
                 params[*k].name
             ),
         );
+    }
+}
+
+/// Refuses a centre of mass that is not finite at the nominal values.
+pub fn com(
+    params: &[Param],
+    link: &str,
+    at: &Vector,
+    com: &[model::Expr; 3],
+    diag: &mut Diagnostics,
+) {
+    let nominal: Vec<f64> = params.iter().map(|p| p.nominal).collect();
+    for (entry, e) in at.entries.iter().zip(com) {
+        if let Some(x) = at_params(e, &nominal)
+            && !x.is_finite()
+        {
+            diag.error(
+                entry.loc(),
+                format!("centre of mass of link `{link}` is {x} at the nominal values"),
+            );
+        }
     }
 }
 

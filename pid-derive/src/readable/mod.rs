@@ -8,6 +8,7 @@
 
 mod expand;
 mod latex;
+mod level;
 mod text;
 
 use std::collections::HashMap;

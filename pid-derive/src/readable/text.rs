@@ -2,15 +2,8 @@
 
 use std::fmt::Write;
 
+use super::level::{self, Level};
 use super::{Formula, Readable, Variable};
-
-/// Binding strength.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Level {
-    Sum,
-    Product,
-    Atom,
-}
 
 pub(super) fn equations(readable: &Readable<'_>) -> String {
     let joints = readable.joints();
@@ -66,23 +59,7 @@ fn write(r: &Readable<'_>, f: &Formula) -> (String, Level) {
             };
             (name, Level::Atom)
         }
-        Formula::Sum(terms) => {
-            let mut text = String::new();
-            for (k, term) in terms.iter().enumerate() {
-                match (k, term) {
-                    (0, term) => text += &at(term, Level::Sum),
-                    (_, Formula::Negative(x)) => {
-                        text += " - ";
-                        text += &at(x, Level::Product);
-                    }
-                    (_, term) => {
-                        text += " + ";
-                        text += &at(term, Level::Product);
-                    }
-                }
-            }
-            (text, Level::Sum)
-        }
+        Formula::Sum(terms) => (level::sum(terms, at), Level::Sum),
         Formula::Negative(x) => (format!("-{}", at(x, Level::Product)), Level::Sum),
         Formula::Product(factors) => {
             let factors: Vec<String> = factors

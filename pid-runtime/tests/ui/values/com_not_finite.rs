@@ -1,0 +1,28 @@
+use pid_runtime::robot;
+
+robot! {
+    pub robot Arm {
+        gravity: [0, 0, -9.81] m/s^2;
+
+        params {
+            l1: m = 0.3 in 0.1..=1.0;
+            l2: m = 0.3 in 0.1..=1.0;
+        }
+
+        link rod {
+            mass: 1 kg;
+            com: [0, 0, l1^2/(l1 - l2)];
+            inertia at com: diag(0.01, 0.01, 0.001) kg*m^2;
+        }
+
+        joint pivot: revolute about y { base -> rod; }
+
+        per joint {
+            input torque: N*m;
+            viscous: N*m*s/rad = 0.1 in 0.0..=1.0;
+            force = torque - viscous*v;
+        }
+    }
+}
+
+fn main() {}
