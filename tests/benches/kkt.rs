@@ -9,7 +9,7 @@ use pid_runtime::nlp::Nlp;
 use pid_runtime::solver::kkt::sparse::SparseKkt;
 use pid_runtime::solver::kkt::structured::StructuredKkt;
 use pid_runtime::solver::kkt::{Kkt, KktValues};
-use pid_runtime::transcribe::{Curvature, FullDiscretization, Scheme, Setup, Track};
+use pid_runtime::transcribe::{Curvature, FullDiscretization, Loss, Scheme, Setup, Track};
 use pid_tests::two_link;
 
 fn main() {
@@ -44,6 +44,8 @@ fn problem(samples: usize) -> FullDiscretization<'static> {
         linear_inputs: false,
         substeps: 1,
         output: None,
+        loss: Loss::Square,
+        priors: Vec::new(),
     };
     FullDiscretization::new(&TwoLink, &[track], setup)
 }

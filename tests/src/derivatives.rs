@@ -2,7 +2,7 @@
 
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::nlp::Nlp;
-use pid_runtime::transcribe::{Curvature, Scheme, Setup, Track};
+use pid_runtime::transcribe::{Curvature, Loss, Prior, Scheme, Setup, Track};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -27,7 +27,22 @@ pub fn setup(model: &dyn Dynamics, scheme: Scheme, held: bool, linear: bool) -> 
         linear_inputs: linear,
         substeps: 1,
         output: None,
+        loss: Loss::Square,
+        priors: Vec::new(),
     }
+}
+
+/// A loss with long tails, and priors on two parameters.
+pub fn unusual() -> (Loss, Vec<Prior>) {
+    let prior = |parameter, mean, deviation| Prior {
+        parameter,
+        mean,
+        deviation,
+    };
+    (
+        Loss::StudentT { freedom: 3.0 },
+        vec![prior(0, 5.0, 0.7), prior(4, 0.02, 0.05)],
+    )
 }
 
 /// A window of unequal steps around 0.02 s with arbitrary motion and two missing samples.

@@ -7,7 +7,7 @@ use pid_runtime::data::{Dataset, Role};
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::nlp::{Nlp, SparsePattern};
 use pid_runtime::transcribe::{
-    Curvature, ExplicitForm, FullDiscretization, Scheme, Setup, Shooting, Track,
+    Curvature, ExplicitForm, FullDiscretization, Loss, Scheme, Setup, Shooting, Track,
 };
 use serde::Serialize;
 
@@ -65,6 +65,8 @@ fn setup() -> Setup {
         linear_inputs: false,
         substeps: 1,
         output: None,
+        loss: Loss::Square,
+        priors: Vec::new(),
     }
 }
 

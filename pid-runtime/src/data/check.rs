@@ -1,11 +1,11 @@
 //! Does a data set belong to a model?
 
-use super::{DataError, Dataset, ModelMismatch};
+use super::{DataError, Dataset, Experiment, ModelMismatch};
 use crate::dynamics::Dynamics;
 
 impl Dataset {
-    /// Whether the data can be used with a model: same number and kinds of joints, one input per joint in joint order,
-    /// inputs in the model's units. Names need not agree: joints are compared by position, base to tip.
+    /// Whether the data can be used with a model: same number and kinds of joints, one input per joint in joint order (then
+    /// those of a controller, as many as the records have), inputs in the model's units. Names need not agree: joints are compared by position, base to tip.
     ///
     /// # Errors
     /// [`DataError::Model`] with a [`ModelMismatch`] that names joint or input on both sides.
@@ -39,11 +39,14 @@ impl Dataset {
             }
         }
         let inputs = model.inputs();
+        // Further inputs are a controller's; the records then have columns for them.
+        let wide = |e: &Experiment| e.nu() == inputs.len();
         let in_order = inputs
             .iter()
+            .take(self.joints.len())
             .enumerate()
             .all(|(i, input)| input.joint == Some(i));
-        if inputs.len() != self.joints.len() || !in_order {
+        if inputs.len() < self.joints.len() || !in_order || !self.experiments.iter().all(wide) {
             return Err(Box::new(ModelMismatch::InputCount {
                 model: model.name().to_owned(),
                 inputs: list(inputs.iter().map(|i| i.name.as_ref())),

@@ -167,6 +167,8 @@ pub enum InputQuantity {
     Current,
     /// Motor voltage, V.
     Voltage,
+    /// Commanded position, rad or m, for models with a controller.
+    Position,
 }
 
 impl InputQuantity {
@@ -177,15 +179,17 @@ impl InputQuantity {
             InputQuantity::Force => "force",
             InputQuantity::Current => "current",
             InputQuantity::Voltage => "voltage",
+            InputQuantity::Position => "position",
         }
     }
-    /// The unit the quantity is recorded in.
+    /// The unit the quantity is recorded in; for positions that of a revolute joint.
     pub fn unit(self) -> &'static str {
         match self {
             InputQuantity::Torque => "N*m",
             InputQuantity::Force => "N",
             InputQuantity::Current => "A",
             InputQuantity::Voltage => "V",
+            InputQuantity::Position => "rad",
         }
     }
 }
@@ -239,7 +243,8 @@ pub struct Experiment {
     /// Velocities, rad/s or m/s; N × nq. NaN where missing, and for joints whose velocity is
     /// [`VelocityKind::Absent`]; `None` if that is so for all joints.
     pub v: Option<Vec<f64>>,
-    /// Inputs, in [`JointChannels::input_unit`]; N × nq (one input per joint). NaN where missing.
+    /// Inputs, N × [`Self::nu`]: one per joint in [`JointChannels::input_unit`], then those that a controller within the model
+    /// takes besides. NaN where missing.
     pub u: Vec<f64>,
     /// Joint torques or forces of a sensor, N·m or N; N × nq.
     pub tau: Option<Vec<f64>>,
@@ -253,6 +258,11 @@ impl Experiment {
     /// Number of samples N.
     pub fn len(&self) -> usize {
         self.t.len()
+    }
+
+    /// Number of inputs: that of the joints in records that were read.
+    pub fn nu(&self) -> usize {
+        self.u.len() / self.t.len().max(1)
     }
 
     /// Whether there is no sample; never so for experiments that were read.
@@ -280,14 +290,15 @@ impl Experiment {
 
     /// The samples of a range, borrowed. Panics if the range reaches beyond the record.
     pub fn window(&self, range: Range<usize>) -> Window<'_> {
-        let wide = range.start * self.nq..range.end * self.nq;
+        let (start, end, nu) = (range.start, range.end, self.nu());
+        let wide = start * self.nq..end * self.nq;
         Window {
             start: range.start,
             nq: self.nq,
             t: &self.t[range],
             q: &self.q[wide.clone()],
             v: self.v.as_deref().map(|v| &v[wide.clone()]),
-            u: &self.u[wide.clone()],
+            u: &self.u[start * nu..end * nu],
             tau: self.tau.as_deref().map(|x| &x[wide.clone()]),
             qref: self.qref.as_deref().map(|x| &x[wide.clone()]),
         }

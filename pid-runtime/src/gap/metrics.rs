@@ -184,7 +184,8 @@ pub fn free_run(
             || Simulator::with_derivatives(model, settings.integration),
             |simulator, range| {
                 let (q0, v0) = start(range.start);
-                let u = &experiment.u[range.start * nq..range.end * nq];
+                let nu = experiment.nu();
+                let u = &experiment.u[range.start * nu..range.end * nu];
                 if q0.iter().chain(&v0).chain(u).any(|x| x.is_nan()) {
                     return (range, Outcome::Skipped);
                 }

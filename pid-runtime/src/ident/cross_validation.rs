@@ -139,7 +139,7 @@ fn part(e: &Experiment, from: usize, to: usize) -> Experiment {
         t: e.t[from..to].to_vec(),
         q: rows(&e.q),
         v: e.v.as_deref().map(rows),
-        u: rows(&e.u),
+        u: e.u[from * e.nu()..to * e.nu()].to_vec(),
         tau: e.tau.as_deref().map(rows),
         qref: e.qref.as_deref().map(rows),
         ..e.clone()

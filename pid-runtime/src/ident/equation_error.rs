@@ -8,7 +8,7 @@
 //! decimation filter F and is then decimated (parallel decimation of the IDIM-LS procedure: M. Gautier, IEEE ICRA 1997).
 //! The weights ω are one over the variance of each joint's residual, settled in a few passes (weighted least squares).
 
-use super::uncertainty::{self, Spread};
+use super::uncertainty::{self, Solved, Spread};
 use super::{Callback, ForceError, IdentError, Identification, Progress, Run, Settings};
 use crate::data::{Dataset, Experiment, InputHold, Role};
 use crate::dynamics::{At, Hessian};
@@ -16,6 +16,7 @@ use crate::nlp::{Nlp, SparsePattern, check_point};
 use crate::signal::{fill_missing, low_pass_channels, state_from_data};
 use crate::solver::ip;
 use crate::solver::kkt::sparse::SparseKkt;
+use crate::transcribe::Loss;
 use faer::Mat;
 use std::time::Instant;
 
@@ -407,7 +408,7 @@ pub(super) fn identify(
     start: &[f64],
     callback: &mut Callback<'_>,
 ) -> Result<Identification, IdentError> {
-    let (lower, upper, fixed) = super::bounds(model, start);
+    let (lower, upper, fixed) = super::bounds(model, start, &settings.hold);
     let scale = super::scales(model);
     let samples = Samples::of(dataset, Role::Train, settings)?;
     let mut fit = Fit::new(model, &samples, &lower, &upper, &scale);
@@ -498,6 +499,10 @@ pub(super) fn identify(
         best,
         deviations: spread.deviations,
         undetermined: spread.undetermined,
+        open: spread.open,
+        covariance: spread.covariance,
+        sandwich: spread.sandwich,
+        noise: vec![None; 2 * model.dims().nq],
         correlation_factor: spread.correlation_factor,
         fixed,
         lower,
@@ -551,17 +556,20 @@ fn deviations(fit: &mut Fit<'_>, run: &Run, fixed: &[bool]) -> Spread {
     for (k, r) in residuals.iter_mut().enumerate() {
         *r *= (fit.weights[k % nq] * norm).sqrt();
     }
-    uncertainty::from_hessian(
-        &hessian,
-        &free,
-        fit.scale,
-        fit.lower,
-        fit.upper,
-        &residuals,
-        nq,
-        free.len(),
-        run.objective,
-    )
+    uncertainty::from_hessian(&Solved {
+        hessian: &hessian,
+        free: &free,
+        scale: fit.scale,
+        lower: fit.lower,
+        upper: fit.upper,
+        loss: Loss::Square,
+        priors: &[],
+        share: 1.0,
+        residuals: &residuals,
+        channels: nq,
+        unknowns: free.len(),
+        scores: None,
+    })
 }
 /// Inputs as they act around each sample.
 fn acting_inputs(experiment: &Experiment, hold: InputHold) -> Vec<f64> {

@@ -37,6 +37,32 @@ pub enum IdentError {
         /// Values given.
         found: usize,
     },
+    /// Noise levels for other channels than the model's.
+    #[error(
+        "{found} noise levels are given, the model has {expected} channels: positions of all joints, then velocities"
+    )]
+    NoiseLength {
+        /// Channels of the model.
+        expected: usize,
+        /// Levels given.
+        found: usize,
+    },
+    /// A parameter to hold that does not exist.
+    #[error("parameter {position} is to be held, the model has {parameters}, counted from 0")]
+    NoParameter {
+        /// The position.
+        position: usize,
+        /// Parameters of the model.
+        parameters: usize,
+    },
+    /// A controller within the model, and an estimator that takes recorded inputs.
+    #[error(
+        "`{model}` has a controller of its own; the equation error takes the recorded inputs instead\n  help: leave the controller out, or use full discretization or shooting"
+    )]
+    Controller {
+        /// The model.
+        model: String,
+    },
     /// A start that its own bounds exclude.
     #[error(
         "start of `{parameter}` = {value} lies outside of its bounds {lower} … {upper} {unit}\n  help: choose a value within them, or widen the range in the model"

@@ -1,7 +1,8 @@
 //! Full discretization over the training windows, from every start.
 
+use super::likelihood;
 use super::starts;
-use super::uncertainty::{self, Spread};
+use super::uncertainty::{self, Solved, Spread};
 use super::{Callback, IdentError, Identification, InitialState, Run, Settings, Weighting};
 use crate::data::{Dataset, Experiment, InputHold, Role, windows};
 use crate::dynamics::{At, Hessian};
@@ -11,7 +12,9 @@ use crate::solver::kkt::Kkt;
 use crate::solver::kkt::sparse::SparseKkt;
 use crate::solver::kkt::structured::StructuredKkt;
 use crate::solver::{self, Solution, ip};
-use crate::transcribe::{Curvature, ExplicitForm, FullDiscretization, ResidualFit, Setup, Track};
+use crate::transcribe::{
+    Curvature, ExplicitForm, FullDiscretization, Loss, ResidualFit, Setup, Track,
+};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -42,7 +45,7 @@ pub(super) fn assemble(
     settings: &Settings,
     start: &[f64],
 ) -> Result<Assembled, IdentError> {
-    let (lower, upper, fixed) = super::bounds(model, start);
+    let (lower, upper, fixed) = super::bounds(model, start, &settings.hold);
     let mut tracks = Vec::new();
     let mut records = Vec::new();
     let mut notes = Vec::new();
@@ -62,7 +65,18 @@ pub(super) fn assemble(
             records.push(record);
         }
     }
-    weigh(&mut tracks, &records, model.dims().nq, settings.weighting);
+    let (mut loss, mut priors) = (Loss::Square, Vec::new());
+    match &settings.likelihood {
+        Some(likelihood) => {
+            let level = |l: &Option<f64>| l.map_or(0.0, |l| 1.0 / (l * l));
+            let weights: Vec<f64> = likelihood.noise.iter().map(level).collect();
+            for track in &mut tracks {
+                track.weights.clone_from(&weights);
+            }
+            (loss, priors) = (likelihood.loss, likelihood.priors.clone());
+        }
+        None => weigh(&mut tracks, &records, model.dims().nq, settings.weighting),
+    }
     let setup = Setup {
         scheme: settings.scheme,
         curvature: settings.curvature,
@@ -72,6 +86,8 @@ pub(super) fn assemble(
         linear_inputs: dataset.input_hold == InputHold::Linear,
         substeps: settings.substeps,
         output: None,
+        loss,
+        priors,
         lower: lower.clone(),
         upper: upper.clone(),
     };
@@ -137,7 +153,17 @@ pub(super) fn identify(
     }
     let best = super::best_of(&runs);
     let mut problem = FullDiscretization::new(form, &tracks, setup);
-    let spread = deviations(&mut problem, &solutions[best], &fixed);
+    let (spread, noise) = deviations(
+        &mut problem,
+        &solutions[best],
+        &fixed,
+        &tracks[0].weights,
+        settings.sandwich,
+    );
+    let noise = match settings.likelihood {
+        Some(_) => noise,
+        None => vec![None; noise.len()],
+    };
     Ok(Identification {
         optima: starts::optima(&runs, &motions, 2 * model.dims().nq),
         motion: motions.swap_remove(best),
@@ -145,6 +171,10 @@ pub(super) fn identify(
         runs,
         deviations: spread.deviations,
         undetermined: spread.undetermined,
+        open: spread.open,
+        covariance: spread.covariance,
+        sandwich: spread.sandwich,
+        noise,
         correlation_factor: spread.correlation_factor,
         fixed,
         lower,
@@ -265,10 +295,16 @@ fn approach(
 }
 
 /// Standard deviations from the reduced Hessian at the solution.
-fn deviations(problem: &mut FullDiscretization<'_>, solution: &Solution, fixed: &[bool]) -> Spread {
+fn deviations(
+    problem: &mut FullDiscretization<'_>,
+    solution: &Solution,
+    fixed: &[bool],
+    weights: &[f64],
+    sandwich: bool,
+) -> (Spread, Vec<Option<f64>>) {
     let np = problem.layout().np;
     if !solution.objective.is_finite() {
-        return Spread::none(np);
+        return (Spread::none(np), vec![None; weights.len()]);
     }
     let parameters = problem.parameters(&solution.x);
     let setup = problem.setup().clone();
@@ -286,23 +322,31 @@ fn deviations(problem: &mut FullDiscretization<'_>, solution: &Solution, fixed: 
         jacobian: &jacobian,
         sigma: &sigma,
     };
-    if kkt.factorise(values).is_err() {
-        return Spread::none(np);
-    }
-    let (reduced, free) = kkt.reduced_hessian();
     let (residuals, channels) = problem.residuals(&solution.x);
-    let unknowns = free.len() + problem.free_initial_states();
-    uncertainty::from_hessian(
-        reduced,
-        &free,
-        &setup.scale,
-        &setup.lower,
-        &setup.upper,
-        &residuals,
+    let free_parameters = held.iter().filter(|h| !**h).count();
+    let unknowns = free_parameters + problem.free_initial_states();
+    let share = 1.0 / problem.samples() as f64;
+    let noise = likelihood::levels(&residuals, weights, setup.loss, share, unknowns);
+    if kkt.factorise(values).is_err() {
+        return (Spread::none(np), noise);
+    }
+    let scores = sandwich.then(|| problem.window_scores(&solution.x, &solution.lambda));
+    let (reduced, free) = kkt.reduced_hessian();
+    let spread = uncertainty::from_hessian(&Solved {
+        hessian: reduced,
+        free: &free,
+        scale: &setup.scale,
+        lower: &setup.lower,
+        upper: &setup.upper,
+        loss: setup.loss,
+        priors: &setup.priors,
+        share,
+        residuals: &residuals,
         channels,
         unknowns,
-        solution.objective,
-    )
+        scores,
+    });
+    (spread, noise)
 }
 
 /// A window as the discretization wants it.
@@ -312,7 +356,7 @@ fn track(
     range: std::ops::Range<usize>,
     held: bool,
 ) -> Result<Track, IdentError> {
-    let (nq, first) = (experiment.nq, range.start);
+    let (nq, nu, first) = (experiment.nq, experiment.nu(), range.start);
     let mut track = Track {
         t: experiment.t[range.clone()].to_vec(),
         measured: vec![],
@@ -337,7 +381,7 @@ fn track(
         track
             .guess
             .extend((0..nq).map(|j| or(velocity(j), state.v[row.start + j])));
-        let u = &experiment.u[row];
+        let u = &experiment.u[k * nu..(k + 1) * nu];
         if u.iter().any(|u| u.is_nan()) {
             return Err(IdentError::MissingInput {
                 experiment: experiment.name.clone(),
@@ -418,7 +462,7 @@ impl<'a> MeanInertia<'a> {
                 q: &state.q[row.clone()],
                 v: &state.v[row.clone()],
                 a: &state.a[row.clone()],
-                u: &experiment.u[row],
+                u: &experiment.u[k * dims.nu..(k + 1) * dims.nu],
                 p: self.p,
             };
             self.model.mass_matrix(&at, &mut m);

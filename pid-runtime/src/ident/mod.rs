@@ -14,6 +14,8 @@ mod cross_validation;
 mod equation_error;
 mod error;
 mod full;
+mod likelihood;
+mod profile;
 mod settings;
 mod shooting;
 pub mod starts;
@@ -21,8 +23,11 @@ mod uncertainty;
 
 pub use cross_validation::{CandidateScore, CrossValidationError, cross_validate};
 pub use error::IdentError;
+pub use likelihood::Likelihood;
+pub use profile::{Profile, profile};
 pub use settings::{InitialState, Method, Settings, Weighting};
 pub use starts::{Optimum, Sampling};
+pub use uncertainty::{Covariance, OpenDirection};
 
 use crate::data::{Dataset, Role};
 use crate::dynamics::Hessian;
@@ -85,6 +90,15 @@ pub struct Identification {
     pub deviations: Vec<Option<f64>>,
     /// Number of directions in parameter space that the data do not determine.
     pub undetermined: usize,
+    /// Those directions.
+    pub open: Vec<OpenDirection>,
+    /// Joint covariance of the parameters that are neither held nor at a bound.
+    pub covariance: Option<Covariance>,
+    /// Whether deviations and covariance are of the sandwich form ([`Settings::sandwich`]).
+    pub sandwich: bool,
+    /// Standard deviation of each channel's residuals (positions of all joints, then velocities) as its loss measures it; the
+    /// estimated noise level where it is not stated. `None` for channels that are not fitted, and without [`Settings::likelihood`].
+    pub noise: Vec<Option<f64>>,
     /// Factor on the variances for residuals that are correlated in time (1 for white ones).
     pub correlation_factor: f64,
     /// Held parameters.
@@ -164,6 +178,35 @@ pub fn identify(
             });
         }
     }
+    if settings.method == Method::EquationError && model.dims().nu != dataset.nq() {
+        return Err(IdentError::Controller {
+            model: model.name().to_owned(),
+        });
+    }
+    for &j in &settings.hold {
+        if j >= infos.len() {
+            return Err(IdentError::NoParameter {
+                position: j,
+                parameters: infos.len(),
+            });
+        }
+    }
+    match &settings.likelihood {
+        Some(likelihood) if settings.method != Method::EquationError => {
+            likelihood::identify(model, dataset, settings, likelihood, start, callback)
+        }
+        _ => once(model, dataset, settings, start, callback),
+    }
+}
+
+/// One identification with noise levels as they stand.
+fn once(
+    model: &dyn Hessian,
+    dataset: &Dataset,
+    settings: &Settings,
+    start: &[f64],
+    callback: &mut Callback<'_>,
+) -> Result<Identification, IdentError> {
     match settings.method {
         Method::FullDiscretization => full::identify(model, dataset, settings, start, callback),
         Method::Shooting => shooting::identify(model, dataset, settings, start, callback),
@@ -173,10 +216,11 @@ pub fn identify(
     }
 }
 
-/// Bounds of a model's parameters; held ones (marked `fixed`) have their start as both bounds.
-fn bounds(model: &dyn Hessian, start: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<bool>) {
+/// Bounds of a model's parameters; held ones (marked `fixed`, or in `hold`) have their start as both bounds.
+fn bounds(model: &dyn Hessian, start: &[f64], hold: &[usize]) -> (Vec<f64>, Vec<f64>, Vec<bool>) {
     let infos = model.params();
-    let held = |k: usize, bound: f64| if infos[k].fixed { start[k] } else { bound };
+    let fixed = |k: usize| infos[k].fixed || hold.contains(&k);
+    let held = |k: usize, bound: f64| if fixed(k) { start[k] } else { bound };
     let lower = infos
         .iter()
         .enumerate()
@@ -187,7 +231,7 @@ fn bounds(model: &dyn Hessian, start: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<bool>)
         .enumerate()
         .map(|(k, i)| held(k, i.upper))
         .collect();
-    (lower, upper, infos.iter().map(|i| i.fixed).collect())
+    (lower, upper, (0..infos.len()).map(fixed).collect())
 }
 
 /// Typical size of each parameter: the nominal value, a sixth of the range around zero, 1 without either.

@@ -1,5 +1,6 @@
 //! What can be chosen in an identification.
 
+use super::likelihood::Likelihood;
 use super::starts::Sampling;
 use crate::data::Horizon;
 use crate::solver;
@@ -72,6 +73,14 @@ pub struct Settings {
     pub initial_state: InitialState,
     /// Weights of the channels.
     pub weighting: Weighting,
+    /// Noise levels, losses and priors; takes the place of `weighting`. The equation error, which has no measured channels,
+    /// does not read it.
+    pub likelihood: Option<Likelihood>,
+    /// Positions of parameters that are held at their start beside those marked `fixed`.
+    pub hold: Vec<usize>,
+    /// Whether the covariance is of the sandwich form, from the scatter of the windows' gradients; needs twice as many windows
+    /// as free parameters, otherwise that of the Hessian stands.
+    pub sandwich: bool,
     /// Number of starts; the first is the given one.
     pub starts: usize,
     /// Where the starts after the first one are drawn.
@@ -103,6 +112,9 @@ impl Default for Settings {
             horizon: Horizon::Record,
             initial_state: InitialState::Free,
             weighting: Weighting::Spread,
+            likelihood: None,
+            hold: Vec::new(),
+            sandwich: false,
             starts: 1,
             sampling: Sampling::Around,
             seed: 0,

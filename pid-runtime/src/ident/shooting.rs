@@ -1,8 +1,9 @@
 //! Single and multiple shooting over the training windows, from every start.
 
 use super::full::{self, Assembled};
+use super::likelihood;
 use super::starts::{self, Report};
-use super::uncertainty::{self, Spread};
+use super::uncertainty::{self, Solved, Spread};
 use super::{Callback, IdentError, Identification, Run, Settings};
 use crate::data::Dataset;
 use crate::dynamics::Hessian;
@@ -68,7 +69,17 @@ pub(super) fn identify(
     }
     let best = super::best_of(&runs);
     let mut problem = problem();
-    let spread = deviations(&mut problem, &solutions[best], &fixed);
+    let (spread, noise) = deviations(
+        &mut problem,
+        &solutions[best],
+        &fixed,
+        &assembled.tracks[0].weights,
+        settings.sandwich,
+    );
+    let noise = match settings.likelihood {
+        Some(_) => noise,
+        None => vec![None; noise.len()],
+    };
     Ok(Identification {
         optima: starts::optima(&runs, &motions, 2 * model.dims().nq),
         motion: motions.swap_remove(best),
@@ -76,6 +87,10 @@ pub(super) fn identify(
         runs,
         deviations: spread.deviations,
         undetermined: spread.undetermined,
+        open: spread.open,
+        covariance: spread.covariance,
+        sandwich: spread.sandwich,
+        noise,
         correlation_factor: spread.correlation_factor,
         fixed,
         lower,
@@ -206,10 +221,16 @@ fn solve(
 }
 
 /// Standard deviations from the reduced Hessian at the solution.
-fn deviations(problem: &mut Shooting<'_>, solution: &Solution, fixed: &[bool]) -> Spread {
+fn deviations(
+    problem: &mut Shooting<'_>,
+    solution: &Solution,
+    fixed: &[bool],
+    weights: &[f64],
+    sandwich: bool,
+) -> (Spread, Vec<Option<f64>>) {
     let np = fixed.len();
     if !solution.objective.is_finite() {
-        return Spread::none(np);
+        return (Spread::none(np), vec![None; weights.len()]);
     }
     let parameters = problem.parameters(&solution.x);
     let setup = problem.setup().clone();
@@ -227,26 +248,33 @@ fn deviations(problem: &mut Shooting<'_>, solution: &Solution, fixed: &[bool]) -
         jacobian: &jacobian,
         sigma: &sigma,
     };
-    if kkt.factorise(values).is_err() {
-        return Spread::none(np);
-    }
     let (residuals, channels) = problem.residuals(&solution.x);
-    let (reduced, free) = kkt.reduced_hessian();
+    let share = 1.0 / problem.samples() as f64;
     let free_states = if setup.hold_initial {
         0
     } else {
         problem.nodes().len() * 2 * problem.model().dims().nq
     };
-    let unknowns = free.len() + free_states;
-    uncertainty::from_hessian(
-        reduced,
-        &free,
-        &setup.scale,
-        &setup.lower,
-        &setup.upper,
-        &residuals,
+    let unknowns = held.iter().filter(|h| !**h).count() + free_states;
+    let noise = likelihood::levels(&residuals, weights, setup.loss, share, unknowns);
+    if kkt.factorise(values).is_err() {
+        return (Spread::none(np), noise);
+    }
+    let scores = sandwich.then(|| problem.window_scores(&solution.x, &solution.lambda));
+    let (reduced, free) = kkt.reduced_hessian();
+    let spread = uncertainty::from_hessian(&Solved {
+        hessian: reduced,
+        free: &free,
+        scale: &setup.scale,
+        lower: &setup.lower,
+        upper: &setup.upper,
+        loss: setup.loss,
+        priors: &setup.priors,
+        share,
+        residuals: &residuals,
         channels,
         unknowns,
-        solution.objective,
-    )
+        scores,
+    });
+    (spread, noise)
 }

@@ -1,12 +1,13 @@
 //! The part of the objective that belongs to one sample.
 //!
 //! ```text
-//! ℓ_k(x, p) = Σ_c w_kc (y_c(x, p) − d_kc)²
+//! ℓ_k(x, p) = 1/N Σ_c ρ(√w_kc (y_c(x, p) − d_kc))
 //! ```
 //!
 //! with measured `d`, weights `w` (0 where nothing was measured) and the output `y(x, p)`: the state itself, or a map of the user
-//! (K. Schäfer et al., equation (1), where it is called c).
+//! (K. Schäfer et al., equation (1), where it is called c), and the loss ρ(z) = z² unless another is chosen ([`Loss`]).
 
+use super::loss::Loss;
 use crate::generic::functions::PointFunction;
 use std::fmt;
 use std::sync::Arc;
@@ -39,6 +40,9 @@ pub(super) struct Fit {
     measured: Vec<f64>,
     /// Of each entry of `measured`, 1/N included.
     weights: Vec<f64>,
+    loss: Loss,
+    /// 1/N.
+    share: f64,
 }
 
 /// Work space for one sample; `z = (x, p)`.
@@ -53,9 +57,17 @@ pub(super) struct FitScratch {
 }
 
 impl Fit {
-    /// `weights` per channel and sample without 1/N; `samples` is N.
-    pub(super) fn new(nx: usize, np: usize, output: Option<Output>) -> Self {
+    /// No samples yet; `samples` will be N.
+    pub(super) fn new(
+        nx: usize,
+        np: usize,
+        output: Option<Output>,
+        loss: Loss,
+        samples: usize,
+    ) -> Self {
         Self {
+            loss,
+            share: 1.0 / samples.max(1) as f64,
             nx,
             np,
             output,
@@ -69,7 +81,7 @@ impl Fit {
         self.output.as_ref().map_or(self.nx, |o| o.0.outputs())
     }
 
-    /// Adds a sample: NaN where nothing was measured.
+    /// Adds a sample: NaN where nothing was measured; weights include 1/N.
     pub(super) fn push(
         &mut self,
         measured: impl Iterator<Item = f64>,
@@ -100,7 +112,39 @@ impl Fit {
         }
     }
 
-    /// Whether the output is the state, so that Hessians are diagonal and constant.
+    /// Value and first two derivatives of the term of a channel by its deviation `e`; the second is that of the touching
+    /// parabola where `majorised`.
+    fn slopes(&self, weight: f64, e: f64, majorised: bool) -> (f64, f64) {
+        if self.loss.is_square() {
+            return (2.0 * weight * e, 2.0 * weight);
+        }
+        let unit = (weight / self.share).sqrt();
+        let second = match majorised {
+            true => self.loss.weight(unit * e),
+            false => self.loss.curvature(unit * e),
+        };
+        (
+            self.share * unit * self.loss.slope(unit * e),
+            weight * second,
+        )
+    }
+
+    /// Adds `factor ∂²ℓ_k/∂x²`, a diagonal, for outputs that are the state.
+    pub(super) fn state_curvature(
+        &self,
+        k: usize,
+        x: &[f64],
+        factor: f64,
+        gauss_newton: bool,
+        mut add: impl FnMut(usize, f64),
+    ) {
+        let terms = self.weights(k).iter().zip(self.measured(k)).zip(x);
+        for (c, ((w, d), x)) in terms.enumerate().filter(|(_, ((w, _), _))| **w != 0.0) {
+            add(c, factor * self.slopes(*w, x - d, gauss_newton).1);
+        }
+    }
+
+    /// Whether the output is the state, so that Hessians are diagonal.
     pub(super) fn is_state(&self) -> bool {
         self.output.is_none()
     }
@@ -133,7 +177,10 @@ impl Fit {
         // A channel without a measurement does not count even if its output is not finite.
         terms
             .filter(|(_, w)| **w != 0.0)
-            .map(|((y, d), w)| w * (y - d) * (y - d))
+            .map(|((y, d), w)| match self.loss {
+                Loss::Square => w * (y - d) * (y - d),
+                loss => self.share * loss.value((w / self.share).sqrt() * (y - d)),
+            })
             .sum()
     }
 
@@ -171,7 +218,7 @@ impl Fit {
             None => {
                 for i in 0..self.nx {
                     if weights[i] != 0.0 {
-                        out[i] += 2.0 * factor * weights[i] * (x[i] - measured[i]);
+                        out[i] += factor * self.slopes(weights[i], x[i] - measured[i], false).0;
                     }
                 }
             }
@@ -179,7 +226,7 @@ impl Fit {
                 let nz = self.nx + self.np;
                 map.0.jacobian(x, p, &mut s.y, &mut s.jacobian);
                 for c in (0..weights.len()).filter(|c| weights[*c] != 0.0) {
-                    let slope = 2.0 * factor * weights[c] * (s.y[c] - measured[c]);
+                    let slope = factor * self.slopes(weights[c], s.y[c] - measured[c], false).0;
                     for (o, j) in out.iter_mut().zip(&s.jacobian[c * nz..(c + 1) * nz]) {
                         *o += slope * j;
                     }
@@ -201,16 +248,19 @@ impl Fit {
         let nz = self.nx + self.np;
         let (measured, weights) = (self.measured(k), self.weights(k));
         let Some(map) = &self.output else {
-            for i in 0..self.nx {
-                out[i * nz + i] += 2.0 * factor * weights[i];
-            }
+            self.state_curvature(k, x, factor, gauss_newton, |i, value| {
+                out[i * nz + i] += value;
+            });
             return;
         };
         map.0.jacobian(x, p, &mut s.y, &mut s.jacobian);
         for c in (0..weights.len()).filter(|c| weights[*c] != 0.0) {
             let row = &s.jacobian[c * nz..(c + 1) * nz];
+            let second = self
+                .slopes(weights[c], s.y[c] - measured[c], gauss_newton)
+                .1;
             for i in (0..nz).filter(|i| row[*i] != 0.0) {
-                let slope = 2.0 * factor * weights[c] * row[i];
+                let slope = factor * second * row[i];
                 for (o, j) in out[i * nz..(i + 1) * nz].iter_mut().zip(row) {
                     *o += slope * j;
                 }
@@ -221,7 +271,7 @@ impl Fit {
         }
         for c in 0..weights.len() {
             s.multipliers[c] = if weights[c] != 0.0 {
-                2.0 * factor * weights[c] * (s.y[c] - measured[c])
+                factor * self.slopes(weights[c], s.y[c] - measured[c], false).0
             } else {
                 0.0
             };

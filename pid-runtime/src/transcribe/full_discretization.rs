@@ -11,6 +11,7 @@
 //! affine in the inertial parameters.
 
 use super::fit::{Fit, FitScratch, Output};
+use super::loss::{Loss, Prior, prior_terms};
 use super::scheme::Scheme;
 use super::step::{Interval, Rule, Scratch};
 use crate::dynamics::Hessian;
@@ -68,6 +69,10 @@ pub struct Setup {
     pub substeps: usize,
     /// What is measured; `None` for the state itself.
     pub output: Option<Output>,
+    /// What deviations cost.
+    pub loss: Loss,
+    /// Prior knowledge of parameters; meant for weights of one over the variance of the noise.
+    pub priors: Vec<Prior>,
 }
 
 /// Second derivatives given to the solver.
@@ -107,6 +112,8 @@ pub struct FullDiscretization<'m> {
     fit: Fit,
     fit_scratch: FitScratch,
     start: Vec<f64>,
+    /// 1/N.
+    share: f64,
     u: Vec<f64>,
     jacobian_pattern: SparsePattern,
     hessian_pattern: SparsePattern,
@@ -151,9 +158,9 @@ impl<'m> FullDiscretization<'m> {
             step_hessian: step_hessian(&rule, nx, dims.np, setup.output.is_some()),
             parameter_hessian: parameter_hessian(&rule, dims.np, setup.output.is_some()),
         };
-        let mut fit = Fit::new(nx, dims.np, setup.output.clone());
-        let channels = fit.channels();
         let samples: usize = tracks.iter().map(|t| t.t.len()).sum();
+        let mut fit = Fit::new(nx, dims.np, setup.output.clone(), setup.loss, samples);
+        let channels = fit.channels();
         let (mut steps, mut nodes, mut sampled) = (Vec::new(), Vec::new(), Vec::new());
         let mut u = Vec::new();
         let mut start = vec![0.0; layout.n()];
@@ -236,6 +243,7 @@ impl<'m> FullDiscretization<'m> {
             fit_scratch: fit.scratch(),
             fit,
             start,
+            share: 1.0 / samples.max(1) as f64,
             u,
             chunk,
             scratch,
@@ -331,6 +339,41 @@ impl<'m> FullDiscretization<'m> {
         (out, channels)
     }
 
+    /// Gradient of each window's part of the objective by the parameters' variables, its states eliminated: `np` values a
+    /// window, at a solution with the multipliers `lambda`. Priors belong to no window.
+    pub fn window_scores(&mut self, x: &[f64], lambda: &[f64]) -> Vec<f64> {
+        let (nx, ny, np) = (self.layout.nx, self.layout.ny, self.layout.np);
+        let mut values = vec![0.0; self.jacobian_pattern.nnz()];
+        self.jacobian(x, &mut values);
+        let size = self.layout.step_jacobian.len();
+        let mut scores = vec![0.0; np * self.layout.windows.len()];
+        let mut local = vec![0.0; nx + np];
+        for (window, score) in self.layout.windows.iter().zip(scores.chunks_exact_mut(np)) {
+            for k in window.first_step..window.first_step + window.steps {
+                let step = &values[k * size..(k + 1) * size];
+                for ((row, column), value) in self.layout.step_jacobian.iter().zip(step) {
+                    if let Some(j) = (*column as usize).checked_sub(nx + ny) {
+                        score[j] += lambda[k * ny + *row as usize] * value;
+                    }
+                }
+            }
+            if self.fit.is_state() {
+                continue;
+            }
+            for node in window.first_node..=window.first_node + window.steps {
+                local.fill(0.0);
+                let at = self.nodes[node];
+                let (state, scratch) = (&x[at..at + nx], &mut self.fit_scratch);
+                let point = (state, self.parameters.as_slice());
+                self.fit.gradient(node, point, 1.0, scratch, &mut local);
+                for j in 0..np {
+                    score[j] += local[nx + j] * self.setup.scale[j];
+                }
+            }
+        }
+        scores
+    }
+
     /// Number of unknown entries of initial states.
     pub fn free_initial_states(&self) -> usize {
         self.layout.windows.iter().filter(|w| !w.held).count() * self.layout.nx
@@ -392,6 +435,27 @@ impl<'m> FullDiscretization<'m> {
                 }
             }
         }
+    }
+
+    /// Adds σ ∂² of the priors to the diagonal between parameters.
+    fn prior_hessian(&self, sigma: f64, parameters: &mut [f64]) {
+        let scale = &self.setup.scale;
+        let share = sigma * self.share;
+        prior_terms(
+            &self.setup.priors,
+            &self.parameters,
+            share,
+            |j, _, curvature| {
+                let pair = (j as u32, j as u32);
+                let at = self
+                    .layout
+                    .parameter_hessian
+                    .iter()
+                    .position(|p| *p == pair);
+                let at = at.expect("invariant: the layout has every diagonal entry");
+                parameters[at] += curvature * scale[j] * scale[j];
+            },
+        );
     }
 
     fn load_parameters(&mut self, x: &[f64]) {
@@ -530,7 +594,8 @@ impl Nlp for FullDiscretization<'_> {
         let (nx, scratch, p) = (self.layout.nx, &mut self.fit_scratch, &self.parameters);
         let fit = &self.fit;
         let value = |(k, &at): (usize, &usize)| fit.value(k, &x[at..at + nx], p, scratch);
-        self.nodes.iter().enumerate().map(value).sum()
+        let data: f64 = self.nodes.iter().enumerate().map(value).sum();
+        data + prior_terms(&self.setup.priors, p, self.share, |_, _, _| {})
     }
 
     fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) {
@@ -538,6 +603,13 @@ impl Nlp for FullDiscretization<'_> {
         gradient.fill(0.0);
         let (nx, first) = (self.layout.nx, self.layout.p());
         let scratch = &mut self.fit_scratch;
+        let scale = &self.setup.scale;
+        prior_terms(
+            &self.setup.priors,
+            &self.parameters,
+            self.share,
+            |j, slope, _| gradient[first + j] += slope * scale[j],
+        );
         if self.fit.is_state() {
             for (k, &at) in self.nodes.iter().enumerate() {
                 let (state, out) = (&x[at..at + nx], &mut gradient[at..at + nx]);
@@ -608,12 +680,15 @@ impl Nlp for FullDiscretization<'_> {
         self.load_parameters(x);
         if self.fit.is_state() {
             let nx = self.layout.nx;
+            let gauss_newton = self.setup.curvature == Curvature::GaussNewton;
             for (k, values) in nodes.chunks_exact_mut(nx).enumerate() {
-                for (value, w) in values.iter_mut().zip(self.fit.weights(k)) {
-                    *value = 2.0 * sigma * w;
-                }
+                let at = self.nodes[k];
+                let add = |c: usize, value: f64| values[c] = value;
+                self.fit
+                    .state_curvature(k, &x[at..at + nx], sigma, gauss_newton, add);
             }
         }
+        self.prior_hessian(sigma, parameters);
         if self.setup.curvature == Curvature::GaussNewton {
             steps.fill(0.0);
             self.output_hessian(x, sigma, steps, parameters);

@@ -6,6 +6,7 @@ mod expansion;
 mod explicit_form;
 mod fit;
 mod full_discretization;
+mod loss;
 mod residual_fit;
 mod scheme;
 mod shooting;
@@ -16,6 +17,7 @@ pub use constrained::{Constrained, Constraint, ConstraintError, Place, Sense, St
 pub use explicit_form::ExplicitForm;
 pub use fit::Output;
 pub use full_discretization::{Curvature, FullDiscretization, Setup, Track};
+pub use loss::{Loss, Prior};
 pub use residual_fit::ResidualFit;
 pub use scheme::{Scheme, SchemeError, Stages};
 pub use shooting::{Adaptive, Shooting, ShootingKkt, Stepping};

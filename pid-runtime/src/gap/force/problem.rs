@@ -34,7 +34,7 @@ pub(super) struct Problem<'a> {
     p: &'a [f64],
     experiment: &'a Experiment,
     nq: usize,
-    /// Inputs on the intervals; (N − 1) × nq.
+    /// Inputs on the intervals; (N − 1) × nu.
     u: Vec<f64>,
     /// Measurements; N × 2 nq.
     pub(super) y: Vec<f64>,
@@ -88,6 +88,12 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// Inputs on interval i.
+    fn input(&self, i: usize) -> &[f64] {
+        let nu = self.experiment.nu();
+        &self.u[i * nu..(i + 1) * nu]
+    }
+
     fn h(&self, i: usize) -> f64 {
         self.experiment.t[i + 1] - self.experiment.t[i]
     }
@@ -113,7 +119,7 @@ impl<'a> Problem<'a> {
 
     /// w along a path.
     pub(super) fn force(&mut self, path: &mut Path) -> Result<(), MissingForceError> {
-        let nq = self.nq;
+        let (nq, nu) = (self.nq, self.experiment.nu());
         for i in 0..path.w.len() / nq {
             self.middle(path, i);
             let row = i * nq..(i + 1) * nq;
@@ -121,7 +127,7 @@ impl<'a> Problem<'a> {
                 q: &self.q,
                 v: &self.v,
                 a: &path.a[row.clone()],
-                u: &self.u[row.clone()],
+                u: &self.u[i * nu..(i + 1) * nu],
                 p: self.p,
             };
             self.model.residual(&at, &mut path.w[row.clone()]);
@@ -134,7 +140,7 @@ impl<'a> Problem<'a> {
 
     /// a as an affine function of (q, v, w) on every interval, at a path whose w is known.
     pub(super) fn linearise(&mut self, path: &Path) -> Result<Vec<Step>, MissingForceError> {
-        let nq = self.nq;
+        let (nq, nu) = (self.nq, self.experiment.nu());
         let model = self.model;
         let pattern = model.jacobian_pattern();
         let mut out = Vec::with_capacity(path.w.len() / nq);
@@ -147,7 +153,7 @@ impl<'a> Problem<'a> {
                 q: &self.q,
                 v: &self.v,
                 a: &path.a[row.clone()],
-                u: &self.u[row.clone()],
+                u: &self.u[i * nu..(i + 1) * nu],
                 p: self.p,
             };
             model.residual_jacobian(&at, &mut r, &mut self.values);
@@ -304,7 +310,7 @@ impl<'a> Problem<'a> {
             q: &self.q,
             v: &self.v,
             a: &path.a[row.clone()],
-            u: &self.u[row],
+            u: self.input(i),
             p: self.p,
         };
         self.model.applied_force(&at, f);
@@ -479,13 +485,13 @@ impl Pace {
 
 /// Inputs as they act on each interval; missing ones are bridged by straight lines.
 fn inputs_on_intervals(experiment: &Experiment, hold: InputHold) -> Vec<f64> {
-    let (n, nq) = (experiment.len(), experiment.nq);
-    let mut out = vec![0.0; (n - 1) * nq];
-    for j in 0..nq {
-        let mut channel = column(&experiment.u, nq, j);
+    let (n, nu) = (experiment.len(), experiment.nu());
+    let mut out = vec![0.0; (n - 1) * nu];
+    for j in 0..nu {
+        let mut channel = column(&experiment.u, nu, j);
         fill_missing(&experiment.t, &mut channel);
         for (i, pair) in channel.windows(2).enumerate() {
-            out[i * nq + j] = match hold {
+            out[i * nu + j] = match hold {
                 InputHold::ZeroOrder => pair[0],
                 InputHold::Linear => 0.5 * (pair[0] + pair[1]),
             };

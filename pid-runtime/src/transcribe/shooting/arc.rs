@@ -497,19 +497,16 @@ impl<'m> Arc<'m> {
         let nz = nx + np;
         let s = &self.sensitivities[k * nx * nz..(k + 1) * nx * nz];
         if fit.is_state() {
-            for (c, weight) in fit.weights(sample).iter().enumerate() {
+            let (x, hessian) = (&self.states[k * nx..(k + 1) * nx], &mut self.hessian);
+            fit.state_curvature(sample, x, sigma, gauss_newton, |c, value| {
                 let row = &s[c * nz..(c + 1) * nz];
                 for i in 0..nz {
-                    let factor = 2.0 * sigma * weight * row[i];
+                    let factor = value * row[i];
                     if factor != 0.0 {
-                        axpy(
-                            factor,
-                            &row[..=i],
-                            &mut self.hessian[i * nz..i * nz + i + 1],
-                        );
+                        axpy(factor, &row[..=i], &mut hessian[i * nz..i * nz + i + 1]);
                     }
                 }
-            }
+            });
             return;
         }
         let x = &self.states[k * nx..(k + 1) * nx];

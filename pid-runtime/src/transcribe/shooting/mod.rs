@@ -26,6 +26,7 @@ pub use kkt::ShootingKkt;
 
 use super::fit::Fit;
 use super::full_discretization::{Curvature, Setup, Track};
+use super::loss::prior_terms;
 use super::scheme::Scheme;
 use super::step::Rule;
 use crate::dynamics::Hessian;
@@ -149,7 +150,7 @@ impl<'m> Shooting<'m> {
             setup.linear_inputs,
         );
         let samples: usize = tracks.iter().map(|t| t.t.len()).sum();
-        let mut fit = Fit::new(nx, np, setup.output.clone());
+        let mut fit = Fit::new(nx, np, setup.output.clone(), setup.loss, samples);
         let channels = fit.channels();
         let mut records = Records {
             t: Vec::new(),
@@ -339,9 +340,41 @@ impl<'m> Shooting<'m> {
         (out, channels)
     }
 
+    /// Gradient of each window's part of the objective by the parameters' variables, its node states eliminated: `np` values a
+    /// window, at a solution with the multipliers `lambda`. Priors belong to no window.
+    pub fn window_scores(&mut self, x: &[f64], lambda: &[f64]) -> Vec<f64> {
+        self.evaluate(x, Level::Derivatives);
+        let scale = std::mem::take(&mut self.setup.scale);
+        self.each(|arc, _, _, fit, p| arc.gradient(fit, p, &scale));
+        self.setup.scale = scale;
+        let (nx, np) = (self.nx, self.np);
+        let mut scores = vec![0.0; np * self.chains.len()];
+        let mut arcs = self.arcs.iter();
+        for (chain, score) in self.chains.iter().zip(scores.chunks_exact_mut(np)) {
+            for arc in arcs.by_ref().take(chain.nodes) {
+                for (s, g) in score.iter_mut().zip(&arc.gradient[nx..]) {
+                    *s += g;
+                }
+                let Some((_, row)) = arc.next else { continue };
+                let sensitivity = arc.end_sensitivity().chunks_exact(nx + np);
+                for (l, e) in lambda[row..row + nx].iter().zip(sensitivity) {
+                    for (s, e) in score.iter_mut().zip(&e[nx..]) {
+                        *s += l * e;
+                    }
+                }
+            }
+        }
+        scores
+    }
+
     /// Changes the second derivatives that are given to the solver.
     pub fn set_curvature(&mut self, curvature: Curvature) {
         self.setup.curvature = curvature;
+    }
+
+    /// 1/N.
+    fn share(&self) -> f64 {
+        1.0 / self.samples.max(1) as f64
     }
 
     fn each(&mut self, work: impl Fn(&mut Arc<'m>, &Rule<'m>, &Records, &Fit, &[f64]) + Sync) {
@@ -411,7 +444,8 @@ impl Nlp for Shooting<'_> {
     fn objective(&mut self, x: &[f64]) -> f64 {
         self.evaluate(x, Level::Motion);
         let (fit, p) = (&self.fit, &self.parameters);
-        self.arcs.iter_mut().map(|arc| arc.objective(fit, p)).sum()
+        let data: f64 = self.arcs.iter_mut().map(|arc| arc.objective(fit, p)).sum();
+        data + prior_terms(&self.setup.priors, p, self.share(), |_, _, _| {})
     }
 
     fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) {
@@ -427,6 +461,12 @@ impl Nlp for Shooting<'_> {
                 *out += value;
             }
         }
+        prior_terms(
+            &self.setup.priors,
+            &self.parameters,
+            self.share(),
+            |j, slope, _| gradient[p + j] += slope * self.setup.scale[j],
+        );
     }
 
     fn constraints(&mut self, x: &[f64], c: &mut [f64]) {
@@ -486,6 +526,16 @@ impl Nlp for Shooting<'_> {
         let size = nx * (nx + 1) / 2 + np * nx;
         let (nodes, parameters) = values.split_at_mut(self.arcs.len() * size);
         parameters.fill(0.0);
+        let share = sigma * self.share();
+        prior_terms(
+            &self.setup.priors,
+            &self.parameters,
+            share,
+            |j, _, curvature| {
+                parameters[j * (j + 1) / 2 + j] +=
+                    curvature * self.setup.scale[j] * self.setup.scale[j];
+            },
+        );
         for (arc, out) in self.arcs.iter().zip(nodes.chunks_exact_mut(size)) {
             let mut k = 0;
             for i in 0..nz {
