@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use pid_estimate::term::Request;
 use pid_runtime::data::{Horizon, ParseHorizonError};
-use pid_runtime::transcribe::Scheme;
+use pid_runtime::transcribe::{Loss, Scheme};
 
 /// Identify the parameters of a robot from its records, and see where model and robot differ.
 ///
@@ -34,6 +34,8 @@ pub(crate) enum Command {
     Diagnose(crate::diagnose::DiagnoseArgs),
     /// Measure the diagnosis on drawn cases whose effect is withheld until it has been named.
     Study(crate::study::StudyArgs),
+    /// Measure by simulation whether the 95 % intervals of identifications hold the truth.
+    Coverage(crate::coverage::CoverageArgs),
     /// List the models.
     Models,
     /// Make the embedded demonstration data anew.
@@ -86,6 +88,10 @@ pub(crate) struct Source {
     /// values are written back to identified.urdf.
     #[arg(long, value_name = "FILE")]
     pub(crate) urdf: Option<PathBuf>,
+    /// Robot from a nominal description (docs/nominal-format.md) instead of a model; in identifications its tolerances are
+    /// bounds and priors, its stated noise that of the channels.
+    #[arg(long, value_name = "FILE", conflicts_with = "urdf")]
+    pub(crate) nominal: Option<PathBuf>,
     /// With --urdf: masses and inertias are identified, or held as written.
     #[arg(long, value_enum, default_value_t, requires = "urdf")]
     pub(crate) inertias: InertiasArg,
@@ -95,12 +101,19 @@ pub(crate) struct Source {
     /// Force law that the model lacks, at every joint (`stribeck`), one joint (`stribeck:elbow`) or a motor of two joints
     /// (`viscous:j5+j6`); may be repeated. Laws: armature, offset, viscous, coulomb, asymmetric (viscous friction that
     /// differs between the directions), stribeck, saturating, load (friction with the drive's torque), quadratic.
-    #[arg(long = "with", value_name = "TERM", conflicts_with = "urdf")]
+    #[arg(long = "with", value_name = "TERM", conflicts_with_all = ["urdf", "nominal"])]
     pub(crate) terms: Vec<Request>,
     /// Factors from the input columns to the torque or force at the joints (N·m/A for currents), one per joint, separated by
     /// commas; the columns then count as torques or forces.
     #[arg(long, value_name = "K1,K2,…", value_delimiter = ',', value_parser = finite)]
     pub(crate) input_gain: Vec<f64>,
+    /// Controllers of the records (docs/controller-format.md): the commanded positions become the input, and the loop is part
+    /// of the model.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["urdf", "nominal"])]
+    pub(crate) controller: Option<PathBuf>,
+    /// Further folder with records of the same robot; may be repeated.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) also: Vec<PathBuf>,
     /// Folder for the results; made if needed.
     #[arg(long, short, value_name = "FOLDER", default_value = "pid-report")]
     pub(crate) out: PathBuf,
@@ -109,7 +122,10 @@ pub(crate) struct Source {
 impl Source {
     /// Whether nothing was said: the embedded model and records.
     pub(crate) fn embedded(&self) -> bool {
-        self.model.is_none() && self.folder.is_none() && self.urdf.is_none()
+        self.model.is_none()
+            && self.folder.is_none()
+            && self.urdf.is_none()
+            && self.nominal.is_none()
     }
 }
 
@@ -164,6 +180,25 @@ pub(crate) struct IdentifyArgs {
     /// Weights of the channels in the objective.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) weights: WeightsArg,
+    /// Fit by maximum likelihood: the noise of every channel is estimated, or stated by --assume or --nominal.
+    #[arg(long)]
+    pub(crate) likelihood: bool,
+    /// What is known of noise and parameters (docs/assumptions-format.md); implies --likelihood.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) assume: Option<PathBuf>,
+    /// What deviations cost in units of their noise: square, huber=THRESHOLD, student-t=FREEDOM; implies --likelihood.
+    #[arg(long, value_name = "LOSS", value_parser = crate::assume::loss)]
+    pub(crate) loss: Option<Loss>,
+    /// Parameter that is held at its start; may be repeated.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) hold: Vec<String>,
+    /// Standard deviations from the scatter of the windows' gradients (sandwich form): right for noise of any correlation
+    /// within a window. Needs twice as many windows as free parameters.
+    #[arg(long)]
+    pub(crate) sandwich: bool,
+    /// Interval of 95 % of a parameter by its profile likelihood; may be repeated.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) profile: Vec<String>,
     /// Start the solver from the given parameters as they are, without fitting the residual first.
     #[arg(long)]
     pub(crate) no_prepare: bool,
@@ -227,6 +262,9 @@ pub(crate) struct RegressArgs {
     /// Training records to fit on, separated by commas; all of them if absent. Those left out are neither fitted nor judged.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub(crate) train: Vec<String>,
+    /// Estimator. Instrumental variables simulate the closed loop of --controller without noise (IDIM-IV).
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) method: RegressMethodArg,
     /// Hold shape parameters of force terms (Stribeck velocities) instead of seeking them.
     #[arg(long)]
     pub(crate) hold_shapes: bool,
@@ -245,6 +283,17 @@ pub(crate) struct RegressArgs {
     /// Parameters to start from: a fit.json, or a TOML file of lines `name = value`.
     #[arg(long, value_name = "FILE")]
     pub(crate) start: Option<PathBuf>,
+}
+
+/// Estimators of `pid regress`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum RegressMethodArg {
+    /// Weighted least squares (IDIM-LS).
+    #[default]
+    LeastSquares,
+    /// Instrumental variables (IDIM-IV).
+    #[value(alias = "iv")]
+    InstrumentalVariables,
 }
 
 /// Arguments of `pid paper`.

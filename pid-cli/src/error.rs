@@ -5,8 +5,12 @@ use std::path::{Path, PathBuf};
 
 use pid_diagnose::case::CaseError;
 use pid_diagnose::study::StudyError;
+use pid_estimate::assumptions::AssumptionsError;
+use pid_estimate::control::ControlError;
+use pid_estimate::coverage::CoverageError;
 use pid_estimate::extend::ExtendError;
 use pid_estimate::regress::RegressError;
+use pid_interpret::nominal::NominalError;
 use pid_models::UnknownModel;
 use pid_runtime::data::DataError;
 use pid_runtime::excite::ExciteError;
@@ -40,7 +44,9 @@ pub(crate) enum CliError {
     InputGains { found: usize, joints: usize },
     #[error("--train: no training record named `{name}`; they are {records}")]
     NoSuchRecord { name: String, records: String },
-    #[error("model `{model}` and --urdf are given\n  help: leave one of them out")]
+    #[error(
+        "model `{model}` and a description by --urdf or --nominal are given\n  help: leave one of them out"
+    )]
     TwoModels { model: String },
     #[error(transparent)]
     Data(#[from] DataError),
@@ -60,6 +66,32 @@ pub(crate) enum CliError {
     Extend(#[from] ExtendError),
     #[error(transparent)]
     Regress(#[from] RegressError),
+    #[error(transparent)]
+    Control(#[from] ControlError),
+    #[error(transparent)]
+    Coverage(#[from] CoverageError),
+    #[error("{option} has {found} values; {joints} are needed")]
+    PerJoint {
+        option: &'static str,
+        found: usize,
+        joints: usize,
+    },
+    #[error(
+        "instrumental variables simulate the closed loop of the records\n  help: describe it in a file and give it with --controller (docs/controller-format.md)"
+    )]
+    NoController,
+    #[error(
+        "the records of `{second}` are not like those of `{first}`: joints, input units, velocity channels and the hold of inputs must agree\n  help: with --controller the units of inputs do not count"
+    )]
+    OtherRobot { first: String, second: String },
+    #[error(transparent)]
+    Assumptions(#[from] AssumptionsError),
+    #[error(transparent)]
+    Nominal(#[from] NominalError),
+    #[error(
+        "{option}: the model has no parameter `{name}`\n  help: the report lists the model's parameters"
+    )]
+    NoParameter { option: &'static str, name: String },
     #[error(transparent)]
     CrossValidation(#[from] CrossValidationError),
     #[error("the result cannot be written as JSON: {0}")]

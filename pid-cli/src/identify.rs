@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use pid_runtime::data::{Dataset, Horizon, Role};
+use pid_runtime::dynamics::ParamInfo;
 use pid_runtime::ident::{
     self, ForceError, Identification, InitialState, Method, Run, Sampling, Settings, Weighting,
 };
@@ -17,7 +18,7 @@ use crate::args::{
 use crate::assemble::{Fit, assemble};
 use crate::error::CliError;
 use crate::progress::{Interrupt, Progress};
-use crate::{horizon, output, parameters, source};
+use crate::{assume, horizon, output, parameters, source};
 
 /// Largest constraint violation and stationarity that the independent check lets pass.
 const FEASIBLE: f64 = 1e-6;
@@ -29,11 +30,18 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     let progress = Progress::start("reading the data");
     let (entry, dataset) = source::load(&args.source)?;
     let model = entry.model();
-    let start = match &args.start {
+    let mut settings = settings(args, &dataset);
+    let stated = assume::apply(args, &entry, &dataset, &mut settings)?;
+    let mut start = match &args.start {
         Some(file) => Some(parameters::read(file, model.params())?),
         None => None,
     };
-    let mut settings = settings(args, &dataset);
+    if !stated.is_empty() {
+        let nominal = || model.params().iter().map(|i| i.nominal).collect();
+        let start = start.get_or_insert_with(nominal);
+        stated.iter().for_each(|&(j, value)| start[j] = value);
+    }
+    let profiled = profiled(model.params(), &args.profile)?;
     let started = Instant::now();
     let mut choice = None;
     if args.horizon == Some(HorizonArg::Auto) && settings.method != Method::EquationError {
@@ -72,6 +80,16 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
             }
         },
     )?;
+    let mut intervals = Vec::new();
+    for j in profiled {
+        progress.step(format!("profile likelihood of {}", model.params()[j].name));
+        let mut go_on = |_: &ident::Progress<'_>| match interrupt.requested() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        };
+        let found = ident::profile(model, &dataset, &settings, &identification, j, &mut go_on)?;
+        intervals.push(profile_finding(&model.params()[j], &found));
+    }
     let seconds = started.elapsed().as_secs_f64();
     let best = identification.best();
     let verdict = verdict(best);
@@ -95,12 +113,17 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
             starts: identification.runs.iter().map(start_row).collect(),
             cutoff: args.cutoff,
             settings: in_words(&settings, &identification),
-            notes: choice.into_iter().chain(notes(&identification)).collect(),
+            notes: choice
+                .into_iter()
+                .chain(notes(&identification, model.params()))
+                .collect(),
         },
         &progress,
     )?;
     let mut extra = force_findings(&identification.force_error);
     extra.extend(optima(&identification));
+    extra.extend(noise_finding(&identification, &settings, &dataset));
+    extra.extend(intervals);
     report.findings.extend(extra);
     if settings.method == Method::FullDiscretization
         && let Some(sentence) = hidden_error(&settings, best, &report)
@@ -172,6 +195,9 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
             WeightsArg::Record => Weighting::Record,
             WeightsArg::Position => Weighting::Position,
         },
+        likelihood: None,
+        hold: Vec::new(),
+        sandwich: false,
         starts: if embedded && args.starts.is_none() {
             3
         } else {
@@ -299,6 +325,7 @@ fn in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
             rows.push(Setting::new(
                 "weights",
                 match settings.weighting {
+                    _ if settings.likelihood.is_some() => "one over the variance of the noise",
                     Weighting::Unit => "1 for every channel",
                     Weighting::Spread => "one over the variance of each channel",
                     Weighting::Record => {
@@ -324,7 +351,82 @@ fn in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
     rows
 }
 
-fn notes(found: &Identification) -> Vec<String> {
+/// Positions of the parameters to profile.
+fn profiled(params: &[ParamInfo], names: &[String]) -> Result<Vec<usize>, CliError> {
+    names
+        .iter()
+        .map(|name| {
+            let position = params.iter().position(|p| p.name == *name);
+            position.ok_or_else(|| CliError::NoParameter {
+                option: "--profile",
+                name: name.clone(),
+            })
+        })
+        .collect()
+}
+
+fn profile_finding(info: &ParamInfo, found: &ident::Profile) -> String {
+    let side = |end: Option<f64>, word: &str| {
+        end.map_or_else(|| format!("its {word} bound"), |x| format!("{x:.5}"))
+    };
+    format!(
+        "Profile likelihood of {}: 95 % interval {} … {} {} ({} fits).",
+        info.name,
+        side(found.lower, "lower"),
+        side(found.upper, "upper"),
+        info.unit,
+        found.fits
+    )
+}
+
+/// Noise levels of a fit by likelihood.
+fn noise_finding(found: &Identification, settings: &Settings, data: &Dataset) -> Option<String> {
+    settings.likelihood.as_ref()?;
+    let nq = data.nq();
+    let levels: Vec<String> = found
+        .noise
+        .iter()
+        .enumerate()
+        .filter_map(|(c, level)| {
+            let letter = if c < nq { "q" } else { "dq" };
+            Some(format!(
+                "{} {letter} {:.3e}",
+                data.joints[c % nq].name,
+                (*level)?
+            ))
+        })
+        .collect();
+    Some(format!(
+        "Standard deviation of the residuals, as the loss measures it: {}.",
+        levels.join(", ")
+    ))
+}
+
+/// What changes together without the data noticing.
+fn open_direction(
+    direction: &ident::OpenDirection,
+    found: &Identification,
+    params: &[ParamInfo],
+) -> String {
+    let parts: Vec<String> = direction
+        .iter()
+        .map(|&(j, share)| {
+            let width = found.upper[j] - found.lower[j];
+            match width.is_finite() {
+                true => format!(
+                    "{} {:+.3e} {}",
+                    params[j].name,
+                    share * width,
+                    params[j].unit
+                ),
+                false => format!("{} {share:+.2} of its scale", params[j].name),
+            }
+        })
+        .collect();
+    parts.join(", ")
+}
+
+fn notes(found: &Identification, params: &[ParamInfo]) -> Vec<String> {
     let mut notes = found.notes.clone();
     if found.undetermined > 0 {
         notes.push(format!(
@@ -333,6 +435,16 @@ fn notes(found: &Identification) -> Vec<String> {
             if found.undetermined == 1 { "" } else { "s" },
             if found.undetermined == 1 { "is" } else { "are" },
         ));
+    }
+    notes.extend(found.open.iter().map(|direction| {
+        format!(
+            "Not determined: {} (change together, in proportion).",
+            open_direction(direction, found, params)
+        )
+    }));
+    if found.sandwich {
+        notes.push("Standard deviations are of the sandwich form, from the scatter of the windows' gradients.".to_owned());
+        return notes;
     }
     notes.push(format!(
         "Standard deviations come from the exact reduced Hessian at the solution and the residual variance, times {:.3} for residuals that are correlated in time; they do not cover what the model lacks.",

@@ -5,6 +5,8 @@
 
 mod args;
 mod assemble;
+mod assume;
+mod coverage;
 mod demo;
 mod diagnose;
 mod dump;
@@ -36,6 +38,7 @@ fn main() -> ExitCode {
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Diagnose(args)) => diagnose::run(&args),
         Some(Command::Study(args)) => study::run(&args),
+        Some(Command::Coverage(args)) => coverage::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),
         Some(Command::Regress(args)) => regress::run(&args),
         Some(Command::Models) => {

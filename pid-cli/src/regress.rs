@@ -8,7 +8,7 @@ use pid_runtime::data::{Dataset, Experiment, Role};
 use pid_runtime::dynamics::Hessian;
 use serde_json::{Value, json};
 
-use crate::args::RegressArgs;
+use crate::args::{RegressArgs, RegressMethodArg};
 use crate::error::{CliError, make_folder, write};
 use crate::progress::Progress;
 use crate::{output, parameters, source};
@@ -19,7 +19,12 @@ const DISAGREES: f64 = 3.0;
 /// Runs the command; the exit code.
 pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     let progress = Progress::start("reading the data");
-    let (subject, mut dataset) = source::load(&args.source)?;
+    let (subject, mut dataset) = source::load_open(&args.source)?;
+    let instruments = match (args.method, &args.source.controller) {
+        (RegressMethodArg::LeastSquares, _) => None,
+        (_, Some(file)) => Some(source::controllers(file, dataset.nq())?),
+        (_, None) => return Err(CliError::NoController),
+    };
     keep(&mut dataset, &args.train)?;
     let model = subject.model();
     let start = match &args.start {
@@ -33,6 +38,7 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
         },
         hold: args.hold.clone(),
         rest: args.rest,
+        instruments,
         shapes: !args.hold_shapes,
         consistent: !args.no_consistent,
         poses: args.poses,
@@ -136,6 +142,23 @@ fn in_words(model: &dyn Hessian, title: &str, found: &Regression) -> String {
             "  the records, each fitted by itself, agree on {} of {} combinations ({disagree} spread more than {DISAGREES} of their own deviations, marked !)",
             judged.len() - disagree,
             judged.len()
+        ));
+    }
+    if let Some((rounds, moves)) = &found.instruments {
+        let most = moves
+            .iter()
+            .zip(&found.rows)
+            .map(|(m, r)| m.abs() / r.deviation)
+            .fold(0.0_f64, f64::max);
+        line(format!(
+            "  instrumental variables: {} rounds, {}; the simulated loop misses the positions by {:.2} % of their spread; the farthest value moved {most:.1} deviations from least squares",
+            rounds.rounds,
+            if rounds.settled {
+                "settled"
+            } else {
+                "not settled"
+            },
+            100.0 * rounds.distance
         ));
     }
     line("\nResidual over the drive's force, % per joint; all joints together".into());
@@ -249,6 +272,9 @@ fn as_json(model: &dyn Hessian, title: &str, found: &Regression) -> Value {
         "held": found.held.iter().map(|(name, value)| json!({ "name": name, "value": value })).collect::<Value>(),
         "combinations": rows,
         "without_influence": found.absent,
+        "instrumental_variables": found.instruments.as_ref().map(|(r, moves)| json!({
+            "rounds": r.rounds, "settled": r.settled, "distance": r.distance, "moved_from_least_squares": moves,
+        })),
         "nearest_to_start": named(&found.parameters),
         "residuals": errors(&found.errors),
         "left_out": found.folds,

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use pid_estimate::control::{ClosedLoop, Controllers};
 use pid_estimate::extend::Extended;
 use pid_estimate::term::Request;
 use pid_interpret::Model;
+use pid_interpret::nominal::Nominal;
 use pid_runtime::data::{Dataset, InputQuantity};
 use pid_runtime::dynamics::{Dynamics, Hessian};
 use pid_runtime::report::Report;
@@ -26,7 +28,9 @@ pub(crate) struct Subject {
 enum Origin {
     Compiled(&'static dyn Hessian),
     Extended(Box<Extended<'static>>),
+    Closed(Box<ClosedLoop<'static>>),
     Urdf(Box<FromUrdf>),
+    Nominal(Box<(Model, Nominal)>),
 }
 
 /// A robot read from a URDF.
@@ -41,8 +45,30 @@ impl Subject {
         match &self.origin {
             Origin::Compiled(model) => *model,
             Origin::Extended(model) => model.as_ref(),
+            Origin::Closed(model) => model.as_ref(),
             Origin::Urdf(urdf) => &urdf.model,
+            Origin::Nominal(nominal) => &nominal.0,
         }
+    }
+
+    /// The nominal description it came from, if it came from one.
+    pub(crate) fn nominal(&self) -> Option<&Nominal> {
+        match &self.origin {
+            Origin::Nominal(nominal) => Some(&nominal.1),
+            _ => None,
+        }
+    }
+
+    fn from_nominal(file: &Path) -> Result<Self, CliError> {
+        let nominal = Nominal::read(file)?;
+        let model = Model::new(nominal.robot())?;
+        let dims = model.dims();
+        Ok(Self {
+            name: model.name().to_owned(),
+            summary: format!("{} coordinates, {} parameters", dims.nq, dims.np),
+            source: file.display().to_string(),
+            origin: Origin::Nominal(Box::new((model, nominal))),
+        })
     }
 
     fn compiled(name: &str, terms: &[Request]) -> Result<Self, CliError> {
@@ -109,12 +135,38 @@ impl Subject {
     }
 }
 
-/// The model and the data asked for, or the embedded ones; checked against each other.
+/// Reads a file of controllers.
+pub(crate) fn controllers(file: &Path, joints: usize) -> Result<Controllers, CliError> {
+    let text = std::fs::read_to_string(file).map_err(|error| CliError::Read {
+        path: file.to_owned(),
+        error,
+    })?;
+    Ok(Controllers::parse(
+        &file.display().to_string(),
+        &text,
+        joints,
+    )?)
+}
+
+/// The model and the data asked for, or the embedded ones; checked against each other. With controllers the loop is closed.
 pub(crate) fn load(source: &Source) -> Result<(Subject, Dataset), CliError> {
-    // With --urdf the one positional argument is the folder.
-    let (subject, folder) = match (&source.urdf, &source.model, &source.folder) {
+    load_with(source, source.controller.as_deref())
+}
+
+/// As [`load`], with the recorded inputs whatever controllers there are.
+pub(crate) fn load_open(source: &Source) -> Result<(Subject, Dataset), CliError> {
+    load_with(source, None)
+}
+
+fn load_with(source: &Source, controller: Option<&Path>) -> Result<(Subject, Dataset), CliError> {
+    // With --urdf or --nominal the one positional argument is the folder.
+    let description = source.urdf.as_ref().or(source.nominal.as_ref());
+    let (subject, folder) = match (description, &source.model, &source.folder) {
         (Some(file), folder, None) => (
-            Subject::from_urdf(file, source)?,
+            match source.nominal {
+                Some(_) => Subject::from_nominal(file)?,
+                None => Subject::from_urdf(file, source)?,
+            },
             folder.as_ref().map(Path::new),
         ),
         (Some(_), Some(model), Some(_)) => {
@@ -132,7 +184,7 @@ pub(crate) fn load(source: &Source) -> Result<(Subject, Dataset), CliError> {
             (Subject::compiled(name, &source.terms)?, folder.as_deref())
         }
     };
-    let dataset = match (folder, &source.urdf) {
+    let dataset = match (folder, description) {
         (Some(folder), _) => Dataset::read(folder)?,
         (None, Some(file)) => {
             return Err(CliError::NoFolder {
@@ -145,8 +197,52 @@ pub(crate) fn load(source: &Source) -> Result<(Subject, Dataset), CliError> {
         [] => dataset,
         gains => with_gains(dataset, gains)?,
     };
+    let mut subject = subject;
+    let mut dataset = dataset;
+    let also: Vec<Dataset> = source
+        .also
+        .iter()
+        .map(|folder| Dataset::read(folder))
+        .collect::<Result<_, _>>()?;
+    match controller {
+        Some(file) => {
+            let controllers = controllers(file, dataset.nq())?;
+            dataset = merge(
+                controllers.close(dataset)?,
+                also.into_iter()
+                    .map(|d| controllers.close(d))
+                    .collect::<Result<_, _>>()?,
+            )?;
+            let model = pid_models::by_name(&subject.name)?;
+            let extended = Extended::new(model, &source.terms)?;
+            let closed = ClosedLoop::new(Box::new(extended))?;
+            subject.origin = Origin::Closed(Box::new(closed));
+        }
+        None => dataset = merge(dataset, also)?,
+    }
     dataset.check_model(subject.model())?;
     Ok((subject, dataset))
+}
+
+/// The records of several folders as one data set.
+fn merge(mut dataset: Dataset, also: Vec<Dataset>) -> Result<Dataset, CliError> {
+    for other in also {
+        let alike = other.joints.len() == dataset.joints.len()
+            && other.input_hold == dataset.input_hold
+            && dataset.joints.iter().zip(&other.joints).all(|(a, b)| {
+                (a.prismatic, &a.input_unit, a.velocity) == (b.prismatic, &b.input_unit, b.velocity)
+            });
+        if !alike {
+            return Err(CliError::OtherRobot {
+                first: dataset.name,
+                second: other.name,
+            });
+        }
+        dataset.name = format!("{} and {}", dataset.name, other.name);
+        dataset.experiments.extend(other.experiments);
+        dataset.warnings.extend(other.warnings);
+    }
+    Ok(dataset)
 }
 
 /// The data with every input column multiplied by its factor, as torques or forces at the joints.
@@ -200,7 +296,7 @@ mod tests {
             ("pid identify emps", "`emps` is given without a data folder"),
             (
                 "pid identify --urdf arm.urdf emps data",
-                "model `emps` and --urdf are given",
+                "model `emps` and a description by --urdf or --nominal are given",
             ),
             (
                 "pid identify --urdf nowhere.urdf data",

@@ -10,7 +10,10 @@ use crate::term::{ARGUMENTS, Law, Place, REST_ROTATION, REST_TRANSLATION, Reques
 
 /// Range of velocities in which a shape parameter is sought, as multiples of v₀.
 const SHAPE_RANGE: (f64, f64, f64) = (4.0, 10.0, 200.0);
-/// Widest coefficient, N·m per unit of φ. Wide: what the data do not pin shows in the deviation.
+/// Widest coefficient, as a multiple of the largest force or torque among the ranges of the model's parameters. Wide: what the
+/// data do not pin shows in the deviation.
+const WIDER: f64 = 10.0;
+/// Widest coefficient for a model without such a range, N·m per unit of φ.
 const WIDEST: f64 = 1e3;
 
 /// A term that does not fit the model.
@@ -74,7 +77,7 @@ impl Term {
                 Some(i) if depends[2] => at.u[i],
                 _ => 0.0,
             },
-            self.shape.map_or(1.0, |s| at.p[s]),
+            self.shape.map_or(0.0, |s| at.p[s]),
         ]
     }
 
@@ -303,6 +306,13 @@ fn place(
         info.prismatic,
         input.map_or("", |i| &model.inputs()[i].unit),
     );
+    // Estimators take the width of a range as the size of what lies in it.
+    let force = model
+        .params()
+        .iter()
+        .filter(|p| p.unit == info.force_unit() && p.upper.is_finite())
+        .fold(0.0_f64, |most, p| most.max(p.upper));
+    let widest = if force > 0.0 { WIDER * force } else { WIDEST };
     let mut push = |name: String, unit: String, nominal: f64, lower: f64, upper: f64| {
         if params.iter().any(|p| p.name == name) {
             return Err(ExtendError::Twice {
@@ -321,8 +331,8 @@ fn place(
         });
         Ok(params.len() - 1)
     };
-    let lower = if law.non_negative() { 0.0 } else { -WIDEST };
-    let coefficient = push(format!("{}_{name}", law.word()), unit, 0.0, lower, WIDEST)?;
+    let lower = if law.non_negative() { 0.0 } else { -widest };
+    let coefficient = push(format!("{}_{name}", law.word()), unit, 0.0, lower, widest)?;
     let shape = match law.has_shape() {
         true => {
             let (low, start, high) = SHAPE_RANGE;
@@ -334,6 +344,11 @@ fn place(
                 low * rest,
                 high * rest,
             )?)
+        }
+        // The voltage that drives a current is what the back-EMF leaves.
+        false if law == Law::Load && input.is_some_and(|i| model.inputs()[i].unit == "V") => {
+            let name = format!("gain_{}", info.name);
+            model.params().iter().position(|p| p.name == name)
         }
         false => None,
     };

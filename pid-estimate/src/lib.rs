@@ -8,10 +8,14 @@
 //! Everything after the filters works on the normal equations, a few small matrices per block, and takes no further pass over
 //! the records.
 
+pub mod assumptions;
 pub mod base;
 pub mod columns;
 pub mod consistent;
+pub mod control;
+pub mod coverage;
 pub mod extend;
+pub mod instruments;
 pub mod normal;
 pub mod poses;
 pub mod pseudo_inertia;
@@ -19,4 +23,5 @@ pub mod range;
 pub mod record;
 pub mod regress;
 pub mod solution;
+pub mod synthetic;
 pub mod term;

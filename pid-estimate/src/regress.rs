@@ -10,6 +10,8 @@ use rayon::prelude::*;
 
 use crate::columns::LinearModel;
 use crate::consistent::{self, Consistent};
+use crate::control::Controllers;
+use crate::instruments::{self, InstrumentError, Rounds};
 use crate::normal::Normal;
 use crate::poses::indefinite_share;
 use crate::range::{self, Excess};
@@ -34,6 +36,8 @@ pub struct Options {
     /// Multiple of the transition velocity v₀ below which a joint counts as resting; its rows are then left out of the fit
     /// (not of the judgement). 0 keeps all.
     pub rest: f64,
+    /// The controllers of the records, for instrumental variables in place of least squares.
+    pub instruments: Option<Controllers>,
     /// Whether shape parameters (Stribeck velocities) are sought, or held at their start.
     pub shapes: bool,
     /// Whether physically consistent values are sought.
@@ -52,6 +56,7 @@ impl Default for Options {
             filtering: Filtering::default(),
             hold: Vec::new(),
             rest: 2.0,
+            instruments: None,
             shapes: true,
             consistent: true,
             poses: 10_000,
@@ -68,6 +73,9 @@ pub enum RegressError {
     /// A record cannot be filtered.
     #[error(transparent)]
     Signal(#[from] SignalError),
+    /// Instruments cannot be made.
+    #[error(transparent)]
+    Instruments(#[from] InstrumentError),
     /// The normal equations cannot be solved.
     #[error(transparent)]
     Regression(#[from] RegressionError),
@@ -154,6 +162,8 @@ pub struct Regression {
     pub remarks: Vec<String>,
     /// Seconds.
     pub seconds: f64,
+    /// What the rounds of instrumental variables did, and how far they moved each combination from least squares.
+    pub instruments: Option<(Rounds, Vec<f64>)>,
     /// The solution.
     pub solution: Solution,
 }
@@ -198,9 +208,7 @@ pub fn regress(
     }
     let normal = Normal::new(&split, &train, Some(&rest));
     let judged = Normal::new(&split, &test, None);
-    let solution = solution::solve(&normal)?;
-    let p = as_columns(&solution.base, &solution.beta, normal.columns());
-
+    let mut solution = solution::solve(&normal)?;
     let infos: Vec<&ParamInfo> = split.linear().iter().map(|&j| &model.params()[j]).collect();
     let names: Vec<&str> = infos.iter().map(|i| i.name.as_ref()).collect();
     let scale = scales(&infos);
@@ -208,10 +216,32 @@ pub fn regress(
         split.linear().len(),
         split.linear().iter().map(|&j| start[j]),
     );
+    let instruments = match &options.instruments {
+        Some(controllers) => {
+            let before = solution.beta.clone();
+            let base = solution.base.clone();
+            let full =
+                |beta: &DVector<f64>| split.complete(base.nearest(beta, &near, &scale).as_slice());
+            let rounds = instruments::refine(
+                &split,
+                dataset,
+                &train,
+                &rest,
+                controllers,
+                &full,
+                &mut solution,
+            )?;
+            Some((rounds, (&solution.beta - before).as_slice().to_vec()))
+        }
+        None => None,
+    };
+    let p = as_columns(&solution.base, &solution.beta, normal.columns());
     let full = solution.base.nearest(&solution.beta, &near, &scale);
     let parameters = split.complete(full.as_slice());
 
     let bootstrap = match options.bootstrap {
+        // The draws are of the normal equations, which instruments leave.
+        _ if instruments.is_some() => None,
         0 => None,
         draws => solution::bootstrap(&normal, &solution, draws, options.seed),
     };
@@ -230,7 +260,7 @@ pub fn regress(
         })
         .collect();
 
-    let consistent = options.consistent.then(|| {
+    let consistent = (options.consistent && instruments.is_none()).then(|| {
         let (a, b) = weighted(&normal.total(|_| true), &solution.weights);
         let c: f64 = normal
             .total(|_| true)
@@ -275,6 +305,7 @@ pub fn regress(
         samples: (normal.samples(), normal.blocks.len()),
         remarks: train.iter().chain(&test).map(Record::in_words).collect(),
         seconds: started.elapsed().as_secs_f64(),
+        instruments,
         solution,
     })
 }

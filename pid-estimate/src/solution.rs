@@ -232,7 +232,7 @@ fn jackknife(
 }
 
 /// `factor Σ (x − x̄)(x − x̄)ᵀ`.
-fn scatter(estimates: &[DVector<f64>], factor: f64) -> DMatrix<f64> {
+pub(crate) fn scatter(estimates: &[DVector<f64>], factor: f64) -> DMatrix<f64> {
     let n = estimates[0].len();
     let mut mean = DVector::zeros(n);
     estimates.iter().for_each(|e| mean += e);

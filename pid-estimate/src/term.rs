@@ -13,7 +13,7 @@
 //! | `asymmetric` | w tanh(w/v₀): the viscous friction is c₀ + c forwards, c₀ − c backwards | N·m·s/rad | |
 //! | `stribeck` | exp(−(w/s)²) tanh(w/v₀) | N·m | Stribeck velocity |
 //! | `saturating` | tanh(w/s): viscous friction that grows ever less (strain-wave gears) | N·m | velocity |
-//! | `load` | √(u² + ε²) tanh(w/v₀): friction grows with the transmitted drive torque | N·m per unit of u | |
+//! | `load` | √(ũ² + ε²) tanh(w/v₀): friction grows with the transmitted drive torque; ũ = u, for a voltage u − k w with the motor's constant k (parameter `gain_JOINT`) | N·m per unit of u | |
 //! | `quadratic` | w √(w² + v₀²) | N·m·s² | |
 //!
 //! v₀ is the velocity of the transition at rest ([`REST_ROTATION`], [`REST_TRANSLATION`]), ε a thousandth of a unit of the input.
@@ -126,7 +126,7 @@ impl Law {
                 [true, false, false, false]
             }
             Law::Stribeck | Law::Saturating => [true, false, false, true],
-            Law::Load => [true, false, true, false],
+            Law::Load => [true, false, true, true],
         }
     }
 
@@ -135,7 +135,7 @@ impl Law {
         matches!(self, Law::Armature | Law::Offset | Law::Viscous)
     }
 
-    /// φ of (w, α, u, s) with the transition velocity v₀.
+    /// φ of (w, α, u, s) with the transition velocity v₀; s of [`Law::Load`] is the motor's constant behind a voltage, or 0.
     pub fn value<D: DualNum<Primitive = f64> + Copy>(self, x: [D; ARGUMENTS], rest: f64) -> D {
         let [w, alpha, u, s] = x;
         let sign = || saturated(w / rest);
@@ -150,7 +150,10 @@ impl Law {
                 (-(ratio * ratio)).exp() * sign()
             }
             Law::Saturating => saturated(w / s),
-            Law::Load => (u * u + LOAD_SMOOTHING * LOAD_SMOOTHING).sqrt() * sign(),
+            Law::Load => {
+                let net = u - s * w;
+                (net * net + LOAD_SMOOTHING * LOAD_SMOOTHING).sqrt() * sign()
+            }
             Law::Quadratic => w * (w * w + rest * rest).sqrt(),
         }
     }
@@ -271,6 +274,8 @@ mod tests {
         ) {
             let mut x = x;
             if negative { x[0] = -x[0]; }
+            // Away from the rounded kink of |ũ|, which differences of this step do not resolve.
+            prop_assume!((x[2] - x[3] * x[0]).abs() > 0.1);
             let rest = 0.5;
             for law in LAWS {
                 let (value, gradient, hessian) = law.derivatives(x, rest);

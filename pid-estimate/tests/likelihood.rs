@@ -1,0 +1,241 @@
+//! Likelihood in output-error fits, on records of a servo that is known.
+
+use std::ops::ControlFlow;
+
+use pid_estimate::synthetic::{Recipe, records};
+use pid_models::ServoPendulum;
+use pid_runtime::data::{Dataset, Horizon};
+use pid_runtime::dynamics::Dynamics;
+use pid_runtime::ident::{
+    Identification, Likelihood, Method, Progress, Settings, identify, profile,
+};
+use pid_runtime::transcribe::{Loss, Prior, Scheme};
+
+const NOISE: [f64; 2] = [2e-3, 5e-2];
+
+fn recipe(records: usize) -> Recipe {
+    Recipe {
+        records,
+        seconds: 3.0,
+        step: 0.01,
+        amplitude: vec![1.5],
+        highest: 3.0,
+        start: vec![0.2],
+        noise: NOISE.to_vec(),
+        outliers: (0.0, 1.0),
+    }
+}
+
+fn position(name: &str) -> usize {
+    let found = ServoPendulum.params().iter().position(|p| p.name == name);
+    found.expect("a parameter")
+}
+
+/// Only these parameters are free.
+fn settings(free: &[&str], likelihood: Likelihood) -> Settings {
+    let free: Vec<usize> = free.iter().map(|n| position(n)).collect();
+    Settings {
+        scheme: Scheme::RungeKutta4,
+        hold: (0..ServoPendulum.params().len())
+            .filter(|j| !free.contains(j))
+            .collect(),
+        likelihood: Some(likelihood),
+        ..Settings::default()
+    }
+}
+
+fn fit(dataset: &Dataset, settings: &Settings) -> Identification {
+    let go_on = &mut |_: &Progress<'_>| ControlFlow::Continue(());
+    let found = identify(&ServoPendulum, dataset, settings, None, go_on).expect("identifies");
+    assert!(found.best().status.converged(), "{:?}", found.best().status);
+    found
+}
+
+fn truth() -> Vec<f64> {
+    ServoPendulum.params().iter().map(|p| p.nominal).collect()
+}
+
+#[test]
+fn estimated_noise_is_that_of_the_readings() {
+    let dataset = records(&ServoPendulum, &truth(), &recipe(3), 1).expect("simulates");
+    let free = ["dry_shaft", "viscous_shaft", "gain_shaft"];
+    let found = fit(&dataset, &settings(&free, Likelihood::default()));
+    // 903 values a channel: the relative deviation of an estimated level is 1/√(2·903) = 2.4 %.
+    for (level, expected) in found.noise.iter().zip(NOISE) {
+        let level = level.expect("fitted");
+        assert!((level / expected - 1.0).abs() < 0.08, "{level} {expected}");
+    }
+    // A stated level stands.
+    let stated = Likelihood {
+        noise: vec![Some(4e-3), None],
+        ..Likelihood::default()
+    };
+    let other = fit(&dataset, &settings(&free, stated));
+    assert!((other.noise[1].expect("fitted") / NOISE[1] - 1.0).abs() < 0.08);
+}
+
+#[test]
+fn shooting_and_full_discretization_agree() {
+    let dataset = records(&ServoPendulum, &truth(), &recipe(10), 3).expect("simulates");
+    let likelihood = Likelihood {
+        loss: Loss::StudentT { freedom: 5.0 },
+        priors: vec![Prior {
+            parameter: position("viscous_shaft"),
+            mean: 0.003,
+            deviation: 5e-4,
+        }],
+        ..Likelihood::default()
+    };
+    let full = Settings {
+        sandwich: true,
+        ..settings(&["dry_shaft", "viscous_shaft", "gain_shaft"], likelihood)
+    };
+    let shooting = Settings {
+        method: Method::Shooting,
+        nodes: 4,
+        ..full.clone()
+    };
+    let (a, b) = (fit(&dataset, &full), fit(&dataset, &shooting));
+    assert!(a.sandwich && b.sandwich);
+    for (x, y) in a.best().parameters.iter().zip(&b.best().parameters) {
+        assert!((x - y).abs() < 1e-6 * x.abs(), "{x} {y}");
+    }
+    for (x, y) in a.deviations.iter().zip(&b.deviations) {
+        match (x, y) {
+            (Some(x), Some(y)) => assert!((x - y).abs() < 1e-3 * x, "{x} {y}"),
+            (None, None) => {}
+            other => panic!("{other:?}"),
+        }
+    }
+    for (x, y) in a.noise.iter().zip(&b.noise) {
+        let (x, y) = (x.expect("fitted"), y.expect("fitted"));
+        assert!((x - y).abs() < 1e-4 * x, "{x} {y}");
+    }
+}
+
+#[test]
+fn a_posterior_is_the_prior_of_further_records() {
+    // Two halves in turn, the first as prior of the second, against both at once; noise stated, so that the posteriors are
+    // comparable. One free parameter: its posterior is nearly normal.
+    let both = records(&ServoPendulum, &truth(), &recipe(4), 7).expect("simulates");
+    let half = |range: std::ops::Range<usize>| Dataset {
+        experiments: both.experiments[range].to_vec(),
+        ..both.clone()
+    };
+    let known = |priors: Vec<Prior>| Likelihood {
+        noise: NOISE.iter().copied().map(Some).collect(),
+        priors,
+        ..Likelihood::default()
+    };
+    let name = "gain_shaft";
+    let j = position(name);
+    let first = fit(&half(0..2), &settings(&[name], known(Vec::new())));
+    let prior = Prior {
+        parameter: j,
+        mean: first.best().parameters[j],
+        deviation: first.deviations[j].expect("determined"),
+    };
+    let second = fit(&half(2..4), &settings(&[name], known(Vec::new())));
+    let turns = fit(&half(2..4), &settings(&[name], known(vec![prior])));
+    let once = fit(&both, &settings(&[name], known(Vec::new())));
+    let s = once.deviations[j].expect("determined");
+    let (a, b) = (turns.best().parameters[j], once.best().parameters[j]);
+    assert!((a - b).abs() < 0.1 * s, "{a} {b} ± {s}");
+    let narrowed = turns.deviations[j].expect("determined");
+    assert!((narrowed / s - 1.0).abs() < 0.1, "{narrowed} {s}");
+    assert!(second.deviations[j].expect("determined") > 1.2 * s);
+}
+
+#[test]
+fn long_tailed_losses_stand_outliers() {
+    let recipe = Recipe {
+        outliers: (0.1, 30.0),
+        ..recipe(3)
+    };
+    let dataset = records(&ServoPendulum, &truth(), &recipe, 11).expect("simulates");
+    let names = ["dry_shaft", "viscous_shaft", "gain_shaft"];
+    // Distance from the truth in units of the deviations that a fit without outliers has.
+    let clean = records(&ServoPendulum, &truth(), &self::recipe(3), 11).expect("simulates");
+    let clean = fit(&clean, &settings(&names, Likelihood::default()));
+    let error = |loss: Loss| {
+        let likelihood = Likelihood {
+            loss,
+            ..Likelihood::default()
+        };
+        let found = fit(&dataset, &settings(&names, likelihood));
+        let square: f64 = names
+            .iter()
+            .map(|n| {
+                let j = position(n);
+                let unit = clean.deviations[j].expect("determined");
+                ((found.best().parameters[j] - truth()[j]) / unit).powi(2)
+            })
+            .sum();
+        (square.sqrt(), found.noise[0].expect("fitted"))
+    };
+    let (square, level) = error(Loss::Square);
+    // The mean square of the mixture: σ² (0.9 + 0.1 · 900).
+    assert!(
+        (level / NOISE[0] / 90.9_f64.sqrt() - 1.0).abs() < 0.25,
+        "{level}"
+    );
+    for loss in [
+        Loss::Huber { threshold: 1.0 },
+        Loss::StudentT { freedom: 2.0 },
+    ] {
+        let (robust, _) = error(loss);
+        assert!(
+            robust < 0.5 * square && robust < 5.0,
+            "{loss:?}: {robust}, squares {square}"
+        );
+    }
+}
+
+#[test]
+fn the_windows_gradients_sum_to_that_of_the_priors() {
+    // At a solution in the interior of its bounds the data's gradient balances the priors'; here there is none, so the clusters
+    // have mean zero and the sandwich on white noise is near the Hessian's form.
+    let dataset = records(&ServoPendulum, &truth(), &recipe(12), 5).expect("simulates");
+    let names = ["dry_shaft", "viscous_shaft", "gain_shaft"];
+    let by_hessian = Settings {
+        horizon: Horizon::Seconds(1.0),
+        ..settings(&names, Likelihood::default())
+    };
+    let sandwich = Settings {
+        sandwich: true,
+        ..by_hessian.clone()
+    };
+    let (a, b) = (fit(&dataset, &by_hessian), fit(&dataset, &sandwich));
+    assert!(!a.sandwich && b.sandwich);
+    for name in names {
+        let j = position(name);
+        let ratio = b.deviations[j].expect("determined") / a.deviations[j].expect("determined");
+        // 36 windows: a deviation is known to 1/√72 = 12 %.
+        assert!((0.6..1.6).contains(&ratio), "{name}: {ratio}");
+    }
+}
+
+#[test]
+fn a_profile_of_a_nearly_normal_posterior_is_its_normal_interval() {
+    let dataset = records(&ServoPendulum, &truth(), &recipe(3), 17).expect("simulates");
+    let settings = settings(
+        &["dry_shaft", "viscous_shaft", "gain_shaft"],
+        Likelihood::default(),
+    );
+    let found = fit(&dataset, &settings);
+    let j = position("gain_shaft");
+    let go_on = &mut |_: &Progress<'_>| ControlFlow::Continue(());
+    let interval = profile(&ServoPendulum, &dataset, &settings, &found, j, go_on).expect("fits");
+    let (value, deviation) = (
+        found.best().parameters[j],
+        found.deviations[j].expect("determined"),
+    );
+    for (end, side) in [(interval.lower, -1.96), (interval.upper, 1.96)] {
+        let end = end.expect("inside of the bounds");
+        let expected = value + side * deviation;
+        assert!(
+            (end - expected).abs() < 0.15 * deviation,
+            "{end} {expected} ± {deviation}"
+        );
+    }
+}
