@@ -55,7 +55,8 @@ pub(crate) fn apply(
 /// Priors from tolerances (uniform within ± tolerance: a deviation of tolerance/√3), stated noise of sensors.
 fn from_nominal(nominal: &Nominal, model: &dyn Hessian) -> Likelihood {
     let channels = &nominal.measurement().channels;
-    let stated = |x: f64| (x > 0.0).then_some(x);
+    // Noise of zero is that of a reading that nobody measured.
+    let stated = |x: Option<f64>| x.filter(|x| *x > 0.0);
     let position = channels.iter().map(|c| stated(c.position_std()));
     let velocity = channels.iter().map(|c| match c.velocity {
         Velocity::Measured { noise } => stated(noise),
