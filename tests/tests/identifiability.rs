@@ -208,7 +208,7 @@ fn each_parameter_known_leaves_the_rank_that_the_declaration_with_fixed_has() {
 /// The contents of `robot! { … }`.
 fn declaration(source: &str) -> proc_macro2::TokenStream {
     let start = source.find("robot! {").expect("a declaration") + "robot! {".len();
-    let end = source.rfind('}').expect("its end");
+    let end = start + source[start..].find("\n}\n").expect("its end");
     source[start..end].parse().expect("tokens")
 }
 
