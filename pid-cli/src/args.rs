@@ -111,6 +111,10 @@ pub(crate) struct Source {
     /// of the model.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["urdf", "nominal"])]
     pub(crate) controller: Option<PathBuf>,
+    /// Parameter of which every training record has its own value, such as an offset that is set anew; may be repeated. Test
+    /// records take the mean.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["urdf", "nominal"])]
+    pub(crate) private: Vec<String>,
     /// Further folder with records of the same robot; may be repeated.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) also: Vec<PathBuf>,
@@ -249,9 +253,10 @@ pub(crate) struct RegressArgs {
     /// Parameter that is held at its start; may be repeated.
     #[arg(long, value_name = "NAME")]
     pub(crate) hold: Vec<String>,
-    /// Cut-off of the zero-phase filter, Hz; found from the data if absent.
-    #[arg(long, value_name = "HZ", value_parser = positive)]
-    pub(crate) cutoff: Option<f64>,
+    /// Cut-off of the zero-phase filter, Hz; found from the noise of the data if absent, chosen by left-out training records with
+    /// `auto`.
+    #[arg(long, value_name = "HZ")]
+    pub(crate) cutoff: Option<CutoffArg>,
     /// Keep every n-th sample; four per period of the cut-off if absent.
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub(crate) decimate: Option<usize>,
@@ -416,6 +421,28 @@ fn finite(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(x) if x.is_finite() && x != 0.0 => Ok(x),
         _ => Err(format!("`{text}` is not a number other than zero")),
+    }
+}
+
+/// A cut-off, or the wish to have it chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum CutoffArg {
+    /// By left-out training records.
+    Auto,
+    /// As stated, Hz.
+    Stated(f64),
+}
+
+impl std::str::FromStr for CutoffArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            number => positive(number)
+                .map(Self::Stated)
+                .map_err(|e| format!("{e}, or `auto`")),
+        }
     }
 }
 

@@ -9,6 +9,7 @@ use pid_estimate::assumptions::AssumptionsError;
 use pid_estimate::control::ControlError;
 use pid_estimate::coverage::CoverageError;
 use pid_estimate::extend::ExtendError;
+use pid_estimate::private::PrivateError;
 use pid_estimate::regress::RegressError;
 use pid_interpret::nominal::NominalError;
 use pid_models::UnknownModel;
@@ -68,6 +69,14 @@ pub(crate) enum CliError {
     Regress(#[from] RegressError),
     #[error(transparent)]
     Control(#[from] ControlError),
+    #[error(transparent)]
+    Private(#[from] PrivateError),
+    #[error(
+        "a regression has no parameters private to a record\n  help: use `pid identify` with --private"
+    )]
+    PrivateRegression,
+    #[error("--private needs one of the models that `pid models` lists")]
+    PrivateOfFile,
     #[error(transparent)]
     Coverage(#[from] CoverageError),
     #[error("{option} has {found} values; {joints} are needed")]

@@ -8,7 +8,7 @@ use pid_runtime::data::{Dataset, Experiment, Role};
 use pid_runtime::dynamics::Hessian;
 use serde_json::{Value, json};
 
-use crate::args::{RegressArgs, RegressMethodArg};
+use crate::args::{CutoffArg, RegressArgs, RegressMethodArg};
 use crate::error::{CliError, make_folder, write};
 use crate::progress::Progress;
 use crate::{output, parameters, source};
@@ -19,6 +19,9 @@ const DISAGREES: f64 = 3.0;
 /// Runs the command; the exit code.
 pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     let progress = Progress::start("reading the data");
+    if !args.source.private.is_empty() {
+        return Err(CliError::PrivateRegression);
+    }
     let (subject, mut dataset) = source::load_open(&args.source)?;
     let instruments = match (args.method, &args.source.controller) {
         (RegressMethodArg::LeastSquares, _) => None,
@@ -33,9 +36,13 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     };
     let options = Options {
         filtering: Filtering {
-            cutoff: args.cutoff,
+            cutoff: match args.cutoff {
+                Some(CutoffArg::Stated(cutoff)) => Some(cutoff),
+                Some(CutoffArg::Auto) | None => None,
+            },
             decimate: args.decimate,
         },
+        choose_filter: args.cutoff == Some(CutoffArg::Auto),
         hold: args.hold.clone(),
         rest: args.rest,
         instruments,
@@ -102,6 +109,18 @@ fn in_words(model: &dyn Hessian, title: &str, found: &Regression) -> String {
     ));
     line("\nFilters".into());
     found.remarks.iter().for_each(|r| line(format!("  {r}")));
+    if let Some(choice) = &found.filter_choice {
+        let list: Vec<String> = choice
+            .candidates
+            .iter()
+            .map(|c| format!("{:.1} Hz {:.2} %", c.cutoff, 100.0 * c.left_out))
+            .collect();
+        line(format!(
+            "  cut-off chosen by left-out training records, all judged through {:.1} Hz: {}",
+            choice.judged_at,
+            list.join(", ")
+        ));
+    }
     if !found.held.is_empty() {
         line("\nHeld (not linear)".into());
         for (name, value) in &found.held {
@@ -272,6 +291,10 @@ fn as_json(model: &dyn Hessian, title: &str, found: &Regression) -> Value {
         "held": found.held.iter().map(|(name, value)| json!({ "name": name, "value": value })).collect::<Value>(),
         "combinations": rows,
         "without_influence": found.absent,
+        "filter_choice": found.filter_choice.as_ref().map(|c| json!({
+            "judged_at": c.judged_at,
+            "candidates": c.candidates.iter().map(|c| json!({ "cutoff": c.cutoff, "left_out": c.left_out })).collect::<Value>(),
+        })),
         "instrumental_variables": found.instruments.as_ref().map(|(r, moves)| json!({
             "rounds": r.rounds, "settled": r.settled, "distance": r.distance, "moved_from_least_squares": moves,
         })),

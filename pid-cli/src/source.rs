@@ -4,6 +4,7 @@ use std::path::Path;
 
 use pid_estimate::control::{ClosedLoop, Controllers};
 use pid_estimate::extend::Extended;
+use pid_estimate::private::PerRecord;
 use pid_estimate::term::Request;
 use pid_interpret::Model;
 use pid_interpret::nominal::Nominal;
@@ -29,6 +30,7 @@ enum Origin {
     Compiled(&'static dyn Hessian),
     Extended(Box<Extended<'static>>),
     Closed(Box<ClosedLoop<'static>>),
+    PerRecord(Box<PerRecord<'static>>),
     Urdf(Box<FromUrdf>),
     Nominal(Box<(Model, Nominal)>),
 }
@@ -46,6 +48,7 @@ impl Subject {
             Origin::Compiled(model) => *model,
             Origin::Extended(model) => model.as_ref(),
             Origin::Closed(model) => model.as_ref(),
+            Origin::PerRecord(model) => model.as_ref(),
             Origin::Urdf(urdf) => &urdf.model,
             Origin::Nominal(nominal) => &nominal.0,
         }
@@ -219,6 +222,16 @@ fn load_with(source: &Source, controller: Option<&Path>) -> Result<(Subject, Dat
             subject.origin = Origin::Closed(Box::new(closed));
         }
         None => dataset = merge(dataset, also)?,
+    }
+    if !source.private.is_empty() {
+        let inner: Box<dyn Hessian> = match subject.origin {
+            Origin::Compiled(model) => Box::new(Extended::new(model, &[])?),
+            Origin::Extended(model) => model,
+            Origin::Closed(model) => model,
+            _ => return Err(CliError::PrivateOfFile),
+        };
+        let own = PerRecord::new(inner, &source.private, &mut dataset)?;
+        subject.origin = Origin::PerRecord(Box::new(own));
     }
     dataset.check_model(subject.model())?;
     Ok((subject, dataset))

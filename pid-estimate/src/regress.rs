@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use crate::columns::LinearModel;
 use crate::consistent::{self, Consistent};
 use crate::control::Controllers;
+use crate::filter_choice::{self, Choice};
 use crate::instruments::{self, InstrumentError, Rounds};
 use crate::normal::Normal;
 use crate::poses::indefinite_share;
@@ -31,6 +32,8 @@ const FOLDS: usize = 4;
 pub struct Options {
     /// Filters.
     pub filtering: Filtering,
+    /// Whether the cut-off is chosen by left-out training records; that of `filtering` then does not count.
+    pub choose_filter: bool,
     /// Names of parameters held at their start.
     pub hold: Vec<String>,
     /// Multiple of the transition velocity v₀ below which a joint counts as resting; its rows are then left out of the fit
@@ -54,6 +57,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             filtering: Filtering::default(),
+            choose_filter: false,
             hold: Vec::new(),
             rest: 2.0,
             instruments: None,
@@ -152,6 +156,8 @@ pub struct Regression {
     pub excess: Vec<Excess>,
     /// Range of the training records.
     pub ranges: Vec<range::Range>,
+    /// How the filter was chosen, if it was.
+    pub filter_choice: Option<Choice>,
     /// Physically consistent values and their residuals.
     pub consistent: Option<(Consistent, Vec<f64>, Vec<Errors>)>,
     /// Share of random poses with an indefinite mass matrix: unconstrained, consistent.
@@ -189,8 +195,6 @@ pub fn regress(
         }
         .into());
     }
-    let train = Record::of(dataset, options.filtering, |e| e.role == Role::Train)?;
-    let test = Record::of(dataset, options.filtering, |e| e.role == Role::Test)?;
     let rest: Vec<f64> = model
         .joints()
         .iter()
@@ -203,6 +207,18 @@ pub fn regress(
                 }
         })
         .collect();
+    let choice = match options.choose_filter {
+        true => Some(filter_choice::choose(
+            &split,
+            dataset,
+            &rest,
+            options.filtering.decimate,
+        )?),
+        false => None,
+    };
+    let filtering = choice.as_ref().map_or(options.filtering, |c| c.filtering);
+    let train = Record::of(dataset, filtering, |e| e.role == Role::Train)?;
+    let test = Record::of(dataset, filtering, |e| e.role == Role::Test)?;
     if options.shapes {
         tune(&mut split, &train, &rest, &hold)?;
     }
@@ -299,6 +315,7 @@ pub fn regress(
         errors: errors(&normal, &judged, &p),
         folds: folds(&normal),
         excess: range::excess(&ranges, &test),
+        filter_choice: choice,
         ranges,
         consistent: consistent.map(|(p, found, errors)| (found, p, errors)),
         indefinite,
