@@ -313,6 +313,9 @@ pub(crate) struct PaperArgs {
     /// Twenty starts and every number of nodes that the figures show: hours on one core.
     #[arg(long)]
     pub(crate) long: bool,
+    /// Seconds for each solve; the tables say how many ended before that.
+    #[arg(long, default_value_t = 20.0, value_name = "SECONDS", value_parser = positive)]
+    pub(crate) limit: f64,
     /// Seed of the starts.
     #[arg(long, default_value_t = 0, value_name = "S")]
     pub(crate) seed: u64,

@@ -153,7 +153,7 @@ fn rounded(x: f64, scale: f64) -> f64 {
 }
 
 /// A normal number by the method of Box and Muller.
-fn gaussian(random: &mut ChaCha8Rng) -> f64 {
+pub(crate) fn gaussian(random: &mut ChaCha8Rng) -> f64 {
     let (a, b): (f64, f64) = (random.random(), random.random());
     (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
 }

@@ -9,8 +9,9 @@ mod plot;
 mod robot;
 mod size;
 mod study;
+mod vs050;
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use pid_runtime::data::Dataset;
 use pid_runtime::transcribe::Scheme;
@@ -22,6 +23,7 @@ use crate::output;
 use crate::progress::{Interrupt, Progress};
 use size::Size;
 use study::{HESSIANS, Job, Outcome, Second};
+use vs050::Arm;
 
 /// How much is done.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -31,6 +33,10 @@ struct Plan {
     counted: Vec<usize>,
     starts: usize,
     max_iterations: usize,
+    /// Seconds for each solve.
+    limit: f64,
+    /// Starts of the fits of the VS-050.
+    arm_starts: usize,
     schemes: Vec<(Scheme, usize)>,
 }
 
@@ -51,6 +57,8 @@ impl Plan {
                 counted: vec![1, 2, 5, 50, 300],
                 starts: 2,
                 max_iterations: 100,
+                limit: args.limit,
+                arm_starts: 1,
                 schemes,
             };
         }
@@ -70,6 +78,8 @@ impl Plan {
                 counted,
                 starts: 20,
                 max_iterations: 1000,
+                limit: args.limit,
+                arm_starts: 10,
                 schemes,
             }
         } else {
@@ -78,6 +88,8 @@ impl Plan {
                 counted,
                 starts: 5,
                 max_iterations: 500,
+                limit: args.limit,
+                arm_starts: 3,
                 schemes,
             }
         }
@@ -126,6 +138,8 @@ struct Findings {
     outcomes: Vec<Outcome>,
     seconds: f64,
     interrupted: bool,
+    /// The job of figures 6 and 7.
+    arm: Arm,
     /// Start parameters, for the record.
     starts: Vec<Vec<f64>>,
     #[serde(skip)]
@@ -147,7 +161,14 @@ pub(crate) fn run(args: &PaperArgs) -> Result<u8, CliError> {
         progress.step(format!("{done} of {} identifications done", jobs.len()));
     };
     let stop = || interrupt.requested();
-    let outcomes = study::run(&dataset, &starts, &jobs, plan.max_iterations, &news, &stop)?;
+    let limits = (
+        plan.max_iterations,
+        Duration::try_from_secs_f64(plan.limit).unwrap_or(Duration::MAX),
+    );
+    let outcomes = study::run(&dataset, &starts, &jobs, limits, &news, &stop)?;
+    progress.step("simulating the VS-050");
+    let news = |done: usize| progress.step(format!("{done} fits of the VS-050 done"));
+    let arm = vs050::run((plan.arm_starts, args.seed), limits, &news, &stop)?;
     let interrupted = interrupt.requested();
     let level = match (args.quick, args.long) {
         (true, _) => " --quick",
@@ -156,13 +177,17 @@ pub(crate) fn run(args: &PaperArgs) -> Result<u8, CliError> {
     };
     let findings = Findings {
         program: format!("pid {}", env!("CARGO_PKG_VERSION")),
-        command: format!("pid paper{level} --seed {}", args.seed),
+        command: format!(
+            "pid paper{level} --limit {} --seed {}",
+            args.limit, args.seed
+        ),
         seed: args.seed,
         plan,
         sizes,
         outcomes,
         seconds: started.elapsed().as_secs_f64(),
         interrupted,
+        arm,
         starts,
         dataset,
     };

@@ -11,7 +11,7 @@ use pid_runtime::transcribe::Scheme;
 use super::plot::{Axes, Series, chart};
 use super::robot;
 use super::study::{HESSIANS, MEMORY, Outcome, Second};
-use super::{Findings, Size};
+use super::{Findings, Size, vs050};
 
 /// Runs of one kind.
 #[derive(Default)]
@@ -70,7 +70,11 @@ impl<'a> Group<'a> {
         0.5 * (v[(v.len() - 1) / 2] + v[v.len() / 2])
     }
 
-    /// min, median, max of J; within 1 %, within 15 %, converged; iterations, seconds.
+    fn count(&self, of: impl Fn(&Outcome) -> bool) -> usize {
+        self.runs.iter().filter(|o| of(o)).count()
+    }
+
+    /// min, median, max of J; within 1 %, within 15 %, ended before a limit, converged; iterations, seconds.
     fn row(&self, best: f64) -> Vec<String> {
         let j = self.objectives();
         let n = self.runs.len();
@@ -82,22 +86,21 @@ impl<'a> Group<'a> {
             number(at(n.saturating_sub(1))),
             format!("{} of {n}", self.within(best, 0.01)),
             format!("{} of {n}", self.within(best, 0.15)),
-            format!(
-                "{} of {n}",
-                self.runs.iter().filter(|o| o.converged).count()
-            ),
+            format!("{} of {n}", self.count(|o| !o.limited)),
+            format!("{} of {n}", self.count(|o| o.converged)),
             format!("{:.0}", self.median(|o| o.iterations as f64)),
             format!("{:.2}", self.median(|o| o.seconds)),
         ]
     }
 }
 
-const ROW: [&str; 8] = [
+const ROW: [&str; 9] = [
     "min J",
     "median J",
     "max J",
     "within 1 %",
     "within 15 %",
+    "ended",
     "converged",
     "iterations",
     "seconds",
@@ -116,7 +119,7 @@ fn number(v: f64) -> String {
     }
 }
 
-fn optional(v: Option<f64>) -> String {
+pub(super) fn optional(v: Option<f64>) -> String {
     v.map_or_else(|| "–".to_owned(), number)
 }
 
@@ -128,7 +131,7 @@ fn best_euler(f: &Findings) -> f64 {
     euler.objectives().first().copied().unwrap_or(f64::INFINITY)
 }
 
-fn table(head: &[&str], rows: &[Vec<String>]) -> Markup {
+pub(super) fn table(head: &[&str], rows: &[Vec<String>]) -> Markup {
     html! {
         div.wide { table {
             thead { tr { @for h in head { th { (h) } } } }
@@ -242,11 +245,8 @@ fn comparison(f: &Findings) -> Vec<Vec<String>> {
             ),
         );
     }
-    row(
-        "Figures 6 and 7, DENSO VS-050",
-        "fit with the trapezoidal rule; a similar record is predicted, a qualitatively different one is not",
-        "not part of this study yet".to_owned(),
-    );
+    let (paper, found) = vs050::row(&f.arm);
+    row("Figures 6 and 7, DENSO VS-050", &paper, found);
     rows
 }
 
@@ -525,7 +525,7 @@ pub(super) fn html(f: &Findings) -> String {
                     "K. Schäfer, M. Runge, K. Flaßkamp, C. Büskens, "
                     em { "Parameter Identification for Dynamical Systems Using Optimal Control Techniques" }
                     ". Records simulated with the values of Table II, N = " (robot::SAMPLES) ", explicit Euler unless said otherwise; "
-                    (f.plan.starts) " starts, at most " (f.plan.max_iterations) " iterations each. Made by "
+                    (f.plan.starts) " starts, at most " (f.plan.max_iterations) " iterations and " (f.plan.limit) " s for each solve; what did not end before is counted as such and keeps its best point. Made by "
                     code { (f.command) } " (" (f.program) ") in " (format!("{:.0}", f.seconds)) " s."
                 }
                 @if f.interrupted { p { strong { "Interrupted: runs that were not finished are missing." } } }
@@ -555,6 +555,7 @@ pub(super) fn html(f: &Findings) -> String {
                     h3 { (scheme.label()) }
                     (table(&optima_head, &optima(f, scheme)))
                 }
+                (vs050::html(&f.arm))
             }
         }
     }
@@ -577,5 +578,6 @@ pub(super) fn text(f: &Findings) -> String {
     for row in hessians(f) {
         let _ = writeln!(out, "{:22} {:20} {}", row[0], row[1], row[2..].join("  "));
     }
+    out.push_str(&vs050::text(&f.arm));
     out
 }

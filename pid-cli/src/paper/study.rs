@@ -2,6 +2,7 @@
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
 use pid_models::TwoLink;
 use pid_runtime::data::{Dataset, Horizon};
@@ -58,6 +59,8 @@ pub(super) struct Outcome {
     /// J of an accurate simulation with the parameters: train, then the unseen records; `None` where it diverges.
     pub(super) accurate: Vec<Option<f64>>,
     pub(super) converged: bool,
+    /// Whether a limit on time or iterations ended it.
+    pub(super) limited: bool,
     pub(super) status: String,
     pub(super) iterations: usize,
     pub(super) seconds: f64,
@@ -70,9 +73,9 @@ pub(super) struct Outcome {
 }
 
 /// Largest violation of a constraint at a point that counts.
-const FEASIBLE: f64 = 1e-6;
+pub(super) const FEASIBLE: f64 = 1e-6;
 
-fn settings(job: &Job, max_iterations: usize) -> Settings {
+fn settings(job: &Job, max_iterations: usize, limit: Duration) -> Settings {
     Settings {
         method: if job.nodes.is_some() {
             Method::Shooting
@@ -95,6 +98,7 @@ fn settings(job: &Job, max_iterations: usize) -> Settings {
         prepare: false,
         solver: solver::Settings {
             max_iterations,
+            max_time: Some(limit),
             ..Settings::default().solver
         },
         ..Settings::default()
@@ -117,6 +121,7 @@ fn outcome(dataset: &Dataset, job: &Job, found: Identification) -> Outcome {
         objective: usable.then_some(best.objective),
         accurate,
         converged: best.status.converged(),
+        limited: best.status.is_limit(),
         status: best.status.reason().to_owned(),
         iterations: best.iterations,
         seconds: best.seconds,
@@ -126,41 +131,56 @@ fn outcome(dataset: &Dataset, job: &Job, found: Identification) -> Outcome {
     }
 }
 
-/// Makes all identifications, as many at a time as there are cores; `news` hears how many are done, `stop` ends early and
-/// keeps what is finished.
+/// Makes all identifications; `limit` is the time for each solve. `news` hears how many are done, `stop` ends early and keeps
+/// what is finished.
 pub(super) fn run(
     dataset: &Dataset,
     starts: &[Vec<f64>],
     jobs: &[Job],
-    max_iterations: usize,
+    (max_iterations, limit): (usize, Duration),
     news: &(dyn Fn(usize) + Sync),
     stop: &(dyn Fn() -> bool + Sync),
 ) -> Result<Vec<Outcome>, IdentError> {
+    let one = |index: usize| {
+        let job = &jobs[index];
+        let found = ident::identify(
+            &TwoLink,
+            dataset,
+            &settings(job, max_iterations, limit),
+            Some(&starts[job.start]),
+            &mut |_| {
+                if stop() {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            },
+        );
+        found.map(|found| outcome(dataset, job, found))
+    };
+    parallel(jobs.len(), news, stop, one).into_iter().collect()
+}
+
+/// Does `count` pieces of work, as many at a time as there are cores, and returns the results in order; those not begun when
+/// `stop` says so are left out.
+pub(super) fn parallel<T: Send>(
+    count: usize,
+    news: &(dyn Fn(usize) + Sync),
+    stop: &(dyn Fn() -> bool + Sync),
+    work: impl Fn(usize) -> T + Sync,
+) -> Vec<T> {
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let results: Mutex<Vec<(usize, Result<Outcome, IdentError>)>> = Mutex::new(Vec::new());
+    let results: Mutex<Vec<(usize, T)>> = Mutex::new(Vec::new());
     let workers = std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
-        for _ in 0..workers.min(jobs.len()) {
+        for _ in 0..workers.min(count) {
             scope.spawn(|| {
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(job) = jobs.get(index).filter(|_| !stop()) else {
+                    if index >= count || stop() {
                         return;
-                    };
-                    let found = ident::identify(
-                        &TwoLink,
-                        dataset,
-                        &settings(job, max_iterations),
-                        Some(&starts[job.start]),
-                        &mut |_| {
-                            if stop() {
-                                ControlFlow::Break(())
-                            } else {
-                                ControlFlow::Continue(())
-                            }
-                        },
-                    );
-                    let result = found.map(|found| outcome(dataset, job, found));
+                    }
+                    let result = work(index);
                     if let Ok(mut results) = results.lock() {
                         results.push((index, result));
                     }
@@ -171,5 +191,5 @@ pub(super) fn run(
     });
     let mut results = results.into_inner().unwrap_or_default();
     results.sort_by_key(|(index, _)| *index);
-    results.into_iter().map(|(_, outcome)| outcome).collect()
+    results.into_iter().map(|(_, result)| result).collect()
 }
