@@ -424,3 +424,65 @@ fn structured_and_sparse_systems_have_one_solution() {
         }
     }
 }
+
+/// With the accelerations solved for, the trapezoidal rule needs no stages; constraints, Jacobian and Hessian of an iteration
+/// share what they solve for, also when the point changes between them.
+#[test]
+fn the_solved_form_agrees_with_forward_dynamics_and_differences() {
+    let form = ExplicitForm::new(&TwoLink);
+    for_each_setting(|name, tracks, mut setup| {
+        if !matches!(setup.scheme, Scheme::Trapezoidal | Scheme::Heun) {
+            return;
+        }
+        setup.inertia = vec![1.0; 2];
+        let linear = setup.linear_inputs;
+        let substeps = setup.substeps;
+        let mut problem = FullDiscretization::solved(&form, tracks, setup);
+        let x = point(&problem, 8);
+        let m = problem.m();
+        let lambda = numbers(9, m);
+        // At the same point and after another one.
+        for shift in [0.0, 0.0, 0.01] {
+            let x: Vec<f64> = x.iter().map(|x| x + shift).collect();
+            let jacobian = dense_jacobian(&mut problem, &x);
+            let hessian = dense_hessian(&mut problem, &x, 0.7, &lambda);
+            assert_derivative(&format!("{name}: Jacobian"), &jacobian, &x, &mut |x| {
+                let mut c = vec![f64::NAN; m];
+                problem.constraints(x, &mut c);
+                c
+            });
+            assert_derivative(&format!("{name}: Hessian"), &hessian, &x, &mut |x| {
+                lagrangian_gradient(&mut problem, x, 0.7, &lambda)
+            });
+        }
+        if problem.setup().scheme != Scheme::Trapezoidal || linear || substeps != 1 {
+            return;
+        }
+        // The rows of the first step of the first window, from accelerations of another implementation.
+        let (mut c, p) = (vec![f64::NAN; m], problem.parameters(&x));
+        problem.constraints(&x, &mut c);
+        let (layout, track) = (problem.layout(), &tracks[0]);
+        let window = &layout.windows[0];
+        let h = track.t[1] - track.t[0];
+        let state = |k: usize| &x[layout.state(window, k)..][..4];
+        let mut forward = ForwardDynamics::new(&TwoLink);
+        let mut acceleration = |k: usize| {
+            let mut a = [f64::NAN; 2];
+            let (q, v) = state(k).split_at(2);
+            forward
+                .acceleration(q, v, &track.u[..2], &p, &mut a)
+                .unwrap();
+            a
+        };
+        let (a0, a1) = (acceleration(0), acceleration(1));
+        for j in 0..2 {
+            let mean = 0.5 * (a0[j] + a1[j]);
+            let expected = state(1)[2 + j] - state(0)[2 + j] - h * mean;
+            let found = c[window.row + 2 + j];
+            assert!(
+                (found - expected).abs() < 1e-11 * (1.0 + h * mean.abs()),
+                "{name}: {found}, {expected}"
+            );
+        }
+    });
+}

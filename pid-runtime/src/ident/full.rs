@@ -13,7 +13,7 @@ use crate::solver::kkt::sparse::SparseKkt;
 use crate::solver::kkt::structured::StructuredKkt;
 use crate::solver::{self, Solution, ip};
 use crate::transcribe::{
-    Curvature, ExplicitForm, FullDiscretization, Loss, ResidualFit, Setup, Track,
+    Curvature, ExplicitForm, FullDiscretization, Loss, ResidualFit, Scheme, Setup, Track,
 };
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -118,11 +118,17 @@ pub(super) fn identify(
         mut notes,
     } = assemble(model, dataset, settings, start)?;
     let explicit = ExplicitForm::new(model);
-    let solved_form = settings.scheme.explicit();
-    let form: &dyn Hessian = if solved_form { &explicit } else { model };
+    let solved_form = solved_form(model, settings.scheme);
     if solved_form {
         setup.inertia = vec![1.0; model.dims().nq];
     }
+    let program = || {
+        if solved_form {
+            FullDiscretization::solved(&explicit, &tracks, setup.clone())
+        } else {
+            FullDiscretization::new(model, &tracks, setup.clone())
+        }
+    };
     let all = starts::draw(
         settings.sampling,
         start,
@@ -133,7 +139,7 @@ pub(super) fn identify(
     );
     let count = all.len();
     let (outcomes, stopped) = starts::run_all(count, callback, |index, report| {
-        let mut problem = FullDiscretization::new(form, &tracks, setup.clone());
+        let mut problem = program();
         let start = all[index].clone();
         let (run, solution) = solve(&mut problem, settings, index, start, report);
         let motion = problem.states(&solution.x);
@@ -152,7 +158,7 @@ pub(super) fn identify(
         motions.push(motion);
     }
     let best = super::best_of(&runs);
-    let mut problem = FullDiscretization::new(form, &tracks, setup);
+    let mut problem = program();
     let (spread, noise) = deviations(
         &mut problem,
         &solutions[best],
@@ -184,6 +190,18 @@ pub(super) fn identify(
         force_error: Vec::new(),
         notes,
     })
+}
+
+/// Variables of the residual up to which the trapezoidal rule solves for the accelerations: their second derivatives are dense.
+const FEW: usize = 40;
+
+/// Whether the accelerations are solved for: by explicit schemes, and by the trapezoidal rule, which then needs no stages, where
+/// the residual is not affine in the parameters. An affine one is kept as it is: that is what it is good for.
+fn solved_form(model: &dyn Hessian, scheme: Scheme) -> bool {
+    let dims = model.dims();
+    let pairs = model.hessian_pattern().cols;
+    let curved = || pairs.iter().any(|&col| col as usize >= dims.p());
+    scheme.explicit() || scheme == Scheme::Trapezoidal && dims.nz() <= FEW && curved()
 }
 
 fn system(problem: &FullDiscretization<'_>) -> Box<dyn Kkt> {

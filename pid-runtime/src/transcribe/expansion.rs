@@ -108,7 +108,7 @@ impl Expansion {
         // Two passes: first collect the entries, then number the contributions.
         let mut raw = Vec::new();
         for evaluation in 0..tableau.evaluations.len() {
-            let row0 = linear_rows + evaluation * nq;
+            let row0 = linear_rows + tableau.evaluations[evaluation].group * nq;
             let of = |z: usize| sources(dims, tableau, evaluation, z, first_p, scale);
             let mut jacobian = Vec::new();
             let pattern = model.jacobian_pattern();

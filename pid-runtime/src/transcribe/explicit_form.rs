@@ -27,24 +27,62 @@ pub struct ExplicitForm<'m> {
     hessian_cols: Vec<u32>,
 }
 
-/// Scratch space of one thread, kept from call to call.
-#[derive(Default)]
-struct Scratch {
+/// What has been solved for at a point: constraints, Jacobian and Hessian of an iteration meet at the same one, and each goes on
+/// where the one before it stopped.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Solved {
+    /// (q, v, u, p) it belongs to.
+    point: Vec<f64>,
+    /// Cholesky factor of M, and a*.
     mass: Vec<f64>,
     acceleration: Vec<f64>,
+    /// ∂a*/∂y, nq × active; empty until it is asked for.
+    slope: Vec<f64>,
+}
+
+impl Solved {
+    fn belongs_to(&self, at: &At<'_>) -> bool {
+        let mut rest = self.point.as_slice();
+        for part in [at.q, at.v, at.u, at.p] {
+            let Some((head, tail)) = rest.split_at_checked(part.len()) else {
+                return false;
+            };
+            if head != part {
+                return false;
+            }
+            rest = tail;
+        }
+        rest.is_empty() && !self.point.is_empty()
+    }
+
+    fn begin(&mut self, at: &At<'_>) {
+        self.point.clear();
+        for part in [at.q, at.v, at.u, at.p] {
+            self.point.extend_from_slice(part);
+        }
+        self.slope.clear();
+    }
+}
+
+/// Scratch space of one thread, kept from call to call.
+#[derive(Debug, Default)]
+pub(super) struct Work {
     residual: Vec<f64>,
     values: Vec<f64>,
     hessian: Vec<f64>,
     nu: Vec<f64>,
-    /// ∂a*/∂y, nq × active.
-    slope: Vec<f64>,
     /// H_ay, nq × active.
     mixed: Vec<f64>,
-    dense: Vec<f64>,
 }
 
 thread_local! {
-    static SCRATCH: RefCell<Scratch> = RefCell::default();
+    static SCRATCH: RefCell<(Solved, Work)> = RefCell::default();
+}
+
+/// The space of [`Solved`] without its content: threads serve more than one model.
+fn forgotten(solved: &mut Solved) -> &mut Solved {
+    solved.point.clear();
+    solved
 }
 
 fn resize(v: &mut Vec<f64>, n: usize) {
@@ -143,12 +181,16 @@ impl<'m> ExplicitForm<'m> {
         }
     }
 
-    /// Factor of M and a* into the scratch.
-    fn solve(&self, at: &At<'_>, s: &mut Scratch) {
+    /// Factor of M and a*.
+    fn solve(&self, at: &At<'_>, s: &mut Solved, work: &mut Work) {
+        if s.belongs_to(at) {
+            return;
+        }
         let dims = self.model.dims();
+        s.begin(at);
         resize(&mut s.mass, dims.nm());
         resize(&mut s.acceleration, dims.nq);
-        resize(&mut s.residual, dims.nq);
+        resize(&mut work.residual, dims.nq);
         self.model.mass_matrix(at, &mut s.mass);
         cholesky(&mut s.mass, dims.nq);
         self.model.residual(
@@ -156,32 +198,122 @@ impl<'m> ExplicitForm<'m> {
                 a: &s.acceleration,
                 ..*at
             },
-            &mut s.residual,
+            &mut work.residual,
         );
-        for (a, r) in s.acceleration.iter_mut().zip(&s.residual) {
+        for (a, r) in s.acceleration.iter_mut().zip(&work.residual) {
             *a = -r;
         }
         cholesky_solve(&s.mass, dims.nq, &mut s.acceleration, 1);
     }
 
-    /// ∂a*/∂y into the scratch, after [`Self::solve`].
-    fn slope(&self, at: &At<'_>, s: &mut Scratch) {
+    /// ∂a*/∂y beside what [`Self::solve`] leaves.
+    fn slope(&self, at: &At<'_>, s: &mut Solved, work: &mut Work) {
+        self.solve(at, s, work);
+        if !s.slope.is_empty() {
+            return;
+        }
         let (nq, width) = (self.model.dims().nq, self.active.len());
         let pattern = self.model.jacobian_pattern();
-        resize(&mut s.values, pattern.nnz());
+        resize(&mut work.values, pattern.nnz());
+        resize(&mut work.residual, nq);
         resize(&mut s.slope, nq * width);
         let point = At {
             a: &s.acceleration,
             ..*at
         };
         self.model
-            .residual_jacobian(&point, &mut s.residual, &mut s.values);
-        for ((&row, &col), value) in pattern.rows.iter().zip(pattern.cols).zip(&s.values) {
+            .residual_jacobian(&point, &mut work.residual, &mut work.values);
+        for ((&row, &col), value) in pattern.rows.iter().zip(pattern.cols).zip(&work.values) {
             if let Some(at) = self.place[col as usize] {
                 s.slope[row as usize * width + at] = -value;
             }
         }
         cholesky_solve(&s.mass, nq, &mut s.slope, width);
+    }
+
+    /// The residual, with what is remembered of the point.
+    pub(super) fn residual_from(
+        &self,
+        at: &At<'_>,
+        s: &mut Solved,
+        work: &mut Work,
+        r: &mut [f64],
+    ) {
+        self.solve(at, s, work);
+        for (r, (a, solved)) in r.iter_mut().zip(at.a.iter().zip(&s.acceleration)) {
+            *r = a - solved;
+        }
+    }
+
+    /// The Jacobian, with what is remembered of the point.
+    pub(super) fn jacobian_from(
+        &self,
+        at: &At<'_>,
+        s: &mut Solved,
+        work: &mut Work,
+        values: &mut [f64],
+    ) {
+        self.slope(at, s, work);
+        let width = self.active.len();
+        for (k, value) in values.iter_mut().enumerate() {
+            let row = self.jacobian_rows[k] as usize;
+            *value = match self.place[self.jacobian_cols[k] as usize] {
+                Some(col) => -s.slope[row * width + col],
+                None => 1.0,
+            };
+        }
+    }
+
+    /// The Hessian, with what is remembered of the point.
+    pub(super) fn hessian_from(
+        &self,
+        at: &At<'_>,
+        lambda: &[f64],
+        s: &mut Solved,
+        work: &mut Work,
+        values: &mut [f64],
+    ) {
+        self.slope(at, s, work);
+        let dims = self.model.dims();
+        let (nq, width) = (dims.nq, self.active.len());
+        resize(&mut work.nu, nq);
+        work.nu.copy_from_slice(lambda);
+        cholesky_solve(&s.mass, nq, &mut work.nu, 1);
+        let pattern = self.model.hessian_pattern();
+        resize(&mut work.hessian, pattern.nnz());
+        resize(&mut work.mixed, nq * width);
+        values.fill(0.0);
+        let point = At {
+            a: &s.acceleration,
+            ..*at
+        };
+        self.model
+            .residual_hessian(&point, &work.nu, &mut work.hessian);
+        for ((&row, &col), &value) in pattern.rows.iter().zip(pattern.cols).zip(&work.hessian) {
+            let (row, col) = (row as usize, col as usize);
+            match (self.place[row], self.place[col]) {
+                (Some(i), Some(j)) => {
+                    let (i, j) = (i.max(j), i.min(j));
+                    values[i * (i + 1) / 2 + j] += value;
+                }
+                (Some(i), None) => work.mixed[(col - dims.a()) * width + i] += value,
+                (None, Some(j)) => work.mixed[(row - dims.a()) * width + j] += value,
+                (None, None) => {}
+            }
+        }
+        for b in 0..nq {
+            let slope = &s.slope[b * width..(b + 1) * width];
+            let mixed = &work.mixed[b * width..(b + 1) * width];
+            let mut rest = &mut *values;
+            for i in 0..width {
+                let (row, below) = rest.split_at_mut(i + 1);
+                rest = below;
+                let (m, d) = (mixed[i], slope[i]);
+                for ((out, slope), mixed) in row.iter_mut().zip(slope).zip(mixed) {
+                    *out += m * slope + d * mixed;
+                }
+            }
+        }
     }
 }
 
@@ -212,16 +344,15 @@ impl Dynamics for ExplicitForm<'_> {
     }
     /// a*, the accelerations of the model.
     fn applied_force(&self, at: &At<'_>, f: &mut [f64]) {
-        SCRATCH.with_borrow_mut(|s| {
-            self.solve(at, s);
-            f.copy_from_slice(&s.acceleration);
+        SCRATCH.with_borrow_mut(|(solved, work)| {
+            self.solve(at, forgotten(solved), work);
+            f.copy_from_slice(&solved.acceleration);
         });
     }
     fn residual(&self, at: &At<'_>, r: &mut [f64]) {
-        self.applied_force(at, r);
-        for (r, a) in r.iter_mut().zip(at.a) {
-            *r = a - *r;
-        }
+        SCRATCH.with_borrow_mut(|(solved, work)| {
+            self.residual_from(at, forgotten(solved), work, r);
+        });
     }
     fn kinetic_energy(&self, at: &At<'_>) -> f64 {
         self.model.kinetic_energy(at)
@@ -239,20 +370,9 @@ impl Jacobian for ExplicitForm<'_> {
         }
     }
     fn residual_jacobian(&self, at: &At<'_>, r: &mut [f64], values: &mut [f64]) {
-        SCRATCH.with_borrow_mut(|s| {
-            self.solve(at, s);
-            self.slope(at, s);
-            let width = self.active.len();
-            for (k, value) in values.iter_mut().enumerate() {
-                let row = self.jacobian_rows[k] as usize;
-                *value = match self.place[self.jacobian_cols[k] as usize] {
-                    Some(col) => -s.slope[row * width + col],
-                    None => 1.0,
-                };
-            }
-            for (r, (a, solved)) in r.iter_mut().zip(at.a.iter().zip(&s.acceleration)) {
-                *r = a - solved;
-            }
+        SCRATCH.with_borrow_mut(|(solved, work)| {
+            self.jacobian_from(at, forgotten(solved), work, values);
+            self.residual_from(at, solved, work, r);
         });
     }
 }
@@ -265,48 +385,8 @@ impl Hessian for ExplicitForm<'_> {
         }
     }
     fn residual_hessian(&self, at: &At<'_>, lambda: &[f64], values: &mut [f64]) {
-        SCRATCH.with_borrow_mut(|s| {
-            self.solve(at, s);
-            self.slope(at, s);
-            let dims = self.model.dims();
-            let (nq, width) = (dims.nq, self.active.len());
-            resize(&mut s.nu, nq);
-            s.nu.copy_from_slice(lambda);
-            cholesky_solve(&s.mass, nq, &mut s.nu, 1);
-            let pattern = self.model.hessian_pattern();
-            resize(&mut s.hessian, pattern.nnz());
-            resize(&mut s.mixed, nq * width);
-            resize(&mut s.dense, width * width);
-            let point = At {
-                a: &s.acceleration,
-                ..*at
-            };
-            self.model.residual_hessian(&point, &s.nu, &mut s.hessian);
-            for ((&row, &col), &value) in pattern.rows.iter().zip(pattern.cols).zip(&s.hessian) {
-                let (row, col) = (row as usize, col as usize);
-                match (self.place[row], self.place[col]) {
-                    (Some(i), Some(j)) => s.dense[i.max(j) * width + i.min(j)] += value,
-                    (Some(i), None) => s.mixed[(col - dims.a()) * width + i] += value,
-                    (None, Some(j)) => s.mixed[(row - dims.a()) * width + j] += value,
-                    (None, None) => {}
-                }
-            }
-            for b in 0..nq {
-                let slope = &s.slope[b * width..(b + 1) * width];
-                let mixed = &s.mixed[b * width..(b + 1) * width];
-                for i in 0..width {
-                    let (m, d) = (mixed[i], slope[i]);
-                    let row = &mut s.dense[i * width..i * width + i + 1];
-                    for ((out, slope), mixed) in row.iter_mut().zip(slope).zip(mixed) {
-                        *out += m * slope + d * mixed;
-                    }
-                }
-            }
-            let mut k = 0;
-            for i in 0..width {
-                values[k..=k + i].copy_from_slice(&s.dense[i * width..=i * width + i]);
-                k += i + 1;
-            }
+        SCRATCH.with_borrow_mut(|(solved, work)| {
+            self.hessian_from(at, lambda, forgotten(solved), work, values);
         });
     }
 }

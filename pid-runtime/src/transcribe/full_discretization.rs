@@ -10,10 +10,12 @@
 //! the implicit residual times h / M_jj, so that all rows are changes of state: nothing is inverted, and the problem is
 //! affine in the inertial parameters.
 
+use super::explicit_form::ExplicitForm;
 use super::fit::{Fit, FitScratch, Output};
 use super::loss::{Loss, Prior, prior_terms};
 use super::scheme::Scheme;
 use super::step::{Interval, Rule, Scratch};
+use super::tableau::Tableau;
 use crate::dynamics::Hessian;
 use crate::nlp::{Nlp, SparsePattern};
 use crate::solver::kkt::layout::Layout;
@@ -132,17 +134,25 @@ impl<'m> FullDiscretization<'m> {
     /// # Panics
     /// If lengths disagree with the model's dimensions: callers build tracks and setups from checked data.
     pub fn new(model: &'m dyn Hessian, tracks: &[Track], setup: Setup) -> Self {
-        let dims = model.dims();
+        let rule = rule(model, Tableau::new(setup.scheme), &setup);
+        Self::with(rule, tracks, setup)
+    }
+
+    /// Builds the program for a model with its accelerations solved for. The trapezoidal rule then needs no stage accelerations:
+    /// two thirds of the unknowns for the same motions.
+    ///
+    /// # Panics
+    /// As [`FullDiscretization::new`].
+    pub fn solved(form: &'m ExplicitForm<'m>, tracks: &[Track], setup: Setup) -> Self {
+        let rule = rule(form, Tableau::solved(setup.scheme), &setup).remembering(form);
+        Self::with(rule, tracks, setup)
+    }
+
+    fn with(rule: Rule<'m>, tracks: &[Track], setup: Setup) -> Self {
+        let dims = rule.model().dims();
         let (nq, nx) = (dims.nq, 2 * dims.nq);
         assert_eq!(setup.scale.len(), dims.np, "setup fits the model");
         assert!(setup.substeps > 0, "a sampling interval has steps");
-        let rule = Rule::new(
-            model,
-            setup.scheme,
-            &setup.scale,
-            &setup.inertia,
-            setup.linear_inputs,
-        );
         let ny = rule.ny();
         let stages = ny - nx;
         let lengths: Vec<usize> = tracks
@@ -466,6 +476,16 @@ impl<'m> FullDiscretization<'m> {
     }
 }
 
+fn rule<'m>(model: &'m dyn Hessian, tableau: Tableau, setup: &Setup) -> Rule<'m> {
+    Rule::new(
+        model,
+        tableau,
+        &setup.scale,
+        &setup.inertia,
+        setup.linear_inputs,
+    )
+}
+
 /// Entries of a step's Hessian: those of the rule, then, for outputs that are not the state, the lower triangle over (x_k, p)
 /// without the parameters' own part, and that over (x_{k+1}, p).
 fn step_hessian(rule: &Rule<'_>, nx: usize, np: usize, mapped: bool) -> Vec<(u32, u32)> {
@@ -543,13 +563,14 @@ fn for_steps(
 ) {
     let run = |first: usize, steps: &[Step], scratch: &mut Scratch, out: &mut [f64]| {
         if size == 0 {
-            steps
-                .iter()
-                .enumerate()
-                .for_each(|(k, step)| work(first + k, step, scratch, &mut []));
+            for (k, step) in steps.iter().enumerate() {
+                scratch.slot = k;
+                work(first + k, step, scratch, &mut []);
+            }
             return;
         }
         for (k, (step, out)) in steps.iter().zip(out.chunks_exact_mut(size)).enumerate() {
+            scratch.slot = k;
             work(first + k, step, scratch, out);
         }
     };

@@ -9,13 +9,15 @@
 
 use super::butcher::Butcher;
 use super::expansion::{Contribution, Expansion};
-use super::scheme::Scheme;
+use super::explicit_form::{ExplicitForm, Solved, Work};
 use super::tableau::{Block, POWERS, Tableau, Term, pow, powers};
 use crate::dynamics::{At, Hessian};
 
 /// A model discretised by a scheme.
 pub(super) struct Rule<'m> {
     model: &'m dyn Hessian,
+    /// The model, if it is one with its accelerations solved for.
+    solved: Option<&'m ExplicitForm<'m>>,
     tableau: Tableau,
     expansion: Expansion,
     inertia: Vec<f64>,
@@ -46,6 +48,10 @@ pub(super) struct Scratch {
     jacobian: Vec<f64>,
     hessian: Vec<f64>,
     lambda: Vec<f64>,
+    /// Position of the step among those of this scratch, and what is remembered of its evaluations.
+    pub(super) slot: usize,
+    remembered: Vec<Solved>,
+    work: Work,
     /// Sum over the steps of the entries between parameters; the caller empties it.
     pub(super) parameter_hessian: Vec<f64>,
     /// Coefficients for the step length they were made for.
@@ -59,20 +65,39 @@ impl<'m> Rule<'m> {
     /// of M.
     pub(super) fn new(
         model: &'m dyn Hessian,
-        scheme: Scheme,
+        tableau: Tableau,
         scale: &[f64],
         inertia: &[f64],
         linear_inputs: bool,
     ) -> Self {
-        let tableau = Tableau::new(scheme);
         Self {
             model,
+            solved: None,
             expansion: Expansion::new(model, &tableau, scale),
             tableau,
             inertia: inertia.to_vec(),
             linear_inputs,
             nq: model.dims().nq,
         }
+    }
+
+    /// Takes a model with its accelerations solved for; what one evaluation solved for serves the next at the same point.
+    pub(super) fn remembering(mut self, form: &'m ExplicitForm<'m>) -> Self {
+        self.solved = Some(form);
+        self
+    }
+
+    /// Where evaluation `e` of the scratch's step is remembered.
+    fn remembered(&self, e: usize, s: &mut Scratch) -> usize {
+        if self.solved.is_none() {
+            return 0;
+        }
+        let count = self.tableau.evaluations.len();
+        let place = s.slot * count + e;
+        if s.remembered.len() <= place {
+            s.remembered.resize(place + 1, Solved::default());
+        }
+        place
     }
 
     pub(super) fn model(&self) -> &'m dyn Hessian {
@@ -104,6 +129,9 @@ impl<'m> Rule<'m> {
             jacobian: vec![0.0; self.model.jacobian_pattern().nnz()],
             hessian: vec![0.0; self.model.hessian_pattern().nnz()],
             lambda: vec![0.0; dims.nq],
+            slot: 0,
+            remembered: Vec::new(),
+            work: Work::default(),
             parameter_hessian: vec![0.0; self.expansion.parameter_hessian.len()],
             h: 0.0,
             jacobian_factors: Vec::new(),
@@ -182,8 +210,11 @@ impl<'m> Rule<'m> {
         for (terms, out) in self.tableau.linear.iter().zip(linear.chunks_exact_mut(nq)) {
             self.combine(terms, x, y, &powers, out);
         }
-        for (e, out) in dynamic.chunks_exact_mut(nq).enumerate() {
+        dynamic.fill(0.0);
+        for (e, evaluation) in self.tableau.evaluations.iter().enumerate() {
+            let out = &mut dynamic[evaluation.group * nq..][..nq];
             self.arguments(e, (x, y), interval, &powers, s);
+            let place = self.remembered(e, s);
             let at = At {
                 q: &s.q,
                 v: &s.v,
@@ -191,9 +222,14 @@ impl<'m> Rule<'m> {
                 u: &s.u,
                 p,
             };
-            self.model.residual(&at, &mut s.r);
+            match self.solved {
+                Some(form) => {
+                    form.residual_from(&at, &mut s.remembered[place], &mut s.work, &mut s.r);
+                }
+                None => self.model.residual(&at, &mut s.r),
+            }
             for j in 0..nq {
-                out[j] = self.row_scale(j, interval.h) * s.r[j];
+                out[j] += evaluation.weight * self.row_scale(j, interval.h) * s.r[j];
             }
         }
     }
@@ -209,12 +245,16 @@ impl<'m> Rule<'m> {
         s.jacobian_factors.clear();
         s.hessian_factors.clear();
         let rows = self.model.jacobian_pattern().rows;
-        for map in &self.expansion.evaluations {
-            s.jacobian_factors.extend(
-                map.jacobian
-                    .iter()
-                    .map(|c| factor(c) * self.row_scale(rows[c.source as usize] as usize, h)),
-            );
+        for (map, evaluation) in self
+            .expansion
+            .evaluations
+            .iter()
+            .zip(&self.tableau.evaluations)
+        {
+            s.jacobian_factors.extend(map.jacobian.iter().map(|c| {
+                let row = rows[c.source as usize] as usize;
+                evaluation.weight * factor(c) * self.row_scale(row, h)
+            }));
             s.hessian_factors.extend(map.hessian.iter().map(factor));
             s.hessian_factors
                 .extend(map.parameter_hessian.iter().map(factor));
@@ -240,6 +280,7 @@ impl<'m> Rule<'m> {
         let mut first = 0;
         for (e, map) in self.expansion.evaluations.iter().enumerate() {
             self.arguments(e, (x, y), interval, &powers, s);
+            let place = self.remembered(e, s);
             let at = At {
                 q: &s.q,
                 v: &s.v,
@@ -247,7 +288,13 @@ impl<'m> Rule<'m> {
                 u: &s.u,
                 p,
             };
-            self.model.residual_jacobian(&at, &mut s.r, &mut s.jacobian);
+            match self.solved {
+                Some(form) => {
+                    let known = &mut s.remembered[place];
+                    form.jacobian_from(&at, known, &mut s.work, &mut s.jacobian);
+                }
+                None => self.model.residual_jacobian(&at, &mut s.r, &mut s.jacobian),
+            }
             let factors = &s.jacobian_factors[first..first + map.jacobian.len()];
             for (c, factor) in map.jacobian.iter().zip(factors) {
                 values[c.entry as usize] += factor * s.jacobian[c.source as usize];
@@ -279,9 +326,12 @@ impl<'m> Rule<'m> {
         let mut first = 0;
         for (e, map) in self.expansion.evaluations.iter().enumerate() {
             self.arguments(e, (x, y), interval, &powers, s);
+            let evaluation = &self.tableau.evaluations[e];
             for j in 0..nq {
-                s.lambda[j] = dynamic[e * nq + j] * self.row_scale(j, interval.h);
+                let weight = evaluation.weight * self.row_scale(j, interval.h);
+                s.lambda[j] = weight * dynamic[evaluation.group * nq + j];
             }
+            let place = self.remembered(e, s);
             let at = At {
                 q: &s.q,
                 v: &s.v,
@@ -289,7 +339,13 @@ impl<'m> Rule<'m> {
                 u: &s.u,
                 p,
             };
-            self.model.residual_hessian(&at, &s.lambda, &mut s.hessian);
+            match self.solved {
+                Some(form) => {
+                    let known = &mut s.remembered[place];
+                    form.hessian_from(&at, &s.lambda, known, &mut s.work, &mut s.hessian);
+                }
+                None => self.model.residual_hessian(&at, &s.lambda, &mut s.hessian),
+            }
             let factors = &s.hessian_factors[first..first + map.hessian.len()];
             for (c, factor) in map.hessian.iter().zip(factors) {
                 values[c.entry as usize] += factor * s.hessian[c.source as usize];

@@ -117,9 +117,13 @@ pub(super) struct Evaluation {
     pub(super) a: Vec<Term>,
     /// Share of the way from the input at the start of the step to that at its end.
     pub(super) u: f64,
+    /// Group of rows that the residual is added to, and its weight there.
+    pub(super) group: usize,
+    pub(super) weight: f64,
 }
 
-/// A scheme's rows: `linear` ones are combinations of blocks that vanish, then one residual per evaluation.
+/// A scheme's rows: `linear` ones are combinations of blocks that vanish, then groups of rows with weighted sums of residuals, in
+/// general one residual each.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tableau {
     /// Number of stage blocks among the unknowns.
@@ -138,6 +142,24 @@ impl Tableau {
             let mean = |a, b| Sum::default().with(0.5, 0, a).with(0.5, 0, b).terms();
             tableau.evaluations[0].q = mean(Block::Q0, Block::Q1);
             tableau.evaluations[0].v = mean(Block::V0, Block::V1);
+        }
+        tableau
+    }
+
+    /// For a residual `a − a*(q, v, u, p)`. Rows are then sums of accelerations, so that those of the trapezoidal rule need no
+    /// stage: `(v_1 − v_0) / h = ½ (a*_0 + a*_1)`. The same motions, two thirds of the unknowns.
+    pub(super) fn solved(scheme: Scheme) -> Self {
+        let mut tableau = Self::new(scheme);
+        if scheme == Scheme::Trapezoidal {
+            tableau.stages = 0;
+            for evaluation in &mut tableau.evaluations {
+                evaluation.a = Sum::default()
+                    .with(1.0, -1, Block::V1)
+                    .with(-1.0, -1, Block::V0)
+                    .terms();
+                evaluation.group = 0;
+                evaluation.weight = 0.5;
+            }
         }
         tableau
     }
@@ -174,6 +196,8 @@ impl Tableau {
                     v: v.terms(),
                     a: a.terms(),
                     u: method.c[i],
+                    group: i,
+                    weight: 1.0,
                 }
             })
             .collect();

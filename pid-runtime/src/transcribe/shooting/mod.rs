@@ -29,6 +29,7 @@ use super::full_discretization::{Curvature, Setup, Track};
 use super::loss::prior_terms;
 use super::scheme::Scheme;
 use super::step::Rule;
+use super::tableau::Tableau;
 use crate::dynamics::Hessian;
 use crate::nlp::{Nlp, SparsePattern};
 use arc::Arc;
@@ -144,7 +145,7 @@ impl<'m> Shooting<'m> {
         };
         let rule = Rule::new(
             model,
-            scheme,
+            Tableau::new(scheme),
             &setup.scale,
             &setup.inertia,
             setup.linear_inputs,
