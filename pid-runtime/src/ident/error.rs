@@ -55,9 +55,9 @@ pub enum IdentError {
         /// Parameters of the model.
         parameters: usize,
     },
-    /// A controller within the model, and an estimator that takes recorded inputs.
+    /// Inputs that no record has by itself, and an estimator that takes recorded ones.
     #[error(
-        "`{model}` has a controller of its own; the equation error takes the recorded inputs instead\n  help: leave the controller out, or use full discretization or shooting"
+        "`{model}` takes more inputs than one per joint (a controller within the model, parameters private to a record); the equation error does not\n  help: leave them out, or use full discretization or shooting"
     )]
     Controller {
         /// The model.
