@@ -139,7 +139,8 @@ pub(super) struct Solved<'a> {
 ///
 /// Directions are taken in parameters divided by their ranges (by their scales where a range is open). One whose deviation
 /// exceeds [`SHARE_OF_RANGE`] there, or whose curvature is not positive beyond rounding, is not determined by the data: the
-/// range says more than the record. It makes the parameters it touches `None`.
+/// range says more than the record. It makes the parameters it touches `None`. Directions in parameters with priors are known
+/// at least as well as these.
 pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
     let Solved {
         hessian,
@@ -177,8 +178,15 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
     let largest = (0..n).fold(0.0_f64, |a, k| a.max(d[k]));
     let unit = gradient_variance(solved) * count as f64 / (count - unknowns) as f64
         * spread.correlation_factor;
-    let least = (unit / SHARE_OF_RANGE.powi(2)).max(ROUNDING * n as f64 * largest);
-    let known = |k: usize| d[k] > least;
+    let rounding = ROUNDING * n as f64 * largest;
+    let least = (unit / SHARE_OF_RANGE.powi(2)).max(rounding);
+    let expected: Vec<bool> = free
+        .iter()
+        .map(|j| solved.priors.iter().any(|p| p.parameter == *j))
+        .collect();
+    // What priors say of all the parameters of a direction is knowledge too, however wide beside the ranges.
+    let by_prior = |k: usize| (0..n).all(|i| expected[i] || u[(i, k)] * u[(i, k)] <= 1e-6);
+    let known = |k: usize| d[k] > least || d[k] > rounding && by_prior(k);
     let inverse = Mat::from_fn(n, n, |i, j| {
         (0..n)
             .filter(|&k| known(k))
@@ -228,7 +236,7 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
     for (i, &j) in free.iter().enumerate() {
         let open = (0..n).any(|k| !known(k) && u[(i, k)] * u[(i, k)] > 1e-6);
         let deviation = covariance[(i, i)].max(0.0).sqrt();
-        if !open && deviation <= SHARE_OF_RANGE {
+        if !open && (deviation <= SHARE_OF_RANGE || expected[i]) {
             spread.deviations[j] = Some(deviation * width[i]);
         }
     }
@@ -327,6 +335,39 @@ mod tests {
         let precision = xx + 1.0 / 0.04;
         let expected = ((variance * xx + 1.0 / 0.04) / (precision * precision)).sqrt();
         assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+    }
+
+    #[test]
+    fn a_prior_as_wide_as_the_range_is_knowledge() {
+        // The data say nothing of the second parameter; its posterior is its prior, uniform ±1 as a normal distribution.
+        let e: Vec<f64> = (0..2000)
+            .map(|k| if k % 2 == 0 { 1.0 } else { -1.0 })
+            .collect();
+        let share = 1.0 / e.len() as f64;
+        let scaled: Vec<f64> = e.iter().map(|e| e * share.sqrt()).collect();
+        let prior = [Prior {
+            parameter: 1,
+            mean: 0.0,
+            deviation: 1.0 / 3.0_f64.sqrt(),
+        }];
+        let hessian = Mat::from_fn(2, 2, |i, k| match (i, k) {
+            (0, 0) => 2.0 * share * 400.0,
+            (1, 1) => 2.0 * share * 3.0,
+            _ => 0.0,
+        });
+        let (low, high) = ([-1.0; 2], [1.0; 2]);
+        let mut solved = solved(&hessian, &[0, 1], &[1.0; 2], &low, &high, &scaled, 2);
+        solved.share = share;
+        assert_eq!(from_hessian(&solved).deviations[1], None);
+        solved.priors = &prior;
+        let found = from_hessian(&solved);
+        assert_eq!(found.undetermined, 0);
+        let deviation = found.deviations[1].expect("known");
+        assert!(
+            (deviation - prior[0].deviation).abs() < 1e-12,
+            "{deviation}"
+        );
+        assert!((found.deviations[0].expect("determined") - 0.05).abs() < 1e-4);
     }
 
     /// Errors that are constant within each of 50 windows: the variance of a mean is that of the windows' means.
