@@ -19,7 +19,7 @@ use pid_models::{Arm6, TwoLink};
 use pid_runtime::data::{
     Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
 };
-use pid_runtime::dynamics::{At, Dims, Dynamics, Hessian, InputInfo, JointInfo, ParamInfo};
+use pid_runtime::dynamics::{Hessian, JointInfo};
 use pid_runtime::ident::{Settings, Weighting, identify};
 use pid_runtime::integrate::{self, Drive, Simulator};
 use pid_runtime::solver;
@@ -175,53 +175,9 @@ fn follow(t: f64, q: &[f64], v: &[f64], gains: &[f64]) -> Vec<f64> {
     (0..6).map(one).collect()
 }
 
-/// A model with Stribeck friction at every joint that it does not know of: a share of its dry friction that fades with speed.
-struct WithStribeck<'a>(&'a dyn Dynamics, Vec<f64>);
-
-impl WithStribeck<'_> {
-    fn add(&self, v: &[f64], sign: f64, f: &mut [f64]) {
-        for ((f, v), size) in f.iter_mut().zip(v).zip(&self.1) {
-            *f -= sign * size * (-(v / 0.3).powi(2)).exp() * (20.0 * v).tanh();
-        }
-    }
-}
-
-impl Dynamics for WithStribeck<'_> {
-    fn name(&self) -> &str {
-        self.0.name()
-    }
-    fn dims(&self) -> Dims {
-        self.0.dims()
-    }
-    fn params(&self) -> &[ParamInfo] {
-        self.0.params()
-    }
-    fn joints(&self) -> &[JointInfo] {
-        self.0.joints()
-    }
-    fn inputs(&self) -> &[InputInfo] {
-        self.0.inputs()
-    }
-    fn mass_matrix(&self, at: &At<'_>, m: &mut [f64]) {
-        self.0.mass_matrix(at, m);
-    }
-    fn bias(&self, at: &At<'_>, b: &mut [f64]) {
-        self.0.bias(at, b);
-    }
-    fn applied_force(&self, at: &At<'_>, f: &mut [f64]) {
-        self.0.applied_force(at, f);
-        self.add(at.v, 1.0, f);
-    }
-    fn residual(&self, at: &At<'_>, r: &mut [f64]) {
-        self.0.residual(at, r);
-        self.add(at.v, -1.0, r);
-    }
-    fn kinetic_energy(&self, at: &At<'_>) -> f64 {
-        self.0.kinetic_energy(at)
-    }
-    fn potential_energy(&self, at: &At<'_>) -> f64 {
-        self.0.potential_energy(at)
-    }
+/// Stribeck friction at a joint, which the model does not know of: a share of its dry friction that fades with speed.
+fn stribeck(dry: f64, v: f64) -> f64 {
+    0.3 * dry * (-(v / 0.3).powi(2)).exp() * (20.0 * v).tanh()
 }
 
 /// A record of so many samples, with noise of 1e-3 rad and 1e-2 rad/s.
@@ -242,13 +198,12 @@ fn record(
         wanted.map(|(_, p)| *p).collect()
     };
     let (gains, dry) = (named("gain_"), named("dry_"));
-    let plant = WithStribeck(model, dry.iter().map(|d| 0.3 * d).collect());
     let loose = integrate::Settings {
         rtol: 1e-6,
         atol: 1e-8,
         ..integrate::Settings::default()
     };
-    let mut simulator = Simulator::new(&plant, loose);
+    let mut simulator = Simulator::with_derivatives(model, loose);
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut gaussian = || -> f64 {
         let (a, b): (f64, f64) = (random.random(), random.random());
@@ -269,7 +224,12 @@ fn record(
         all_v.extend(v.iter().map(|v| v + 1e-2 * gaussian()));
         all_u.extend_from_slice(&u);
         if k + 1 < samples {
-            let held = [u.as_slice(), u.as_slice()].concat();
+            // What acts is the recorded input less the friction that the model lacks, as it is at the sample.
+            let mut held = [u.as_slice(), u.as_slice()].concat();
+            for (k, held) in held.iter_mut().enumerate() {
+                let j = k % nq;
+                *held -= stribeck(dry[j], v[j]) / gains[j];
+            }
             let drive = Drive {
                 t: &t[k..k + 2],
                 u: &held,
