@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use pid_diagnose::case::Case;
-use pid_diagnose::diagnose::{Diagnosis, Settings, diagnose};
+use pid_diagnose::diagnose::{Diagnosis, Settings};
+use pid_diagnose::report::Report;
 use rayon::prelude::*;
 
-use crate::error::{self, CliError};
+use crate::error::CliError;
 use crate::output;
 
 /// Arguments of `pid diagnose`.
@@ -22,6 +22,9 @@ pub(crate) struct DiagnoseArgs {
     /// Diagnose again where a result is already there.
     #[arg(long)]
     again: bool,
+    /// Look for the motion that separates the first two candidates even where the records do so already.
+    #[arg(long)]
+    next: bool,
 }
 
 /// Diagnoses all folders, several at a time; those that cannot be read are named and do not stop the others.
@@ -42,7 +45,7 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
                 output::print(&format!("{}: already diagnosed\n", folder.display()));
                 return Ok(true);
             }
-            match one(folder, &out, &file) {
+            match one(folder, &out, args.next) {
                 Ok(d) => {
                     output::print(&summary(&d));
                     Ok(true)
@@ -62,14 +65,10 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
     Ok(u8::from(failed))
 }
 
-/// The page first: a folder counts as done when its diagnosis.json is there.
-fn one(folder: &Path, out: &Path, file: &Path) -> Result<Diagnosis, CliError> {
-    let case = Case::read(folder)?;
-    let result = diagnose(&case, &Settings::default());
-    error::make_folder(out)?;
-    error::write(&out.join("report.html"), &result.to_html())?;
-    error::write(file, &result.to_json())?;
-    Ok(result)
+fn one(folder: &Path, out: &Path, next: bool) -> Result<Diagnosis, CliError> {
+    let report = Report::of_folder(folder, &Settings::default(), next)?;
+    report.write(out)?;
+    Ok(report.found.diagnosis)
 }
 
 /// A few lines for the terminal.
@@ -98,6 +97,22 @@ fn summary(d: &Diagnosis) -> String {
         text.push_str(&format!(
             "  not told apart from: {}\n",
             d.confusion_set.join(", ")
+        ));
+    }
+    for m in d.missing_force.iter().filter(|m| m.share > 0.1) {
+        text.push_str(&format!(
+            "  missing force: {:.0} % at joint {}, rms {:.4}; goes with {} ({:.2})\n",
+            100.0 * m.share,
+            m.joint,
+            m.rms,
+            m.regime,
+            m.explained
+        ));
+    }
+    if let Some(n) = &d.next_experiment {
+        text.push_str(&format!(
+            "  next: next_experiment.csv separates {} and {}, expected log-likelihood ratio {:.1}\n",
+            n.rivals.0, n.rivals.1, n.log_odds
         ));
     }
     text

@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use pid_diagnose::case::CaseError;
+use pid_diagnose::report::WriteError;
 use pid_diagnose::study::StudyError;
 use pid_estimate::assumptions::AssumptionsError;
 use pid_estimate::control::ControlError;
@@ -126,6 +127,11 @@ pub(crate) enum CliError {
     Case {
         #[from]
         source: CaseError,
+    },
+    #[error("{source}\n  help: choose another folder with --out")]
+    Diagnosis {
+        #[from]
+        source: WriteError,
     },
     #[error("{source}")]
     Study {

@@ -60,7 +60,8 @@ pub struct Limits {
 pub struct Experiment {
     /// The two rivals, as `effect:joint`; `none` for the nominal structure.
     pub rivals: (String, String),
-    /// Expected logarithm of the likelihood ratio in favour of whichever is right, after refits, once with either as the truth.
+    /// Expected logarithm of the likelihood ratio in favour of whichever is right, after refits: if the
+    /// first is, if the second is.
     pub log_odds: (f64, f64),
     /// Limits that were kept.
     pub limits: Vec<Limits>,

@@ -97,7 +97,7 @@ pub struct Nominal {
 }
 
 /// Place of a role among the values of a joint; `None` for what is no value of the robot.
-fn place(role: Role) -> Option<usize> {
+pub(crate) fn place(role: Role) -> Option<usize> {
     match role {
         Role::Mass => Some(0),
         Role::CenterOfMass(k) => Some(1 + k),

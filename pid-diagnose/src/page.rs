@@ -1,49 +1,176 @@
-//! A diagnosis as one self-contained page.
+//! A report as one self-contained page.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::diagnose::{Diagnosis, Named};
 use crate::effects;
+use crate::locate::{Axis, Place, classes};
+use crate::next::Experiment;
+use crate::plot;
+use crate::report::Report;
 
-const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;max-width:56rem;margin:2rem auto;padding:0 1rem;color:#222}\
-table{border-collapse:collapse;margin:.6rem 0}td,th{padding:.25rem .8rem .25rem 0;text-align:left;border-bottom:1px solid #ddd}\
-td.n{text-align:right;font-variant-numeric:tabular-nums}.verdict{font-size:1.4rem}.equation{font-family:ui-monospace,monospace}";
+const STYLE: &str = ":root{color-scheme:light dark;--page:#f6f7f9;--card:#fff;--text:#14181f;--quiet:#5a6473;--line:#e3e7ed;--axis:#b4bcc8;\
+--bar:#4a7ab5;--force:#8e3fc9;--band:#2b3440;--forward:#1d6fd6;--backward:#d9480f}\
+@media(prefers-color-scheme:dark){:root{--page:#11151b;--card:#191f28;--text:#e8ecf2;--quiet:#9aa6b6;--line:#2a323e;--axis:#4b5666;\
+--bar:#7aa9f7;--force:#c08bf0;--band:#d5dce6;--forward:#5fa4ff;--backward:#ff8a5c}}\
+*{box-sizing:border-box}body{margin:0;background:var(--page);color:var(--text);font:15px/1.5 system-ui,sans-serif}\
+main{max-width:68rem;margin:0 auto;padding:1.6rem 1.4rem 4rem}section{background:var(--card);border:1px solid var(--line);\
+border-radius:12px;padding:1rem 1.3rem 1.2rem;margin-top:1.1rem}h1{font-size:1.5rem;margin:0}h2{font-size:1.1rem;margin:0 0 .4rem}\
+h3{font-size:.95rem;margin:1rem 0 .2rem}p{margin:.35rem 0;max-width:95ch}.verdict{font-size:1.35rem;font-weight:600;margin:.5rem 0 0}\
+.quiet,figcaption{color:var(--quiet);font-size:.87rem}table{border-collapse:collapse;margin:.5rem 0;font-size:.92rem}\
+td,th{padding:.25rem 1.1rem .25rem 0;text-align:left;border-bottom:1px solid var(--line)}th{color:var(--quiet);font-size:.83rem}\
+td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}.equation{font-family:ui-monospace,monospace;font-size:.92em}\
+.plots{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(24rem,100%),1fr));gap:.4rem 1.2rem}figure{margin:0}\
+svg{width:100%;height:auto;display:block}svg.bars{max-width:46rem}svg text{fill:var(--quiet);font:11px system-ui,sans-serif}\
+svg.bars text{font-size:13px;fill:var(--text)}svg.bars rect{fill:var(--bar)}.grid{stroke:var(--line)}.zero{stroke:var(--axis)}\
+.band{fill:var(--band);opacity:.16}.force{fill:none;stroke:var(--force);stroke-width:1.2}circle.forward{fill:var(--forward)}\
+circle.backward{fill:var(--backward)}.dot{opacity:.28}.mean{fill:none;stroke-width:1.8}.mean.forward,.spread.forward{stroke:var(--forward)}\
+.mean.backward,.spread.backward{stroke:var(--backward)}.legend i{display:inline-block;width:9px;height:9px;border-radius:50%;margin:0 .4rem 0 .9rem}";
 
-impl Diagnosis {
-    /// The page.
-    pub fn to_html(&self) -> String {
-        html! {
-            (DOCTYPE)
-            html lang="en" {
-                head {
-                    meta charset="utf-8";
-                    meta name="viewport" content="width=device-width,initial-scale=1";
-                    title { "Diagnosis of " (self.case) }
-                    style { (PreEscaped(STYLE)) }
+/// The page.
+pub(crate) fn page(report: &Report) -> String {
+    let d = report.diagnosis();
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width,initial-scale=1";
+                title { "Diagnosis of " (d.case) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body { main {
+                h1 { "Diagnosis of " (d.case) }
+                p class="verdict" { (verdict(d)) }
+                p { "Confidence " (format!("{:.2}", d.confidence)) ". Where it shows: " (d.regime) "." }
+                @if !d.confusion_set.is_empty() {
+                    p { "These records do not tell it apart from: " (d.confusion_set.join(", ")) "." }
                 }
-                body {
-                    h1 { "Diagnosis of " (self.case) }
-                    p class="verdict" { (verdict(self)) }
-                    p { "Confidence " (format!("{:.2}", self.confidence)) ". Where it shows: " (self.regime) "." }
-                    @if !self.confusion_set.is_empty() {
-                        p { "These records do not tell it apart from: " (self.confusion_set.join(", ")) "." }
+                @for e in &d.effects { section { (effect(e)) } }
+                section {
+                    h2 { "How far" }
+                    p class="quiet" { "Free-run error on records that were not fitted, relative to the motion; the floor is what noise alone leaves. Intervals of 95 % from the windows of the records." }
+                    (gaps(d))
+                    (joints(d))
+                }
+                section { (located(report)) }
+                section {
+                    h2 { "Which" }
+                    (ranking(d))
+                    p class="quiet" {
+                        "Mean squared innovation " (format!("{:.3}", d.misfit.0)) " without and "
+                        (format!("{:.3}", d.misfit.1)) " with the named effects; 1 where the noise is as stated. "
+                        (d.refits) " candidates refitted in full, " (format!("{:.1}", d.seconds)) " s."
                     }
-                    @for e in &self.effects { (effect(e)) }
-                    h2 { "Gap" }
-                    p { "Free-run error on records that were not fitted, relative to the motion." }
-                    (bars(self))
-                    (joints(self))
-                    h2 { "Candidates" }
-                    (ranking(self))
-                    p {
-                        "Mean squared innovation " (format!("{:.3}", self.misfit.0)) " without and "
-                        (format!("{:.3}", self.misfit.1)) " with the named effects; 1 where the noise is as stated. "
-                        (self.refits) " candidates refitted in full, " (format!("{:.1}", self.seconds)) " s."
+                }
+                section { (next(report.next.as_ref())) }
+            } }
+        }
+    }
+    .into_string()
+}
+
+/// Where the gap lives.
+fn located(report: &Report) -> Markup {
+    let place = match &report.place {
+        Ok(place) => place,
+        Err(reason) => {
+            return html! { h2 { "Where" } p { "The missing force could not be found: " (reason) } };
+        }
+    };
+    let worst = place.worst();
+    html! {
+        h2 { "Where" }
+        p class="quiet" {
+            "Force that would have to act beside the nominal structure for it to follow the test records, by smoothing with "
+            "noise levels from the records. Bars: share of each joint, in units of its typical torque."
+        }
+        (plot::bars(&share_rows(report, place), "share of the missing force per joint"))
+        table {
+            tr { th { "joint" } th class="n" { "rms" } @for a in Axis::ALL { th class="n" { (a.words()) } } }
+            @for (j, p) in place.joints.iter().enumerate() {
+                tr {
+                    td { (report.found.case.nominal.joints[j].name) }
+                    td class="n" { (format!("{:.4} {}", p.rms, unit(report, j))) }
+                    @for x in p.explained { td class="n" { (format!("{x:.2}")) } }
+                }
+            }
+        }
+        p class="quiet" { "Figures under a quantity: how far the missing force is a function of it and of the direction of motion (1: entirely)." }
+        @for (j, p) in place.joints.iter().enumerate() {
+            @let name = &report.found.case.nominal.joints[j].name;
+            h3 { "Joint " (name) }
+            div class="plots" {
+                @for c in &p.curves {
+                    figure {
+                        (plot::over_time(c, unit(report, j)))
+                        figcaption { (c.record) ", with a band of two standard deviations about zero" }
+                    }
+                }
+            }
+            @if j == worst {
+                p class="quiet legend" { "Against one quantity each, with means and spreads of classes:" i style="background:var(--forward)" {} "forward" i style="background:var(--backward)" {} "backward" }
+                div class="plots" {
+                    @for axis in [Axis::Velocity, Axis::Position, Axis::Load, Axis::SinceReversal] {
+                        figure { (plot::against(&p.samples, &classes(&p.samples, axis), axis as usize, (&axis_name(report, j, axis), &format!("missing force, {}", unit(report, j))))) }
                     }
                 }
             }
         }
-        .into_string()
+    }
+}
+
+fn unit(report: &Report, j: usize) -> &'static str {
+    if report.found.case.nominal.joints[j].hinge.revolute {
+        "N m"
+    } else {
+        "N"
+    }
+}
+
+fn axis_name(report: &Report, j: usize, axis: Axis) -> String {
+    let revolute = report.found.case.nominal.joints[j].hinge.revolute;
+    let unit = match (axis, revolute) {
+        (Axis::Velocity, true) => "rad/s",
+        (Axis::Velocity, false) => "m/s",
+        (Axis::Position, true) => "rad",
+        (Axis::Position, false) => "m",
+        (Axis::Load, true) => "N m",
+        (Axis::Load, false) => "N",
+        _ => "s",
+    };
+    format!("{}, {unit}", axis.words())
+}
+
+fn share_rows(report: &Report, place: &Place) -> Vec<(String, f64, String)> {
+    place
+        .shares()
+        .iter()
+        .enumerate()
+        .map(|(j, s)| {
+            let name = report.found.case.nominal.joints[j].name.clone();
+            (name, *s, format!("{:.0} %", 100.0 * s))
+        })
+        .collect()
+}
+
+/// The next experiment.
+fn next(next: Option<&Experiment>) -> Markup {
+    html! {
+        h2 { "Next" }
+        @match next {
+            None => p { "No rival is left that a further motion within the limits would have to separate." },
+            Some(e) => {
+                p {
+                    "Rivals: " (e.rivals.0) " and " (e.rivals.1) ". The motion in next_experiment.csv, within the positions, speeds and torques of these records, would tell them apart with an expected logarithm of the likelihood ratio of "
+                    b { (format!("{:.1}", e.least())) }
+                    (format!(" (if {} is right: {:.1}; if {}: {:.1}), after both are refitted.", e.rivals.0, e.log_odds.0, e.rivals.1, e.log_odds.1))
+                }
+                @if e.least() < 3.0 {
+                    p { "That is little: within these limits no motion that was tried separates them. A wider range, more speed or another sensor is needed." }
+                }
+            }
+        }
     }
 }
 
@@ -93,34 +220,47 @@ fn effect(e: &Named) -> Markup {
     }
 }
 
-/// Three bars on one scale.
-fn bars(d: &Diagnosis) -> Markup {
-    let rows = [
-        ("before", d.gap_before),
-        ("after", d.gap_after),
-        ("floor", d.gap_floor),
-    ];
-    let largest = rows.iter().map(|r| r.1).fold(1e-12, f64::max);
-    html! {
-        svg viewBox="0 0 640 84" width="640" height="84" role="img" aria-label="gap before, after and floor" {
-            @for (i, (name, x)) in rows.iter().enumerate() {
-                text x="0" y=(i * 28 + 18) font-size="14" { (name) }
-                rect x="70" y=(i * 28 + 4) height="18" width=(format!("{:.1}", 440.0 * x / largest)) fill="#4a7ab5" {}
-                text x=(format!("{:.1}", 78.0 + 440.0 * x / largest)) y=(i * 28 + 18) font-size="14" { (format!("{x:.4}")) }
-            }
-        }
-    }
+/// Gap before, after, floor on one scale.
+fn gaps(d: &Diagnosis) -> Markup {
+    let (before, after) = d.gap_intervals;
+    let text = |x: f64, (a, b): (f64, f64)| format!("{x:.4}  ({a:.4} to {b:.4})");
+    plot::bars(
+        &[
+            (
+                "before".to_owned(),
+                d.gap_before,
+                text(d.gap_before, before),
+            ),
+            ("after".to_owned(), d.gap_after, text(d.gap_after, after)),
+            (
+                "floor".to_owned(),
+                d.gap_floor,
+                format!("{:.4}", d.gap_floor),
+            ),
+        ],
+        "gap before, after and floor",
+    )
 }
 
 fn joints(d: &Diagnosis) -> Markup {
+    let figure =
+        |v: Option<f64>| v.map_or_else(|| "not recorded".to_owned(), |v| format!("{v:.4}"));
+    let rows: Vec<_> = d
+        .gap_joints_before
+        .iter()
+        .zip(&d.gap_joints)
+        .enumerate()
+        .collect();
     html! {
         table {
-            tr { th { "joint" } th { "position, after" } th { "velocity, after" } }
-            @for (j, (q, v)) in d.gap_joints.iter().enumerate() {
+            tr { th { "joint" } th class="n" { "position before" } th class="n" { "after" } th class="n" { "velocity before" } th class="n" { "after" } }
+            @for (j, (before, after)) in rows {
                 tr {
                     td { (j + 1) }
-                    td class="n" { (format!("{q:.4}")) }
-                    td class="n" { (v.map_or_else(|| "not recorded".to_owned(), |v| format!("{v:.4}"))) }
+                    td class="n" { (figure(Some(before.0))) }
+                    td class="n" { (figure(Some(after.0))) }
+                    td class="n" { (figure(before.1)) }
+                    td class="n" { (figure(after.1)) }
                 }
             }
         }

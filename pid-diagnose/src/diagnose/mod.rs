@@ -19,6 +19,7 @@ use crate::fit::{Basis, Effort, Fit, Point, basis, fit, value};
 use crate::gap::{Gap, floor, gap};
 use crate::noise;
 use crate::plant::PER_JOINT;
+use crate::report::{Next, Share};
 use crate::screen::{candidates, screen};
 use crate::simulate::Hypothesis;
 use crate::windows;
@@ -138,6 +139,15 @@ pub struct Diagnosis {
     pub gap_floor: f64,
     /// Gap per joint after: position, velocity.
     pub gap_joints: Vec<(f64, Option<f64>)>,
+    /// The same before.
+    #[serde(default)]
+    pub gap_joints_before: Vec<(f64, Option<f64>)>,
+    /// Where the missing force of the nominal structure lives, joint by joint; empty if it was not looked for.
+    #[serde(default)]
+    pub missing_force: Vec<Share>,
+    /// The motion that would separate the rivals that are left, if there are any and it was looked for.
+    #[serde(default)]
+    pub next_experiment: Option<Next>,
     /// Candidates, best first.
     pub ranking: Vec<Ranked>,
     /// Stated probability that the verdict is right.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::causes::{Cause, Kind, LISTED, OUTSIDE, Sizes};
 use super::motion::{Motion, Room, reference};
 use super::world::{STEP, World};
-use crate::nominal::Nominal;
+use crate::nominal::{Nominal, NominalError};
 use crate::plant::{PER_JOINT, Plant};
 use crate::rigid::{Surroundings, Workspace, mass_and_bias};
 
@@ -57,8 +57,8 @@ const LENGTH: f64 = 7.0;
 const HOLDING: f64 = 0.6;
 /// Corner of the filter behind a derived velocity, Hz.
 const VELOCITY_HZ: f64 = 40.0;
-/// Drive noise, share of the largest usual torque.
-const DRIVE_NOISE: f64 = 0.003;
+/// Range of the drive noise, share of the largest usual torque.
+const DRIVE_NOISE: (f64, f64) = (0.0012, 0.006);
 
 /// One joint before it becomes text.
 struct Joint {
@@ -86,6 +86,7 @@ struct Robot {
     planar: bool,
     rate: f64,
     horizon: f64,
+    drive_noise: f64,
 }
 
 impl Plan {
@@ -95,29 +96,18 @@ impl Plan {
     }
 
     /// Records and cause of the `i`-th case.
-    pub(super) fn make(&self, i: usize) -> (Files, Truth) {
+    pub(super) fn make(&self, i: usize) -> Result<(Files, Truth), NominalError> {
         let mut random =
             ChaCha8Rng::seed_from_u64(self.seed.wrapping_mul(1_000_003).wrapping_add(i as u64));
         let family = random
             .random_range(0..4usize)
             .min(self.joints.clamp(1, 6) - 1);
-        let robot = robot(family, self.joints, &mut random);
+        let robot = robot(family, self.joints, &mut random)?;
         let n = robot.joints.len();
         let noise_stated = random.random_range(0..3) > 0;
         let velocity = ["measured", "derived", "absent"][random.random_range(0..3usize)].to_owned();
         let stated = nominal_text(&robot, true, &velocity);
-        // The text is this module's own: it parses.
-        let Ok(nominal) = Nominal::parse(&stated, "nominal.toml".as_ref()) else {
-            return (
-                Vec::new(),
-                Truth {
-                    causes: Vec::new(),
-                    joints: n,
-                    noise_stated,
-                    velocity,
-                },
-            );
-        };
+        let nominal = Nominal::parse(&stated, "nominal.toml".as_ref())?;
         let theta: Vec<f64> = (0..n * PER_JOINT)
             .map(|_| random.random_range(-0.9..0.9))
             .collect();
@@ -145,15 +135,13 @@ impl Plan {
             );
             files.push((name.to_owned(), text));
         }
-        (
-            files,
-            Truth {
-                causes,
-                joints: n,
-                noise_stated,
-                velocity,
-            },
-        )
+        let truth = Truth {
+            causes,
+            joints: n,
+            noise_stated,
+            velocity,
+        };
+        Ok((files, truth))
     }
 
     /// One case in six is without a cause, one in twelve outside the list, one in twelve of two causes.
@@ -262,7 +250,7 @@ fn dynamics(plant: &Plant<f64>, q: &[f64], v: &[f64]) -> (DMatrix<f64>, Vec<f64>
 }
 
 /// Families: a pendulum; a planar arm; a slide with an arm; a chain of up to six spatial joints.
-fn robot(family: usize, most: usize, random: &mut ChaCha8Rng) -> Robot {
+fn robot(family: usize, most: usize, random: &mut ChaCha8Rng) -> Result<Robot, NominalError> {
     let y = [0.0, 1.0, 0.0];
     let (axes, planar): (Vec<(bool, [f64; 3])>, bool) = match family {
         0 => (vec![(false, y)], true),
@@ -353,35 +341,37 @@ fn robot(family: usize, most: usize, random: &mut ChaCha8Rng) -> Robot {
         planar,
         rate: [250.0, 400.0, 500.0, 1000.0][random.random_range(0..4usize)],
         horizon: if n == 1 { LENGTH } else { 2.0 },
+        drive_noise: random
+            .random_range(DRIVE_NOISE.0.ln()..DRIVE_NOISE.1.ln())
+            .exp(),
     };
     // Rotors, friction and torques in proportion to what the joint moves.
-    if let Ok(bare) = Nominal::parse(
-        &nominal_text(&robot, true, "derived"),
+    let bare = Nominal::parse(
+        &nominal_text(&robot, false, "derived"),
         "nominal.toml".as_ref(),
-    ) {
-        let plant = Plant::<f64>::new(&bare, &vec![0.0; n * PER_JOINT]);
-        let q: Vec<f64> = robot.joints.iter().map(|j| j.room.centre).collect();
-        let (m, _) = dynamics(&plant, &q, &vec![0.0; n]);
-        let far: Vec<f64> = robot
-            .joints
-            .iter()
-            .map(|j| j.room.centre + 0.8 * j.room.amplitude)
-            .collect();
-        let (_, weight) = dynamics(&plant, &far, &vec![0.0; n]);
-        for (k, j) in robot.joints.iter_mut().enumerate() {
-            j.rotor = m[(k, k)] * random.random_range(0.15..0.35);
-            let turning = (m[(k, k)] + j.rotor) * 3.0 * j.room.speed;
-            j.torque = weight[k].abs() + turning;
-            j.coulomb = j.torque * random.random_range(0.03..0.07);
-            j.viscous = j.torque / j.room.speed * random.random_range(0.05..0.12);
-            if j.prismatic {
-                j.q_noise *= 0.4;
-                j.q_step *= 0.3;
-                j.v_noise *= 0.35;
-            }
+    )?;
+    let plant = Plant::<f64>::new(&bare, &vec![0.0; n * PER_JOINT]);
+    let q: Vec<f64> = robot.joints.iter().map(|j| j.room.centre).collect();
+    let (m, _) = dynamics(&plant, &q, &vec![0.0; n]);
+    let far: Vec<f64> = robot
+        .joints
+        .iter()
+        .map(|j| j.room.centre + 0.8 * j.room.amplitude)
+        .collect();
+    let (_, weight) = dynamics(&plant, &far, &vec![0.0; n]);
+    for (k, j) in robot.joints.iter_mut().enumerate() {
+        j.rotor = m[(k, k)] * random.random_range(0.15..0.35);
+        let turning = (m[(k, k)] + j.rotor) * 3.0 * j.room.speed;
+        j.torque = weight[k].abs() + turning;
+        j.coulomb = j.torque * random.random_range(0.03..0.07);
+        j.viscous = j.torque / j.room.speed * random.random_range(0.05..0.12);
+        if j.prismatic {
+            j.q_noise *= 0.4;
+            j.q_step *= 0.3;
+            j.v_noise *= 0.35;
         }
     }
-    robot
+    Ok(robot)
 }
 
 fn list(x: [f64; 3]) -> String {
@@ -398,7 +388,7 @@ fn nominal_text(robot: &Robot, noise: bool, velocity: &str) -> String {
         robot.horizon
     );
     if noise {
-        let _ = writeln!(s, "input_noise = {DRIVE_NOISE:?}");
+        let _ = writeln!(s, "input_noise = {:?}", robot.drive_noise);
     }
     if velocity == "derived" {
         let _ = writeln!(s, "velocity_filter_hz = {VELOCITY_HZ:?}");
@@ -603,7 +593,7 @@ fn record(
         let noise: Vec<f64> = robot
             .joints
             .iter()
-            .map(|j| DRIVE_NOISE * j.torque / j.gain * normal(random))
+            .map(|j| robot.drive_noise * j.torque / j.gain * normal(random))
             .collect();
         for s in 0..per_sample {
             let t = (k as f64 - hold as f64) * h + s as f64 * STEP;

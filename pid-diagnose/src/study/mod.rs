@@ -119,7 +119,10 @@ pub fn run(
             let result_path = results.join(format!("{id}.json"));
             let here = cases.join(&id);
             if read::<Truth>(&truth_path)?.is_none() {
-                let (files, truth) = plan.make(i);
+                let (files, truth) = plan.make(i).map_err(|e| StudyError::Case {
+                    id: id.clone(),
+                    source: Box::new(e.into()),
+                })?;
                 folder(here.clone())?;
                 for (name, text) in files {
                     let path = here.join(name);
