@@ -25,6 +25,8 @@ use crate::plant::PER_JOINT;
 pub const CLASSES: usize = 10;
 /// Share of the largest speed below which a joint is at rest.
 const REST: f64 = 0.02;
+/// How much more than any other quantity time must explain.
+const TIME: f64 = 0.25;
 /// Points kept of a curve.
 const POINTS: usize = 500;
 /// Points kept of a cloud.
@@ -133,13 +135,18 @@ pub struct JointPlace {
 }
 
 impl JointPlace {
-    /// The quantity that explains most.
+    /// The quantity that explains most. Any force is a function of time: time counts only where it explains much more.
     pub fn regime(&self) -> (Axis, f64) {
-        Axis::ALL
+        let time = self.explained[Axis::Time as usize];
+        let best = Axis::ALL
             .into_iter()
-            .zip(self.explained)
-            .max_by(|a, b| a.1.total_cmp(&b.1))
-            .unwrap_or((Axis::Time, 0.0))
+            .filter(|a| *a != Axis::Time)
+            .map(|a| (a, self.explained[a as usize]))
+            .max_by(|a, b| a.1.total_cmp(&b.1));
+        match best {
+            Some((axis, x)) if x + TIME > time => (axis, x),
+            _ => (Axis::Time, time),
+        }
     }
 }
 

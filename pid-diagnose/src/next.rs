@@ -285,7 +285,7 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
                 .collect();
             machine.step(s, &commands);
         }
-        if s.q.iter().chain(&s.v).any(|x| !(x.abs() < 1e6)) {
+        if s.q.iter().chain(&s.v).any(|x| x.is_nan() || x.abs() > 1e6) {
             return None;
         }
     }

@@ -9,7 +9,7 @@ use pid_diagnose::next::{limits, separate};
 fn case(name: &str) -> Option<Case> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../shared/blind/{name}"));
     if !folder.exists() {
-        println!("skipped: {} is not there", folder.display());
+        eprintln!("{name}: no practice cases beside the workspace, skipped");
         return None;
     }
     Some(Case::read(&folder).expect("readable"))
