@@ -12,6 +12,9 @@ use crate::gap::Gap;
 /// Factor on the limits of what counts as unexplained where the noise is an estimate.
 const ESTIMATED: f64 = 1.6;
 
+/// Mean squared innovation below which a model has followed stated noise, and the factor on the gap that is then allowed.
+const CALM: (f64, f64) = (1.04, 1.5);
+
 /// What a verdict is made from.
 pub(super) struct Parts<'a> {
     pub(super) case: &'a Case,
@@ -65,8 +68,11 @@ impl Parts<'_> {
         } else {
             ESTIMATED
         };
-        let unexplained = after.total > factor * settings.unexplained * floor
-            || misfit > factor * factor * settings.largest_misfit;
+        // Free runs from uncertain starts drift; innovations at the stated noise, where it is stated, speak for the model.
+        let calm = factor == 1.0 && misfit < CALM.0;
+        let allowed = settings.unexplained * if calm { CALM.1 } else { factor };
+        let unexplained =
+            after.total > allowed * floor || misfit > factor * factor * settings.largest_misfit;
         let scale = misfit.max(1.0);
         // Neighbouring innovations of a misfit are not independent: the odds are tempered.
         let temper = |score: f64| score / (2.0 * (2.0 + 2.0 * (scale - 1.0)));
