@@ -39,12 +39,10 @@ fn record(seed: u64) -> Dataset {
         let reading = q[0] + NOISE * normal(&mut random);
         let force = P * (reference(now) - reading) - D * (reading - previous) / H;
         previous = reading;
-        (
-            t.push(now),
-            read.push(reading),
-            u.push(force),
-            qref.push(reference(now)),
-        );
+        t.push(now);
+        read.push(reading);
+        u.push(force);
+        qref.push(reference(now));
         let drive = Drive {
             t: &[0.0, H],
             u: &[force, force],
