@@ -177,8 +177,8 @@ pub(crate) fn bars(rows: &[(String, f64, String)], name: &str) -> Markup {
         svg class="bars" viewBox=(format!("0 0 640 {height}")) role="img" aria-label=(name) {
             @for (i, (name, x, text)) in rows.iter().enumerate() {
                 text x="0" y=(i * 26 + 17) { (name) }
-                rect x="150" y=(i * 26 + 5) height="15" rx="3" width=(format!("{:.1}", 270.0 * x / largest)) {}
-                text x=(format!("{:.1}", 158.0 + 270.0 * x / largest)) y=(i * 26 + 17) { (text) }
+                rect x="150" y=(i * 26 + 5) height="15" rx="3" width=(format!("{:.1}", 200.0 * x / largest)) {}
+                text x=(format!("{:.1}", 158.0 + 200.0 * x / largest)) y=(i * 26 + 17) { (text) }
             }
         }
     }

@@ -30,6 +30,8 @@ rotor_inertia = 0.1
 coulomb = 1.5
 viscous = 0.7
 motor_gain = 4.0
+input = "current"
+velocity = "measured"
 [[joint]]
 name = "b"
 type = "revolute"
@@ -39,9 +41,12 @@ rpy = [0.1, 0.2, -0.3]
 mass = 1.0
 com = [0.02, 0.0, -0.1]
 inertia = [0.01, 0.012, 0.004, 0.0, 0.0, 0.0]
+rotor_inertia = 0.0
 coulomb = 0.5
 viscous = 0.2
 motor_gain = 2.0
+input = "current"
+velocity = "measured"
 "#;
 
 fn plant<D: Pick>() -> Plant<D> {
