@@ -8,7 +8,7 @@ use pid_runtime::data::Role;
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::transcribe::Scheme;
 
-use super::plot::{Axes, Series, chart};
+use super::plot::{Axes, Series, chart, curve, joint_chart};
 use super::robot;
 use super::study::{HESSIANS, MEMORY, Outcome, Second};
 use super::{Findings, Size, vs050};
@@ -348,43 +348,16 @@ fn figure_two(f: &Findings) -> Vec<String> {
     let full = Group::full(f, Scheme::ExplicitEuler, 1, Second::Exact);
     (0..2)
         .map(|joint| {
-            let motion = |o: Option<&&Outcome>| {
+            let motion = |label: &str, o: Option<&&Outcome>| {
                 let states = o.map_or(&[][..], |o| &o.motion);
-                let q = states.iter().skip(joint).step_by(4);
-                let points = record.t.iter().zip(q).map(|(t, q)| Some((*t, *q)));
-                points.collect::<Vec<_>>()
+                curve(label, &record.t, states, (joint, 4), 1)
             };
-            let data = record.q.iter().skip(joint).step_by(2);
             let series = [
-                Series {
-                    label: "data".to_owned(),
-                    points: record
-                        .t
-                        .iter()
-                        .zip(data)
-                        .map(|(t, q)| Some((*t, *q)))
-                        .collect(),
-                    line: true,
-                },
-                Series {
-                    label: "five nodes".to_owned(),
-                    points: motion(five.runs.first()),
-                    line: true,
-                },
-                Series {
-                    label: "full discretization".to_owned(),
-                    points: motion(full.runs.first()),
-                    line: true,
-                },
+                curve("data", &record.t, &record.q, (joint, 2), 1),
+                motion("five nodes", five.runs.first()),
+                motion("full discretization", full.runs.first()),
             ];
-            let y = format!("θ{}, rad", joint + 1);
-            let axes = Axes {
-                x: "time, s",
-                y: &y,
-                log_x: false,
-                log_y: false,
-            };
-            chart(&axes, &series)
+            joint_chart(joint, &series)
         })
         .collect()
 }

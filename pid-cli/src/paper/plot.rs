@@ -10,6 +10,34 @@ pub(super) struct Series {
     pub(super) line: bool,
 }
 
+/// Curve of one joint over time, out of values with `stride` a sample; thinned to every `every`-th.
+pub(super) fn curve(
+    label: impl Into<String>,
+    t: &[f64],
+    values: &[f64],
+    (joint, stride): (usize, usize),
+    every: usize,
+) -> Series {
+    let values = values.iter().skip(joint).step_by(stride);
+    let points = t.iter().zip(values).step_by(every);
+    Series {
+        label: label.into(),
+        points: points.map(|(t, q)| Some((*t, *q))).collect(),
+        line: true,
+    }
+}
+
+/// Curves of one joint's angle over time.
+pub(super) fn joint_chart(joint: usize, series: &[Series]) -> String {
+    let axes = Axes {
+        x: "time, s",
+        y: &format!("θ{}, rad", joint + 1),
+        log_x: false,
+        log_y: false,
+    };
+    chart(&axes, series)
+}
+
 /// What the axes are called and how they count.
 pub(super) struct Axes<'a> {
     pub(super) x: &'a str,

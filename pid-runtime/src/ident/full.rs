@@ -1,8 +1,7 @@
 //! Full discretization over the training windows, from every start.
 
-use super::likelihood;
+use super::spread::deviations;
 use super::starts;
-use super::uncertainty::{self, Solved, Spread};
 use super::{Callback, IdentError, Identification, InitialState, Run, Settings, Weighting};
 use crate::data::{Dataset, Experiment, InputHold, Role, windows};
 use crate::dynamics::{At, Hessian};
@@ -310,61 +309,6 @@ fn approach(
         *x = near.x;
     }
     near.log.len().saturating_sub(1)
-}
-
-/// Standard deviations from the reduced Hessian at the solution.
-fn deviations(
-    problem: &mut FullDiscretization<'_>,
-    solution: &Solution,
-    fixed: &[bool],
-    weights: &[f64],
-    sandwich: bool,
-) -> (Spread, Vec<Option<f64>>) {
-    let np = problem.layout().np;
-    if !solution.objective.is_finite() {
-        return (Spread::none(np), vec![None; weights.len()]);
-    }
-    let parameters = problem.parameters(&solution.x);
-    let setup = problem.setup().clone();
-    let held: Vec<bool> = (0..np)
-        .map(|j| fixed[j] || uncertainty::at_bound(parameters[j], setup.lower[j], setup.upper[j]))
-        .collect();
-    let mut kkt = StructuredKkt::new(problem.layout().clone(), &held, problem.segment_steps());
-    let mut jacobian = vec![0.0; problem.jacobian_pattern().nnz()];
-    let mut hessian = vec![0.0; problem.hessian_pattern().nnz()];
-    problem.jacobian(&solution.x, &mut jacobian);
-    problem.hessian(&solution.x, 1.0, &solution.lambda, &mut hessian);
-    let sigma = vec![0.0; problem.n()];
-    let values = crate::solver::kkt::KktValues {
-        hessian: &hessian,
-        jacobian: &jacobian,
-        sigma: &sigma,
-    };
-    let (residuals, channels) = problem.residuals(&solution.x);
-    let free_parameters = held.iter().filter(|h| !**h).count();
-    let unknowns = free_parameters + problem.free_initial_states();
-    let share = 1.0 / problem.samples() as f64;
-    let noise = likelihood::levels(&residuals, weights, setup.loss, share, unknowns);
-    if kkt.factorise(values).is_err() {
-        return (Spread::none(np), noise);
-    }
-    let scores = sandwich.then(|| problem.window_scores(&solution.x, &solution.lambda));
-    let (reduced, free) = kkt.reduced_hessian();
-    let spread = uncertainty::from_hessian(&Solved {
-        hessian: reduced,
-        free: &free,
-        scale: &setup.scale,
-        lower: &setup.lower,
-        upper: &setup.upper,
-        loss: setup.loss,
-        priors: &setup.priors,
-        share,
-        residuals: &residuals,
-        channels,
-        unknowns,
-        scores,
-    });
-    (spread, noise)
 }
 
 /// A window as the discretization wants it.

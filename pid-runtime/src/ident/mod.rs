@@ -18,6 +18,7 @@ mod likelihood;
 mod profile;
 mod settings;
 mod shooting;
+mod spread;
 pub mod starts;
 mod uncertainty;
 

@@ -1,15 +1,13 @@
 //! Single and multiple shooting over the training windows, from every start.
 
 use super::full::{self, Assembled};
-use super::likelihood;
+use super::spread::deviations;
 use super::starts::{self, Report};
-use super::uncertainty::{self, Solved, Spread};
 use super::{Callback, IdentError, Identification, Run, Settings};
 use crate::data::Dataset;
 use crate::dynamics::Hessian;
 use crate::nlp::{Nlp, check_point};
 use crate::solver::kkt::sparse::SparseKkt;
-use crate::solver::kkt::{Kkt, KktValues};
 use crate::solver::{self, Solution, ip};
 use crate::transcribe::{FullDiscretization, ResidualFit, Shooting, ShootingKkt};
 use std::time::Instant;
@@ -218,63 +216,4 @@ fn solve(
         log: solution.log.clone(),
     };
     (run, solution, motion)
-}
-
-/// Standard deviations from the reduced Hessian at the solution.
-fn deviations(
-    problem: &mut Shooting<'_>,
-    solution: &Solution,
-    fixed: &[bool],
-    weights: &[f64],
-    sandwich: bool,
-) -> (Spread, Vec<Option<f64>>) {
-    let np = fixed.len();
-    if !solution.objective.is_finite() {
-        return (Spread::none(np), vec![None; weights.len()]);
-    }
-    let parameters = problem.parameters(&solution.x);
-    let setup = problem.setup().clone();
-    let held: Vec<bool> = (0..np)
-        .map(|j| fixed[j] || uncertainty::at_bound(parameters[j], setup.lower[j], setup.upper[j]))
-        .collect();
-    let mut kkt = ShootingKkt::new(problem, &held);
-    let mut jacobian = vec![0.0; problem.jacobian_pattern().nnz()];
-    let mut hessian = vec![0.0; problem.hessian_pattern().nnz()];
-    problem.jacobian(&solution.x, &mut jacobian);
-    problem.hessian(&solution.x, 1.0, &solution.lambda, &mut hessian);
-    let sigma = vec![0.0; problem.n()];
-    let values = KktValues {
-        hessian: &hessian,
-        jacobian: &jacobian,
-        sigma: &sigma,
-    };
-    let (residuals, channels) = problem.residuals(&solution.x);
-    let share = 1.0 / problem.samples() as f64;
-    let free_states = if setup.hold_initial {
-        0
-    } else {
-        problem.nodes().len() * 2 * problem.model().dims().nq
-    };
-    let unknowns = held.iter().filter(|h| !**h).count() + free_states;
-    let noise = likelihood::levels(&residuals, weights, setup.loss, share, unknowns);
-    if kkt.factorise(values).is_err() {
-        return (Spread::none(np), noise);
-    }
-    let scores = sandwich.then(|| problem.window_scores(&solution.x, &solution.lambda));
-    let (reduced, free) = kkt.reduced_hessian();
-    let spread = uncertainty::from_hessian(&Solved {
-        hessian: reduced,
-        free: &free,
-        scale: &setup.scale,
-        lower: &setup.lower,
-        upper: &setup.upper,
-        loss: setup.loss,
-        priors: &setup.priors,
-        share,
-        residuals: &residuals,
-        channels,
-        unknowns,
-        scores,
-    });
-    (spread, noise)
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use maud::{Markup, PreEscaped, html as markup};
 
 use super::super::page::{optional, table};
-use super::super::plot::{Axes, Series, chart};
+use super::super::plot::{curve, joint_chart};
 use super::super::study::{FEASIBLE, HESSIANS, Second};
 use super::{Arm, Fit, HORIZON, KINDS, MEMORY, records};
 
@@ -110,18 +110,10 @@ fn plots(arm: &Arm, record: usize) -> Vec<String> {
         return Vec::new();
     };
     // A chart shows every fourth sample.
-    let thin = |q: &[f64], joint: usize| -> Vec<Option<(f64, f64)>> {
-        let q = q.iter().skip(joint).step_by(e.nq);
-        let points = e.t.iter().zip(q).step_by(4);
-        points.map(|(t, q)| Some((*t, *q))).collect()
-    };
+    let thin = |label: String, q: &[f64], joint: usize| curve(label, &e.t, q, (joint, e.nq), 4);
     (0..e.nq)
         .map(|joint| {
-            let mut series = vec![Series {
-                label: "measured".to_owned(),
-                points: thin(&e.q, joint),
-                line: true,
-            }];
+            let mut series = vec![thin("measured".to_owned(), &e.q, joint)];
             for (hessian, both) in KINDS {
                 let Some(q) = arm
                     .best(hessian, both)
@@ -131,20 +123,9 @@ fn plots(arm: &Arm, record: usize) -> Vec<String> {
                     continue;
                 };
                 let (hessian, data) = label(hessian, both);
-                series.push(Series {
-                    label: format!("simulated: {hessian}; {data}"),
-                    points: thin(q, joint),
-                    line: true,
-                });
+                series.push(thin(format!("simulated: {hessian}; {data}"), q, joint));
             }
-            let y = format!("θ{}, rad", joint + 1);
-            let axes = Axes {
-                x: "time, s",
-                y: &y,
-                log_x: false,
-                log_y: false,
-            };
-            chart(&axes, &series)
+            joint_chart(joint, &series)
         })
         .collect()
 }

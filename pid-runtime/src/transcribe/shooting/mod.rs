@@ -260,6 +260,15 @@ impl<'m> Shooting<'m> {
         self.chains.iter().map(|c| c.nodes).collect()
     }
 
+    /// Number of initial states that are not held, over all windows.
+    pub fn free_initial_states(&self) -> usize {
+        if self.setup.hold_initial {
+            0
+        } else {
+            self.chains.len() * 2 * self.model().dims().nq
+        }
+    }
+
     /// Positions of the node states among the variables.
     pub fn node_positions(&self) -> Vec<usize> {
         self.arcs.iter().map(|arc| arc.x).collect()
