@@ -58,6 +58,23 @@ pub struct Entry {
     pub model: &'static dyn Hessian,
 }
 
+impl Entry {
+    /// A model of another crate, to stand beside these.
+    pub const fn new(
+        name: &'static str,
+        summary: &'static str,
+        source: &'static str,
+        model: &'static dyn Hessian,
+    ) -> Self {
+        Self {
+            name,
+            summary,
+            source,
+            model,
+        }
+    }
+}
+
 impl std::fmt::Debug for Entry {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Entry")
@@ -170,29 +187,29 @@ pub fn all() -> Vec<Entry> {
 /// # Errors
 /// [`UnknownModel`] with the nearest name.
 pub fn by_name(name: &str) -> Result<&'static dyn Hessian, UnknownModel> {
+    find(&ENTRIES, name).map(|e| e.model)
+}
+
+/// The entry with this name among some; names are compared as in [`by_name`], the first one counts.
+///
+/// # Errors
+/// As [`by_name`].
+pub fn find(entries: &[Entry], name: &str) -> Result<Entry, UnknownModel> {
     let key = normalised(name);
-    if let Some(e) = ENTRIES.iter().find(|e| normalised(e.name) == key) {
-        return Ok(e.model);
+    if let Some(e) = entries.iter().find(|e| normalised(e.name) == key) {
+        return Ok(*e);
     }
-    let nearest = ENTRIES
+    let nearest = entries
         .iter()
         .map(|e| (strsim::osa_distance(&key, &normalised(e.name)), e.name))
         .filter(|(d, n)| *d <= n.len() / 2)
         .min_by_key(|(d, _)| *d);
+    let known: Vec<&str> = entries.iter().map(|e| e.name).collect();
     Err(UnknownModel {
         name: name.to_string(),
         nearest: nearest.map(|(_, n)| n.to_string()),
-        known: known(),
+        known: known.join(", "),
     })
-}
-
-/// All names, separated by commas.
-fn known() -> String {
-    ENTRIES
-        .iter()
-        .map(|e| e.name)
-        .collect::<Vec<_>>()
-        .join(", ")
 }
 
 /// Lower case without separators.

@@ -95,7 +95,7 @@ pub(crate) fn run(args: &CoverageArgs) -> Result<u8, CliError> {
     };
     let model: &dyn Hessian = match &interpreted {
         Some(model) => model,
-        None => pid_models::by_name(args.model.as_deref().unwrap_or_default())?,
+        None => crate::models::by_name(args.model.as_deref().unwrap_or_default())?.model,
     };
     let nq = model.dims().nq;
     let per_joint = |option, list: &[f64]| match list.len() == nq {

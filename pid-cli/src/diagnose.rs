@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use pid_diagnose::diagnose::{Diagnosis, Settings};
 use pid_diagnose::report::Report;
+use pid_runtime::dynamics::Hessian;
 use rayon::prelude::*;
 
 use crate::error::CliError;
-use crate::output;
+use crate::{models, output};
 
 /// Arguments of `pid diagnose`.
 #[derive(Debug, Clone, Args)]
@@ -22,6 +23,10 @@ pub(crate) struct DiagnoseArgs {
     /// Diagnose again where a result is already there.
     #[arg(long)]
     again: bool,
+    /// Declared model in place of nominal.toml: nominal values and tolerances are those of its parameters; what is known of the
+    /// measurement may stand in a measurement.toml of the folder.
+    #[arg(long, value_name = "MODEL")]
+    model: Option<String>,
     /// Look for the motion that separates the first two candidates even where the records do so already.
     #[arg(long)]
     next: bool,
@@ -30,6 +35,10 @@ pub(crate) struct DiagnoseArgs {
 /// Diagnoses all folders, several at a time; those that cannot be read are named and do not stop the others.
 pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
     let several = args.folders.len() > 1;
+    let model = match &args.model {
+        Some(name) => Some(models::by_name(name)?.model),
+        None => None,
+    };
     let outcomes: Vec<Result<bool, CliError>> = args
         .folders
         .par_iter()
@@ -45,7 +54,7 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
                 output::print(&format!("{}: already diagnosed\n", folder.display()));
                 return Ok(true);
             }
-            match one(folder, &out, args.next) {
+            match one(folder, model, &out, args.next) {
                 Ok(d) => {
                     output::print(&summary(&d));
                     Ok(true)
@@ -65,8 +74,17 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
     Ok(u8::from(failed))
 }
 
-fn one(folder: &Path, out: &Path, next: bool) -> Result<Diagnosis, CliError> {
-    let report = Report::of_folder(folder, &Settings::default(), next)?;
+fn one(
+    folder: &Path,
+    model: Option<&dyn Hessian>,
+    out: &Path,
+    next: bool,
+) -> Result<Diagnosis, CliError> {
+    let settings = Settings::default();
+    let report = match model {
+        Some(model) => Report::of_model(model, folder, &settings, next)?,
+        None => Report::of_folder(folder, &settings, next)?,
+    };
     report.write(out)?;
     Ok(report.found.diagnosis)
 }

@@ -96,7 +96,7 @@ pub(crate) enum LimitsError {
 
 /// Runs the command; the exit code.
 pub(crate) fn run(args: &ExciteArgs) -> Result<u8, CliError> {
-    let model: &dyn Hessian = pid_models::by_name(&args.model)?;
+    let model: &dyn Hessian = crate::models::by_name(&args.model)?.model;
     let p = match &args.parameters {
         Some(file) => parameters::read(file, model.params())?,
         None => model.params().iter().map(|p| p.nominal).collect(),

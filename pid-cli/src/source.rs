@@ -15,7 +15,7 @@ use pid_urdf::{Description, Inertias, Options};
 
 use crate::args::{InertiasArg, Source};
 use crate::error::{CliError, make_folder, write};
-use crate::{demo, output};
+use crate::{demo, models, output};
 
 /// A model, and what to call it.
 pub(crate) struct Subject {
@@ -75,18 +75,14 @@ impl Subject {
     }
 
     fn compiled(name: &str, terms: &[Request]) -> Result<Self, CliError> {
-        let model = pid_models::by_name(name)?;
-        let entry = pid_models::all()
-            .into_iter()
-            .find(|e| e.model.name() == model.name())
-            .expect("invariant: by_name returns a model of all()");
+        let entry = models::by_name(name)?;
         Ok(Self {
             name: entry.name.to_owned(),
             summary: entry.summary.to_owned(),
             source: entry.source.to_owned(),
             origin: match terms {
-                [] => Origin::Compiled(model),
-                terms => Origin::Extended(Box::new(Extended::new(model, terms)?)),
+                [] => Origin::Compiled(entry.model),
+                terms => Origin::Extended(Box::new(Extended::new(entry.model, terms)?)),
             },
         })
     }
@@ -216,7 +212,7 @@ fn load_with(source: &Source, controller: Option<&Path>) -> Result<(Subject, Dat
                     .map(|d| controllers.close(d))
                     .collect::<Result<_, _>>()?,
             )?;
-            let model = pid_models::by_name(&subject.name)?;
+            let model = models::by_name(&subject.name)?.model;
             let extended = Extended::new(model, &source.terms)?;
             let closed = ClosedLoop::new(Box::new(extended))?;
             subject.origin = Origin::Closed(Box::new(closed));

@@ -2,9 +2,14 @@
 //!
 //! Nothing here carries spans or tokens; the checker of `pid-codegen` and the reader of URDF make it, this crate reads it. All values are in SI
 //! units (radians, metres, kilograms, seconds, amperes).
+//!
+//! A robot can be written and read by `serde`: the compiled robot carries its declaration, and tools that work at run time read
+//! it from there. The form belongs to one version of this crate and is not a file format.
+
+use serde::{Deserialize, Serialize};
 
 /// A declared robot, ready to be derived.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Robot {
     /// Name of the generated type (`TwoLink`).
     pub name: String,
@@ -43,7 +48,7 @@ impl Robot {
 }
 
 /// A parameter: unknown of the identification, argument of every generated function.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Param {
     /// Name as generated: `m1`, `dry_shoulder`.
     pub name: String,
@@ -54,15 +59,17 @@ pub struct Param {
     /// Nominal value; the middle of the range if the user gave none.
     pub nominal: f64,
     /// Lower end of the range, `-inf` if none.
+    #[serde(with = "open::below")]
     pub lower: f64,
     /// Upper end of the range, `+inf` if none.
+    #[serde(with = "open::above")]
     pub upper: f64,
     /// Marked `fixed`: an argument like the others, but held at its nominal value by the identification.
     pub fixed: bool,
 }
 
 /// An input of the drives.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Input {
     /// Name as generated: `current_shoulder`.
     pub name: String,
@@ -75,7 +82,7 @@ pub struct Input {
 }
 
 /// A rigid body.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Link {
     /// Name as declared.
     pub name: String,
@@ -86,7 +93,7 @@ pub struct Link {
 }
 
 /// Mass distribution of a link, in its own frame.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Inertial {
     /// A massless link.
     None,
@@ -113,7 +120,7 @@ pub enum Inertial {
 }
 
 /// A symmetric 3×3 tensor in the axes of the link frame.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tensor {
     /// Ixx.
     pub xx: Expr,
@@ -145,7 +152,7 @@ impl Default for Tensor {
 }
 
 /// Reference point of an inertia tensor.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum About {
     /// The centre of mass.
     Com,
@@ -157,7 +164,7 @@ pub enum About {
 ///
 /// The joint frame is placed in the parent frame by `origin` and `rpy` (R = Rz(yaw) Ry(pitch) Rx(roll), as in URDF);
 /// the child frame equals it at coordinate zero and moves about or along `axis`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Joint {
     /// Name as declared.
     pub name: String,
@@ -188,7 +195,7 @@ pub struct Joint {
 /// `Σ ratio·q + offset`: the position of a joint or drive that moves with coordinates.
 ///
 /// Its velocity is `Σ ratio·v`, and a force f on it is a force `ratio·f` on each of the coordinates (equal power).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Affine {
     /// Coordinates with their ratios; each coordinate once.
     pub terms: Vec<(usize, Expr)>,
@@ -197,7 +204,7 @@ pub struct Affine {
 }
 
 /// A drive that moves several joints at once, w = Σ ratio·v: a coupled wrist, a differential.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Motor {
     /// Name as declared.
     pub name: String,
@@ -219,7 +226,7 @@ impl JointKind {
 }
 
 /// Kind of a joint. Axes are of unit length.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum JointKind {
     /// Rotation about the axis.
     Revolute([f64; 3]),
@@ -234,7 +241,7 @@ pub enum JointKind {
 }
 
 /// An entry written `_`: the user says it does not enter the equations, [`facts`](mod@crate::facts) prove it.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Blank {
     /// Link the entry belongs to.
     pub link: usize,
@@ -243,7 +250,7 @@ pub struct Blank {
 }
 
 /// What is generated beside the dynamics.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Emit {
     /// Jacobian of the residual.
     pub first_derivatives: bool,
@@ -258,7 +265,7 @@ pub struct Emit {
 }
 
 /// An expression in parameters, inputs and coordinates. Units have been checked and angles converted.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Expr {
     /// A number, SI.
     Num(f64),
@@ -289,7 +296,7 @@ pub enum Expr {
 }
 
 /// Functions of one argument that a force law or a geometry may use.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Func {
     /// Sine.
     Sin,
@@ -311,4 +318,41 @@ pub enum Func {
     Abs,
     /// Sign; has no second derivative.
     Sign,
+}
+
+/// Ends of ranges in formats that have no infinite numbers: an absent number is an open end.
+mod open {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    fn write<S: Serializer>(end: f64, to: S) -> Result<S::Ok, S::Error> {
+        Some(end).filter(|x| x.is_finite()).serialize(to)
+    }
+
+    fn read<'de, D: Deserializer<'de>>(from: D, open: f64) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(from)?.unwrap_or(open))
+    }
+
+    /// Writing and reading of one end.
+    macro_rules! end {
+        ($name:ident, $open:expr) => {
+            pub(super) mod $name {
+                use serde::{Deserializer, Serializer};
+
+                pub(crate) fn serialize<S: Serializer>(
+                    end: &f64,
+                    to: S,
+                ) -> Result<S::Ok, S::Error> {
+                    super::write(*end, to)
+                }
+
+                pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
+                    from: D,
+                ) -> Result<f64, D::Error> {
+                    super::read(from, $open)
+                }
+            }
+        };
+    }
+    end!(below, f64::NEG_INFINITY);
+    end!(above, f64::INFINITY);
 }

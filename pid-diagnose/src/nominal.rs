@@ -6,6 +6,7 @@ use std::path::Path;
 
 use pid_derive::model::{Expr, JointKind};
 use pid_interpret::nominal::{self as description, Role, Velocity};
+use pid_runtime::dynamics::Dynamics;
 
 pub use pid_interpret::nominal::EncoderSide;
 
@@ -125,6 +126,18 @@ impl Nominal {
     /// If it is absent, malformed, holds values that cannot be meant, or branches.
     pub fn read(folder: &Path) -> Result<Self, NominalError> {
         Self::new(description::Nominal::read(folder.join("nominal.toml"))?)
+    }
+
+    /// Of a declared robot: nominal values and tolerances are those of its parameters. What is known of the measurement may stand in a
+    /// `measurement.toml` of the folder.
+    ///
+    /// # Errors
+    /// As [`description::Nominal::of_declared`], and if it branches.
+    pub fn of_declared(model: &dyn Dynamics, folder: &Path) -> Result<Self, NominalError> {
+        Self::new(description::Nominal::of_declared(
+            model,
+            folder.join("measurement.toml"),
+        )?)
     }
 
     /// From the text of the file; `path` is for messages.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use pid_runtime::data::Dataset;
+use pid_runtime::dynamics::Dynamics;
 use serde::{Deserialize, Serialize};
 
 use crate::case::{Case, CaseError};
@@ -68,6 +69,25 @@ impl Report {
     pub fn of_folder(folder: &Path, settings: &Settings, next: bool) -> Result<Self, CaseError> {
         let dataset = Dataset::read(folder)?;
         Self::new(Nominal::read(folder)?, &dataset, settings, next)
+    }
+
+    /// Diagnoses the records of a folder with a declared robot in place of `nominal.toml`.
+    ///
+    /// # Errors
+    /// As [`Nominal::of_declared`] and [`Case::new`].
+    pub fn of_model(
+        model: &dyn Dynamics,
+        folder: &Path,
+        settings: &Settings,
+        next: bool,
+    ) -> Result<Self, CaseError> {
+        let dataset = Dataset::read(folder)?;
+        Self::new(
+            Nominal::of_declared(model, folder)?,
+            &dataset,
+            settings,
+            next,
+        )
     }
 
     /// Diagnoses a data set of a nominal robot.

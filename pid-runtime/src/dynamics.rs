@@ -166,6 +166,11 @@ pub trait Dynamics: Send + Sync {
     fn identifiability(&self) -> Option<&Identifiability> {
         None
     }
+    /// The declaration it was compiled from, as text for `pid_interpret::declared`; `None` for what is no declared robot, or is one
+    /// with forces added.
+    fn declaration(&self) -> Option<&str> {
+        None
+    }
     /// Lower triangle of M(q, p), row by row: `m[i (i+1)/2 + j]`, j ≤ i. Reads `q`, `p`.
     fn mass_matrix(&self, at: &At<'_>, m: &mut [f64]);
     /// Coriolis, centrifugal and gravity forces b(q, v, p). Reads `q`, `v`, `p`.

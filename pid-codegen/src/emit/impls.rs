@@ -406,12 +406,21 @@ fn slices(
     let residual = vector(&bodies.residual, quote!(r), nq);
     let kinetic_energy = scalar(&bodies.kinetic_energy);
     let potential_energy = scalar(&bodies.potential_energy);
+    // A checked robot holds no number that JSON cannot.
+    let declaration = serde_json::to_string(robot).ok().map(|text| {
+        quote! {
+            fn declaration(&self) -> ::core::option::Option<&str> {
+                ::core::option::Option::Some(#text)
+            }
+        }
+    });
     quote! {
         #[automatically_derived]
         impl ::pid_runtime::dynamics::Dynamics for #ty {
             fn name(&self) -> &str {
                 #name
             }
+            #declaration
             fn dims(&self) -> ::pid_runtime::dynamics::Dims {
                 ::pid_runtime::dynamics::Dims { nq: #nq, nu: #nu, np: #np }
             }

@@ -1,63 +1,32 @@
 //! From the file to robot, tolerances and measurement: every value checked once.
 
-use pid_derive::model::{
-    About, Emit, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
-};
 use pid_derive::plausible;
 
+use super::assemble::{Assembly, JointValues, Value};
 use super::error::NominalError;
 use super::file::{RawFile, RawJoint, RawTolerance, Source};
-use super::{Channel, EncoderSide, Measurement, Nominal, Ranges, Role, Tolerance, Velocity};
-
-/// Where neither a sharpness nor a typical velocity is stated, 1/(rad/s) or 1/(m/s).
-const SHARPNESS: f64 = 50.0;
-/// Share of the typical velocity at which `tanh` reaches 0.76.
-const TRANSITION: f64 = 0.02;
+use super::{Nominal, measured};
 
 pub(super) fn nominal(source: &Source<'_>) -> Result<Nominal, NominalError> {
-    let raw = source.parse()?;
+    let raw: RawFile = source.parse()?;
     if raw.joint.is_empty() {
         return Err(NominalError::NoJoint {
             file: source.file.to_owned(),
         });
     }
     let shares = Shares::new(source, &raw.tolerance)?;
-    let measurement = measurement(source, &raw)?;
-    let mut builder = Builder {
+    let measurement = measured::of_file(source, &raw)?;
+    let gravity = source.list(&raw.robot.gravity, "robot", "gravity")?;
+    let mut reader = Reader {
         source,
         shares,
         names: Vec::new(),
-        tolerances: Vec::new(),
-        robot: Robot {
-            name: raw.robot.name.clone(),
-            docs: Vec::new(),
-            gravity: source
-                .list(&raw.robot.gravity, "robot", "gravity")?
-                .map(Expr::Num),
-            params: Vec::new(),
-            inputs: Vec::new(),
-            links: Vec::new(),
-            joints: Vec::new(),
-            order: (0..raw.joint.len()).collect(),
-            motors: vec![],
-            potential: None,
-            lagrangian: None,
-            blanks: Vec::new(),
-            emit: Emit {
-                first_derivatives: true,
-                second_derivatives: true,
-                ..Emit::default()
-            },
-        },
     };
+    let mut assembly = Assembly::new(raw.robot.name.clone(), gravity);
     for joint in &raw.joint {
-        builder.joint(joint)?;
+        assembly.joint(reader.joint(joint)?);
     }
-    Ok(Nominal {
-        robot: builder.robot,
-        tolerances: builder.tolerances,
-        measurement,
-    })
+    Ok(assembly.finish(measurement))
 }
 
 /// Tolerances as the file states them.
@@ -87,30 +56,21 @@ impl Shares {
     }
 }
 
-struct Builder<'a> {
+struct Reader<'a> {
     source: &'a Source<'a>,
     shares: Shares,
     /// Names of the joints so far.
     names: Vec<String>,
-    tolerances: Vec<Tolerance>,
-    robot: Robot,
 }
 
-impl Builder<'_> {
-    fn joint(&mut self, raw: &RawJoint) -> Result<(), NominalError> {
+impl Reader<'_> {
+    fn joint(&mut self, raw: &RawJoint) -> Result<JointValues, NominalError> {
         let source = self.source;
-        let index = self.names.len();
         let name = self.name(raw)?;
         let item = format!("joint {name}");
         let (axis, prismatic) = axis(source, raw, &item)?;
         let parent = self.parent(raw, &item)?;
-        let (force_unit, speed_unit) = if prismatic {
-            ("N", "m")
-        } else {
-            ("N*m", "rad")
-        };
-        let inertial = self.inertial(raw, index, &name, &item)?;
-
+        let (mass, com, inertia) = self.inertial(raw, &item)?;
         let input_unit = input_unit(source, raw, &item, prismatic)?;
         let gain = source.number(
             &raw.motor_gain,
@@ -123,116 +83,37 @@ impl Builder<'_> {
             let mend = "friction and rotor inertia are zero or positive";
             source.number(value, &item, key, |x| x >= 0.0, mend)
         };
-        let rotor_inertia = positive(&raw.rotor_inertia, "rotor_inertia")?;
-        let coulomb = positive(&raw.coulomb, "coulomb")?;
-        let viscous = positive(&raw.viscous, "viscous")?;
-        let sharp = sharpness(source, raw, &item)?;
-        let limits = limits(source, raw, &item)?;
-        let origin = source.list(&raw.origin, &item, "origin")?;
-        let rpy = match &raw.rpy {
-            Some(rpy) => source.list(rpy, &item, "rpy")?,
-            None => [0.0; 3],
+        let relative = |nominal: f64, share: f64| Value {
+            nominal,
+            half_width: share * nominal.abs(),
         };
-
         let shares = &self.shares;
-        let (of_rotor, of_gain, of_friction) = (shares.rotor_inertia, shares.gain, shares.friction);
-        let gain_unit = match input_unit == force_unit {
-            true => "1".to_owned(),
-            false => format!("{force_unit}/{input_unit}"),
-        };
-        let rotor_unit = if prismatic { "kg" } else { "kg*m^2" };
-        let viscous_unit = format!("{force_unit}*s/{speed_unit}");
-        let sharp_unit = format!("s/{speed_unit}");
-        let mut param = |stem: &str, unit: &str, doc: &str, role, nominal, share: f64| {
-            self.param(
-                index,
-                format!("{stem}_{name}"),
-                unit,
-                doc,
-                role,
-                nominal,
-                share,
-            )
-        };
-        let rotor = param(
-            "rotor",
-            rotor_unit,
-            "Rotor inertia at the joint.",
-            Role::RotorInertia,
-            rotor_inertia,
-            of_rotor * rotor_inertia,
-        );
-        let coulomb = param(
-            "coulomb",
-            force_unit,
-            "Coulomb friction.",
-            Role::Coulomb,
-            coulomb,
-            of_friction * coulomb,
-        );
-        let viscous = param(
-            "viscous",
-            &viscous_unit,
-            "Viscous friction.",
-            Role::Viscous,
-            viscous,
-            of_friction * viscous,
-        );
-        let gain = param(
-            "gain",
-            &gain_unit,
-            "Force or torque at the joint per unit of the input.",
-            Role::Gain,
-            gain,
-            of_gain * gain.abs(),
-        );
-        let sharp = param(
-            "sharp",
-            &sharp_unit,
-            "Sharpness of the transition of Coulomb friction at rest.",
-            Role::Sharpness,
-            sharp,
-            0.0,
-        );
-
-        // gain u − viscous v − coulomb tanh(sharp v)
-        let (u, v) = (Expr::Input(index), Expr::Velocity(index));
-        let transition = Expr::Call(Func::Tanh, Box::new(product(sharp, v.clone())));
-        let force = difference(
-            difference(product(gain, u), product(viscous, v)),
-            product(coulomb, transition),
-        );
-        self.robot.inputs.push(Input {
-            name: format!("u_{name}"),
-            docs: Vec::new(),
-            unit: input_unit.to_owned(),
-            coord: Some(index),
-        });
-        self.robot.links.push(Link {
-            name: format!("link_{name}"),
-            docs: Vec::new(),
-            inertial,
-        });
-        self.robot.joints.push(Joint {
-            name: name.clone(),
-            docs: Vec::new(),
-            kind: if prismatic {
-                JointKind::Prismatic(axis)
-            } else {
-                JointKind::Revolute(axis)
-            },
-            coord: Some(index),
-            follows: None,
+        let values = JointValues {
+            prismatic,
+            axis,
             parent,
-            child: index,
-            origin: origin.map(Expr::Num),
-            rpy: rpy.map(Expr::Num),
-            limits,
-            armature: Some(rotor),
-            force: Some(force),
-        });
+            origin: source.list(&raw.origin, &item, "origin")?,
+            rpy: match &raw.rpy {
+                Some(rpy) => source.list(rpy, &item, "rpy")?,
+                None => [0.0; 3],
+            },
+            limits: limits(source, raw, &item)?,
+            mass,
+            com,
+            inertia,
+            rotor_inertia: relative(
+                positive(&raw.rotor_inertia, "rotor_inertia")?,
+                shares.rotor_inertia,
+            ),
+            coulomb: relative(positive(&raw.coulomb, "coulomb")?, shares.friction),
+            viscous: relative(positive(&raw.viscous, "viscous")?, shares.friction),
+            gain: relative(gain, shares.gain),
+            input_unit: input_unit.to_owned(),
+            sharpness: sharpness(source, raw, &item)?,
+            name: name.clone(),
+        };
         self.names.push(name);
-        Ok(())
+        Ok(values)
     }
 
     fn name(&self, raw: &RawJoint) -> Result<String, NominalError> {
@@ -278,13 +159,12 @@ impl Builder<'_> {
         }
     }
 
+    /// Mass, centre of mass and inertia about it.
     fn inertial(
-        &mut self,
+        &self,
         raw: &RawJoint,
-        index: usize,
-        name: &str,
         item: &str,
-    ) -> Result<Inertial, NominalError> {
+    ) -> Result<(Value, [Value; 3], [Value; 6]), NominalError> {
         let source = self.source;
         let mass = source.number(&raw.mass, item, "mass", |x| x > 0.0, "a mass is positive")?;
         let com = source.list(&raw.com, item, "com")?;
@@ -294,103 +174,18 @@ impl Builder<'_> {
             return Err(source.error(&raw.inertia, item, "inertia", format!("{inertia:?}"), mend));
         }
         let largest = plausible::principal_moments(inertia)[0];
-        let (of_mass, of_com, of_inertia) = (
-            self.shares.mass * mass,
-            self.shares.com,
-            self.shares.inertia * largest,
-        );
-        let mass = self.param(
-            index,
-            format!("mass_{name}"),
-            "kg",
-            "Mass.",
-            Role::Mass,
-            mass,
-            of_mass,
-        );
-        let com = [0, 1, 2].map(|k| {
-            let axis = ["x", "y", "z"][k];
-            let doc = "Centre of mass in the frame of the link.";
-            self.param(
-                index,
-                format!("com_{axis}_{name}"),
-                "m",
-                doc,
-                Role::CenterOfMass(k),
-                com[k],
-                of_com,
-            )
-        });
-        let [xx, yy, zz, xy, xz, yz] = std::array::from_fn(|k| {
-            let entry = ["xx", "yy", "zz", "xy", "xz", "yz"][k];
-            let doc = "Inertia about the centre of mass, in the axes of the link.";
-            self.param(
-                index,
-                format!("i{entry}_{name}"),
-                "kg*m^2",
-                doc,
-                Role::Inertia(k),
-                inertia[k],
-                of_inertia,
-            )
-        });
-        Ok(Inertial::Body {
-            mass,
-            com,
-            inertia: Tensor {
-                xx,
-                yy,
-                zz,
-                xy,
-                xz,
-                yz,
-            },
-            about: About::Com,
-        })
-    }
-
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "the columns of the table of parameters"
-    )]
-    fn param(
-        &mut self,
-        joint: usize,
-        name: String,
-        unit: &str,
-        doc: &str,
-        role: Role,
-        nominal: f64,
-        half_width: f64,
-    ) -> Expr {
-        let tolerance = Tolerance {
-            name: name.clone(),
-            joint,
-            role,
-            nominal,
-            half_width,
+        let within = |half_width: f64| {
+            move |nominal| Value {
+                nominal,
+                half_width,
+            }
         };
-        let (lower, upper) = tolerance.range(Ranges::Tolerance);
-        self.tolerances.push(tolerance);
-        self.robot.params.push(Param {
-            name,
-            docs: vec![format!(" {doc}")],
-            unit: unit.to_owned(),
-            nominal,
-            lower,
-            upper,
-            fixed: half_width == 0.0,
-        });
-        Expr::Param(self.robot.params.len() - 1)
+        Ok((
+            within(self.shares.mass * mass)(mass),
+            com.map(within(self.shares.com)),
+            inertia.map(within(self.shares.inertia * largest)),
+        ))
     }
-}
-
-fn product(x: Expr, y: Expr) -> Expr {
-    Expr::Mul(Box::new(x), Box::new(y))
-}
-
-fn difference(x: Expr, y: Expr) -> Expr {
-    Expr::Sub(Box::new(x), Box::new(y))
 }
 
 /// The axis, of unit length, and whether the joint slides along it.
@@ -439,8 +234,7 @@ fn sharpness(source: &Source<'_>, raw: &RawJoint, item: &str) -> Result<f64, Nom
         |x| x > 0.0,
         positive,
     )?;
-    let from_speed = speed.map(|speed| 1.0 / (TRANSITION * speed));
-    Ok(stated.or(from_speed).unwrap_or(SHARPNESS))
+    Ok(stated.unwrap_or_else(|| measured::sharpness(speed)))
 }
 
 fn limits(
@@ -457,91 +251,4 @@ fn limits(
     }
     let mend = "the first limit is below the second";
     Err(source.error(limits, item, "limits", format!("[{lower}, {upper}]"), mend))
-}
-
-fn measurement(source: &Source<'_>, raw: &RawFile) -> Result<Measurement, NominalError> {
-    let robot = &raw.robot;
-    let positive = "give a positive number, or leave the key out";
-    let filter_hz = source.optional(
-        robot.velocity_filter_hz.as_ref(),
-        "robot",
-        "velocity_filter_hz",
-        |x| x > 0.0,
-        positive,
-    )?;
-    let horizon = source.optional(
-        robot.horizon_s.as_ref(),
-        "robot",
-        "horizon_s",
-        |x| x > 0.0,
-        positive,
-    )?;
-    let noise = "a standard deviation is zero or positive";
-    let input_noise = source.optional(
-        robot.input_noise.as_ref(),
-        "robot",
-        "input_noise",
-        |x| x >= 0.0,
-        noise,
-    )?;
-    let sides = [
-        ("motor", EncoderSide::Motor),
-        ("joint", EncoderSide::Joint),
-        ("link", EncoderSide::Joint),
-    ];
-    let encoder_side = match &robot.encoder_side {
-        Some(side) => source.word(side, "robot", "encoder_side", &sides)?,
-        None => EncoderSide::Joint,
-    };
-    let tool = robot
-        .tool
-        .as_ref()
-        .map(|tool| source.list(tool, "robot", "tool"))
-        .transpose()?;
-
-    let mut channels = Vec::new();
-    for joint in &raw.joint {
-        let item = format!("joint {}", joint.name.get_ref());
-        let number = |value: &Option<_>, key| {
-            source.optional(value.as_ref(), &item, key, |x| x >= 0.0, noise)
-        };
-        let dq_noise = number(&joint.dq_noise_std, "dq_noise_std")?;
-        let kinds = [
-            ("measured", Velocity::Measured { noise: dq_noise }),
-            ("derived", Velocity::Derived { filter_hz }),
-            ("absent", Velocity::Absent),
-        ];
-        let peak = source.optional(
-            joint.torque_peak.as_ref(),
-            &item,
-            "torque_peak",
-            |x| x > 0.0,
-            positive,
-        )?;
-        if peak.is_none()
-            && let Some(share) = &robot.input_noise
-            && *share.get_ref() > 0.0
-        {
-            let mend = format!(
-                "it is a share of `torque_peak`, which {item} does not state; state it, or give 0"
-            );
-            return Err(source.error(share, "robot", "input_noise", share.get_ref(), mend));
-        }
-        channels.push(Channel {
-            name: joint.name.get_ref().clone(),
-            position_noise: number(&joint.q_noise_std, "q_noise_std")?,
-            position_resolution: number(&joint.q_resolution, "q_resolution")?,
-            velocity: source.word(&joint.velocity, &item, "velocity", &kinds)?,
-            input_noise: input_noise
-                .map(|share| share * peak.unwrap_or(0.0) / joint.motor_gain.get_ref().abs()),
-            torque_peak: peak,
-            speed_scale: joint.speed_scale.as_ref().map(|x| *x.get_ref()),
-        });
-    }
-    Ok(Measurement {
-        channels,
-        horizon,
-        encoder_side,
-        tool,
-    })
 }

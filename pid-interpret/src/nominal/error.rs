@@ -29,6 +29,9 @@ pub enum NominalError {
         /// The file.
         file: PathBuf,
     },
+    /// A declared robot without a nominal description.
+    #[error(transparent)]
+    Declared(#[from] DeclaredError),
     /// A value that cannot be.
     #[error("{}:{line}: {item}: `{key}` is {found}\n  help: {mend}", .file.display())]
     Value {
@@ -44,5 +47,63 @@ pub enum NominalError {
         found: String,
         /// What to write instead.
         mend: String,
+    },
+}
+
+/// Why a model has no nominal description.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum DeclaredError {
+    /// It was not compiled from a declaration.
+    #[error(
+        "`{robot}` carries no declaration\n  help: only models that `robot!` generates have one, as they are; leave out forces that were added to it"
+    )]
+    NotDeclared {
+        /// Name of the model.
+        robot: String,
+    },
+    /// Its declaration is of another version.
+    #[error(
+        "the declaration of `{robot}` cannot be read: {message}\n  help: compile it with the version of pid-runtime that this program uses"
+    )]
+    Unreadable {
+        /// Name of the model.
+        robot: String,
+        /// What the reader says.
+        message: String,
+    },
+    /// A structure beyond open chains of bodies with a drive each.
+    #[error(
+        "`{robot}` {what}\n  help: a nominal description takes bodies on revolute and prismatic joints, each with a drive of its own"
+    )]
+    Structure {
+        /// Name of the model.
+        robot: String,
+        /// What it is.
+        what: String,
+    },
+    /// A free parameter in the geometry.
+    #[error(
+        "`{robot}`: the free parameter `{parameter}` changes {what}, which a nominal description takes as exact\n  help: mark it `fixed`"
+    )]
+    Geometry {
+        /// Name of the model.
+        robot: String,
+        /// The parameter.
+        parameter: String,
+        /// What it changes.
+        what: String,
+    },
+    /// A drive of another form.
+    #[error(
+        "the force on joint `{joint}` of `{robot}` is not gain·input less viscous and Coulomb friction: {what}\n  help: leave the term out of the declaration; a diagnosis looks for it as an effect"
+    )]
+    Law {
+        /// Name of the model.
+        robot: String,
+        /// The joint.
+        joint: String,
+        /// What is different.
+        what: String,
     },
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use toml::Spanned;
 
 use super::error::NominalError;
@@ -65,6 +66,38 @@ pub(super) struct RawJoint {
     pub(super) speed_scale: Option<Spanned<f64>>,
 }
 
+/// A `measurement.toml`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawMeasurement {
+    #[serde(default)]
+    pub(super) robot: RawMeasuredRobot,
+    #[serde(default)]
+    pub(super) joint: Vec<RawMeasuredJoint>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawMeasuredRobot {
+    pub(super) tool: Option<Spanned<[f64; 3]>>,
+    pub(super) encoder_side: Option<Spanned<String>>,
+    pub(super) velocity_filter_hz: Option<Spanned<f64>>,
+    pub(super) input_noise: Option<Spanned<f64>>,
+    pub(super) horizon_s: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawMeasuredJoint {
+    pub(super) name: Spanned<String>,
+    pub(super) velocity: Option<Spanned<String>>,
+    pub(super) q_resolution: Option<Spanned<f64>>,
+    pub(super) q_noise_std: Option<Spanned<f64>>,
+    pub(super) dq_noise_std: Option<Spanned<f64>>,
+    pub(super) torque_peak: Option<Spanned<f64>>,
+    pub(super) speed_scale: Option<Spanned<f64>>,
+}
+
 /// Text and name of a file: what an error needs to say where it is.
 pub(super) struct Source<'a> {
     pub(super) file: &'a Path,
@@ -72,7 +105,7 @@ pub(super) struct Source<'a> {
 }
 
 impl Source<'_> {
-    pub(super) fn parse(&self) -> Result<RawFile, NominalError> {
+    pub(super) fn parse<T: DeserializeOwned>(&self) -> Result<T, NominalError> {
         toml::from_str(self.text).map_err(|e| NominalError::Syntax {
             file: self.file.to_owned(),
             message: e.to_string().trim_end().to_owned(),

@@ -1,5 +1,6 @@
 //! What is known of a robot before any record is looked at: structure, nominal values with their tolerances, and how it is
-//! measured. A file `nominal.toml` states it; `docs/nominal-format.md` describes the format.
+//! measured. A file `nominal.toml` states it; `docs/nominal-format.md` describes the format. For a robot declared with `robot!` it
+//! is read off the declaration ([`Nominal::of_declared`]).
 //!
 //! The nominal structure is, per joint,
 //!
@@ -15,16 +16,20 @@
 //! - [`Nominal::tolerances`]: what each parameter is and how far it is trusted;
 //! - [`Nominal::measurement`]: noise, resolution, how velocities are read, drive noise.
 
+mod assemble;
 mod build;
+mod declared;
 mod error;
 mod file;
+mod measured;
 
 use std::fs;
 use std::path::Path;
 
 use pid_derive::model::Robot;
 
-pub use error::NominalError;
+pub use declared::declaration;
+pub use error::{DeclaredError, NominalError};
 
 /// A nominal description.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,0 +1,253 @@
+//! From checked values to the nominal structure: links, joints, drives, and the parameter of every value.
+
+use pid_derive::model::{
+    About, Emit, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
+};
+
+use super::{Measurement, Nominal, Ranges, Role, Tolerance};
+
+/// A value and how far it is trusted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Value {
+    pub(super) nominal: f64,
+    /// The real value lies within nominal ± this.
+    pub(super) half_width: f64,
+}
+
+/// A joint, the link it moves and its drive.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct JointValues {
+    pub(super) name: String,
+    pub(super) prismatic: bool,
+    /// Of unit length.
+    pub(super) axis: [f64; 3],
+    /// Joint that carries the parent link.
+    pub(super) parent: Option<usize>,
+    pub(super) origin: [f64; 3],
+    pub(super) rpy: [f64; 3],
+    pub(super) limits: Option<(f64, f64)>,
+    pub(super) mass: Value,
+    pub(super) com: [Value; 3],
+    /// About the centre of mass: xx, yy, zz, xy, xz, yz.
+    pub(super) inertia: [Value; 6],
+    pub(super) rotor_inertia: Value,
+    pub(super) coulomb: Value,
+    pub(super) viscous: Value,
+    pub(super) gain: Value,
+    pub(super) input_unit: String,
+    /// Of the transition of Coulomb friction at rest.
+    pub(super) sharpness: f64,
+}
+
+/// A nominal structure in the making.
+pub(super) struct Assembly {
+    robot: Robot,
+    tolerances: Vec<Tolerance>,
+}
+
+impl Assembly {
+    pub(super) fn new(name: String, gravity: [f64; 3]) -> Self {
+        let robot = Robot {
+            name,
+            docs: Vec::new(),
+            gravity: gravity.map(Expr::Num),
+            params: Vec::new(),
+            inputs: Vec::new(),
+            links: Vec::new(),
+            joints: Vec::new(),
+            order: Vec::new(),
+            motors: Vec::new(),
+            potential: None,
+            lagrangian: None,
+            blanks: Vec::new(),
+            emit: Emit {
+                first_derivatives: true,
+                second_derivatives: true,
+                ..Emit::default()
+            },
+        };
+        Self {
+            robot,
+            tolerances: Vec::new(),
+        }
+    }
+
+    /// The description. Joints must have been added parents first.
+    pub(super) fn finish(mut self, measurement: Measurement) -> Nominal {
+        self.robot.order = (0..self.robot.joints.len()).collect();
+        Nominal {
+            robot: self.robot,
+            tolerances: self.tolerances,
+            measurement,
+        }
+    }
+
+    /// Adds a joint.
+    pub(super) fn joint(&mut self, values: JointValues) {
+        let index = self.robot.joints.len();
+        let inertial = self.inertial(&values);
+        let name = &values.name;
+        let (force_unit, speed_unit) = if values.prismatic {
+            ("N", "m")
+        } else {
+            ("N*m", "rad")
+        };
+        let gain_unit = match values.input_unit == force_unit {
+            true => "1".to_owned(),
+            false => format!("{force_unit}/{}", values.input_unit),
+        };
+        let rotor_unit = if values.prismatic { "kg" } else { "kg*m^2" };
+        let rotor = self.param(
+            format!("rotor_{name}"),
+            rotor_unit,
+            "Rotor inertia at the joint.",
+            Role::RotorInertia,
+            values.rotor_inertia,
+        );
+        let coulomb = self.param(
+            format!("coulomb_{name}"),
+            force_unit,
+            "Coulomb friction.",
+            Role::Coulomb,
+            values.coulomb,
+        );
+        let viscous = self.param(
+            format!("viscous_{name}"),
+            &format!("{force_unit}*s/{speed_unit}"),
+            "Viscous friction.",
+            Role::Viscous,
+            values.viscous,
+        );
+        let gain = self.param(
+            format!("gain_{name}"),
+            &gain_unit,
+            "Force or torque at the joint per unit of the input.",
+            Role::Gain,
+            values.gain,
+        );
+        let sharp = self.param(
+            format!("sharp_{name}"),
+            &format!("s/{speed_unit}"),
+            "Sharpness of the transition of Coulomb friction at rest.",
+            Role::Sharpness,
+            Value {
+                nominal: values.sharpness,
+                half_width: 0.0,
+            },
+        );
+
+        // gain u − viscous v − coulomb tanh(sharp v)
+        let (u, v) = (Expr::Input(index), Expr::Velocity(index));
+        let transition = Expr::Call(Func::Tanh, Box::new(product(sharp, v.clone())));
+        let force = difference(
+            difference(product(gain, u), product(viscous, v)),
+            product(coulomb, transition),
+        );
+        self.robot.inputs.push(Input {
+            name: format!("u_{name}"),
+            docs: Vec::new(),
+            unit: values.input_unit,
+            coord: Some(index),
+        });
+        self.robot.links.push(Link {
+            name: format!("link_{name}"),
+            docs: Vec::new(),
+            inertial,
+        });
+        self.robot.joints.push(Joint {
+            name: values.name,
+            docs: Vec::new(),
+            kind: if values.prismatic {
+                JointKind::Prismatic(values.axis)
+            } else {
+                JointKind::Revolute(values.axis)
+            },
+            coord: Some(index),
+            follows: None,
+            parent: values.parent,
+            child: index,
+            origin: values.origin.map(Expr::Num),
+            rpy: values.rpy.map(Expr::Num),
+            limits: values.limits,
+            armature: Some(rotor),
+            force: Some(force),
+        });
+    }
+
+    fn inertial(&mut self, values: &JointValues) -> Inertial {
+        let name = &values.name;
+        let mass = self.param(
+            format!("mass_{name}"),
+            "kg",
+            "Mass.",
+            Role::Mass,
+            values.mass,
+        );
+        let com = [0, 1, 2].map(|k| {
+            let axis = ["x", "y", "z"][k];
+            let doc = "Centre of mass in the frame of the link.";
+            self.param(
+                format!("com_{axis}_{name}"),
+                "m",
+                doc,
+                Role::CenterOfMass(k),
+                values.com[k],
+            )
+        });
+        let [xx, yy, zz, xy, xz, yz] = std::array::from_fn(|k| {
+            let entry = ["xx", "yy", "zz", "xy", "xz", "yz"][k];
+            let doc = "Inertia about the centre of mass, in the axes of the link.";
+            self.param(
+                format!("i{entry}_{name}"),
+                "kg*m^2",
+                doc,
+                Role::Inertia(k),
+                values.inertia[k],
+            )
+        });
+        Inertial::Body {
+            mass,
+            com,
+            inertia: Tensor {
+                xx,
+                yy,
+                zz,
+                xy,
+                xz,
+                yz,
+            },
+            about: About::Com,
+        }
+    }
+
+    /// A parameter of the joint that is being added.
+    fn param(&mut self, name: String, unit: &str, doc: &str, role: Role, value: Value) -> Expr {
+        let tolerance = Tolerance {
+            name: name.clone(),
+            joint: self.robot.joints.len(),
+            role,
+            nominal: value.nominal,
+            half_width: value.half_width,
+        };
+        let (lower, upper) = tolerance.range(Ranges::Tolerance);
+        self.tolerances.push(tolerance);
+        self.robot.params.push(Param {
+            name,
+            docs: vec![format!(" {doc}")],
+            unit: unit.to_owned(),
+            nominal: value.nominal,
+            lower,
+            upper,
+            fixed: value.half_width == 0.0,
+        });
+        Expr::Param(self.robot.params.len() - 1)
+    }
+}
+
+fn product(x: Expr, y: Expr) -> Expr {
+    Expr::Mul(Box::new(x), Box::new(y))
+}
+
+fn difference(x: Expr, y: Expr) -> Expr {
+    Expr::Sub(Box::new(x), Box::new(y))
+}

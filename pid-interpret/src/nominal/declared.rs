@@ -1,0 +1,551 @@
+//! The nominal description of a declared robot: the values its bodies and drives have at the nominal parameters, tolerances
+//! from the ranges of the parameters.
+//!
+//! Bodies are those of the derivation ([`Tree`]): links joined rigidly are one body, held joints stand at their value. The
+//! drive of a joint must be of the form `gain u − viscous v − coulomb s(v)` with a transition s from −1 to 1; gain and friction
+//! are read off its values, so any way of writing it will do. A value's tolerance is the sum of its changes as each parameter
+//! goes to the farther end of its range, the others nominal.
+
+use std::path::Path;
+
+use pid_derive::kinematics::{Motion, Tree};
+use pid_derive::model::{Joint, Robot};
+use pid_derive::{Blanks, Symbols};
+use pid_runtime::dynamics::Dynamics;
+use pid_symbolic::{Graph, Id, Tape};
+
+use super::Nominal;
+use super::assemble::{Assembly, JointValues, Value};
+use super::error::{DeclaredError, NominalError};
+use super::measured::{self, Driven};
+
+/// Speed far beyond any transition at rest, rad/s or m/s.
+const FAST: f64 = 1e6;
+/// Speeds at which a law of friction is looked at, decades around one.
+const SPEEDS: std::ops::RangeInclusive<i32> = -5..=4;
+/// Agreement asked of a law, relative to its largest force.
+const AGREE: f64 = 1e-6;
+
+impl Nominal {
+    /// Of a declared robot. `measurement` is a file as `docs/nominal-format.md` describes; if it does not exist, nothing is
+    /// known of the measurement.
+    ///
+    /// # Errors
+    /// If the model is no declared robot, its structure is not that of a nominal description (see
+    /// [`DeclaredError`]), or the file is malformed.
+    pub fn of_declared(
+        model: &dyn Dynamics,
+        measurement: impl AsRef<Path>,
+    ) -> Result<Self, NominalError> {
+        let robot = declaration(model)?;
+        let chain = Chain::new(&robot)?;
+        let values = chain.values()?;
+        let driven = values
+            .iter()
+            .map(|joint| Driven {
+                name: joint.name.clone(),
+                gain: joint.gain.nominal,
+            })
+            .collect();
+        let measurement = measured::of_declared(measurement.as_ref(), driven)?;
+        let mut assembly = Assembly::new(robot.name.clone(), chain.gravity());
+        for (mut joint, channel) in values.into_iter().zip(&measurement.channels) {
+            if joint.sharpness.is_infinite() {
+                joint.sharpness = measured::sharpness(channel.speed_scale);
+            }
+            assembly.joint(joint);
+        }
+        Ok(assembly.finish(measurement))
+    }
+}
+
+/// The declaration a model was compiled from.
+///
+/// # Errors
+/// If it has none, or one of another version of this crate.
+pub fn declaration(model: &dyn Dynamics) -> Result<Robot, DeclaredError> {
+    let text = model
+        .declaration()
+        .ok_or_else(|| DeclaredError::NotDeclared {
+            robot: model.name().to_owned(),
+        })?;
+    serde_json::from_str(text).map_err(|e| DeclaredError::Unreadable {
+        robot: model.name().to_owned(),
+        message: e.to_string(),
+    })
+}
+
+/// A body as numbers.
+#[derive(Debug, Clone, Copy)]
+struct Numbers {
+    mass: f64,
+    com: [f64; 3],
+    inertia: [f64; 6],
+    rotor: f64,
+    law: Law,
+}
+
+/// `gain u − viscous v − coulomb s(v)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Law {
+    gain: f64,
+    viscous: f64,
+    coulomb: f64,
+}
+
+/// A declared robot as a chain or tree of driven bodies, its values as functions of the parameters.
+struct Chain<'a> {
+    robot: &'a Robot,
+    /// Moving joints in the order of coordinates.
+    joints: Vec<&'a Joint>,
+    /// Body of each of them in `parents`, and so on.
+    parents: Vec<Option<usize>>,
+    axes: Vec<(bool, [f64; 3])>,
+    /// Input of each, if it has one.
+    inputs: Vec<Option<usize>>,
+    /// Outputs: gravity; per joint mass, first moment, tensor, armature, origin, rotation, force.
+    tape: Tape,
+    /// Place of the parameters among the variables, and number of variables.
+    params: usize,
+    vars: usize,
+}
+
+const GRAVITY: usize = 3;
+const PER_JOINT: usize = 1 + 3 + 6 + 1 + 3 + 9 + 1;
+const FORCE: usize = PER_JOINT - 1;
+
+impl<'a> Chain<'a> {
+    fn new(robot: &'a Robot) -> Result<Self, DeclaredError> {
+        let name = || robot.name.clone();
+        let structure = |what: String| {
+            Err(DeclaredError::Structure {
+                robot: name(),
+                what,
+            })
+        };
+        if robot.lagrangian.is_some() {
+            return structure("is declared by its Lagrangian, which has no bodies".to_owned());
+        }
+        if robot.potential.is_some() {
+            return structure("has a potential of its own".to_owned());
+        }
+        if let Some(motor) = robot.motors.first() {
+            return structure(format!("has a drive `{}` on several joints", motor.name));
+        }
+        if let Some(joint) = (robot.joints.iter())
+            .find(|j| j.coord.is_none() && j.follows.as_ref().is_some_and(|f| !f.terms.is_empty()))
+        {
+            return structure(format!("has a joint `{}` that follows others", joint.name));
+        }
+        let mut joints: Vec<&Joint> = robot.joints.iter().filter(|j| j.coord.is_some()).collect();
+        joints.sort_by_key(|j| j.coord);
+
+        let mut g = Graph::new();
+        let symbols = Symbols::new(&mut g, robot, Blanks::Zero);
+        let tree = Tree::new(&mut g, robot, &symbols);
+        // Bodies come parents first, joints as they were declared.
+        let body_of = |coord: usize| {
+            (tree.bodies.iter()).position(|b| b.rates.0.first().is_some_and(|r| r.0 == coord))
+        };
+        let coord_of = |body: usize| tree.bodies[body].rates.0[0].0;
+        let (mut parents, mut axes, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
+        let mut outputs: Vec<Id> = tree.gravity.to_vec();
+        for (coord, joint) in joints.iter().enumerate() {
+            let Some(index) = body_of(coord) else {
+                return structure(format!("has a joint `{}` that carries nothing", joint.name));
+            };
+            let body = &tree.bodies[index];
+            parents.push(body.parent.map(coord_of));
+            if parents[coord].is_some_and(|p| p >= coord) {
+                return structure(format!(
+                    "declares joint `{}` before the joint that carries it",
+                    joint.name
+                ));
+            }
+            let (prismatic, axis) = match body.motion {
+                Motion::Revolute(axis) => (false, axis),
+                Motion::Prismatic(axis) => (true, axis),
+            };
+            let mut number = [0.0; 3];
+            Tape::new(&g, &axis).eval::<f64>(&[], &mut number);
+            axes.push((prismatic, number));
+            inputs.push((robot.inputs.iter()).position(|input| input.coord == Some(coord)));
+            let inertia = &body.inertia;
+            let t = &inertia.tensor;
+            outputs.push(inertia.mass);
+            outputs.extend(inertia.moment);
+            outputs.extend([t[0][0], t[1][1], t[2][2], t[1][0], t[2][0], t[2][1]]);
+            outputs.push(body.armature.unwrap_or_else(|| g.zero()));
+            outputs.extend(body.frame.origin);
+            outputs.extend(body.frame.rotation.iter().flatten());
+            outputs.push(match &joint.force {
+                Some(force) => symbols.expression(&mut g, force),
+                None => g.zero(),
+            });
+        }
+        let nq = joints.len();
+        let params = 3 * nq + robot.inputs.len();
+        Ok(Self {
+            robot,
+            parents,
+            axes,
+            inputs,
+            tape: Tape::new(&g, &outputs),
+            params,
+            vars: params + robot.params.len() + nq,
+            joints,
+        })
+    }
+
+    /// All outputs at zero coordinates but for what `change` writes into the variables, at given parameters.
+    fn eval(&self, p: &[f64], change: impl FnOnce(&mut [f64])) -> Vec<f64> {
+        let mut vars = vec![0.0; self.vars];
+        vars[self.params..self.params + p.len()].copy_from_slice(p);
+        change(&mut vars);
+        let mut out = vec![0.0; self.tape.outputs()];
+        self.tape.eval(&vars, &mut out);
+        out
+    }
+
+    fn nominal(&self) -> Vec<f64> {
+        self.robot.params.iter().map(|p| p.nominal).collect()
+    }
+
+    fn gravity(&self) -> [f64; 3] {
+        let out = self.eval(&self.nominal(), |_| {});
+        [out[0], out[1], out[2]]
+    }
+
+    /// Force of joint `j` at a speed, an input and a position of joint `k`.
+    fn force(&self, p: &[f64], j: usize, at: &At) -> f64 {
+        let nq = self.joints.len();
+        let out = self.eval(p, |vars| {
+            for &(k, q) in &at.q {
+                vars[k] = q;
+            }
+            for &(k, v) in &at.v {
+                vars[nq + k] = v;
+            }
+            for &(k, u) in &at.u {
+                vars[3 * nq + k] = u;
+            }
+        });
+        out[GRAVITY + j * PER_JOINT + FORCE]
+    }
+
+    fn values(&self) -> Result<Vec<JointValues>, DeclaredError> {
+        let p = self.nominal();
+        let base = self.eval(&p, |_| {});
+        let nominal = self.numbers(&p);
+        let mut half: Vec<[f64; 14]> = vec![[0.0; 14]; nominal.len()];
+        for (k, param) in self.robot.params.iter().enumerate() {
+            if param.fixed {
+                continue;
+            }
+            let mut change = vec![[0.0_f64; 14]; nominal.len()];
+            for end in [param.lower, param.upper] {
+                // An open range: as far as the value itself.
+                let end = match end {
+                    x if x.is_finite() => x,
+                    x => param.nominal + param.nominal.abs().max(1.0).copysign(x),
+                };
+                let mut there = p.clone();
+                there[k] = end;
+                self.geometry_stays(&base, &there, k)?;
+                for ((change, at), from) in
+                    (change.iter_mut().zip(self.numbers(&there))).zip(&nominal)
+                {
+                    for ((c, x), y) in change.iter_mut().zip(at.list()).zip(from.list()) {
+                        let d = (x - y).abs();
+                        *c = c.max(if d.is_finite() { d } else { 0.0 });
+                    }
+                }
+            }
+            for (half, change) in half.iter_mut().zip(&change) {
+                for (h, c) in half.iter_mut().zip(change) {
+                    *h += c;
+                }
+            }
+        }
+        (0..self.joints.len())
+            .map(|j| self.joint(j, &p, &base, &nominal[j], &half[j]))
+            .collect()
+    }
+
+    fn joint(
+        &self,
+        j: usize,
+        p: &[f64],
+        base: &[f64],
+        nominal: &Numbers,
+        half: &[f64; 14],
+    ) -> Result<JointValues, DeclaredError> {
+        let sharpness = self.check_law(j, p, nominal.law)?;
+        let list = nominal.list();
+        let value = |k: usize| Value {
+            nominal: list[k],
+            half_width: half[k],
+        };
+        let joint = self.joints[j];
+        let (prismatic, axis) = self.axes[j];
+        let at = |from: usize| GRAVITY + j * PER_JOINT + from;
+        let r: [f64; 9] = std::array::from_fn(|k| base[at(14 + k)]);
+        let input_unit = match self.inputs[j] {
+            Some(k) => self.robot.inputs[k].unit.clone(),
+            None => if prismatic { "N" } else { "N*m" }.to_owned(),
+        };
+        Ok(JointValues {
+            name: joint.name.clone(),
+            prismatic,
+            axis,
+            parent: self.parents[j],
+            origin: std::array::from_fn(|k| base[at(11 + k)]),
+            // R = Rz(yaw) Ry(pitch) Rx(roll), row by row.
+            rpy: [
+                r[7].atan2(r[8]),
+                (-r[6]).clamp(-1.0, 1.0).asin(),
+                r[3].atan2(r[0]),
+            ],
+            limits: joint.limits,
+            mass: value(0),
+            com: [1, 2, 3].map(value),
+            inertia: [4, 5, 6, 7, 8, 9].map(value),
+            rotor_inertia: value(10),
+            gain: if self.inputs[j].is_some() {
+                value(11)
+            } else {
+                // A joint without drive: its input is zero in every record.
+                Value {
+                    nominal: 1.0,
+                    half_width: 0.0,
+                }
+            },
+            coulomb: value(12),
+            viscous: value(13),
+            input_unit,
+            sharpness,
+        })
+    }
+
+    /// Lengths and placements are exact in a description: no free parameter may change them.
+    fn geometry_stays(&self, base: &[f64], p: &[f64], k: usize) -> Result<(), DeclaredError> {
+        let out = self.eval(p, |_| {});
+        let moved = |from: usize, to: usize| {
+            (from..to).any(|i| (out[i] - base[i]).abs() > 1e-12 * (1.0 + base[i].abs()))
+        };
+        let joint = (0..self.joints.len()).find(|j| {
+            let at = GRAVITY + j * PER_JOINT;
+            moved(at + 11, at + FORCE)
+        });
+        if joint.is_none() && !moved(0, GRAVITY) {
+            return Ok(());
+        }
+        Err(DeclaredError::Geometry {
+            robot: self.robot.name.clone(),
+            parameter: self.robot.params[k].name.clone(),
+            what: joint.map_or("gravity".to_owned(), |j| {
+                format!("the place of joint `{}`", self.joints[j].name)
+            }),
+        })
+    }
+
+    fn numbers(&self, p: &[f64]) -> Vec<Numbers> {
+        let out = self.eval(p, |_| {});
+        (0..self.joints.len())
+            .map(|j| {
+                let x = &out[GRAVITY + j * PER_JOINT..];
+                let mass = x[0];
+                let com = [1, 2, 3].map(|k| if mass == 0.0 { 0.0 } else { x[k] / mass });
+                let [c0, c1, c2] = com;
+                let shift = [
+                    c1 * c1 + c2 * c2,
+                    c0 * c0 + c2 * c2,
+                    c0 * c0 + c1 * c1,
+                    -c0 * c1,
+                    -c0 * c2,
+                    -c1 * c2,
+                ];
+                Numbers {
+                    mass,
+                    com,
+                    inertia: std::array::from_fn(|k| x[4 + k] - mass * shift[k]),
+                    rotor: x[10],
+                    law: self.law(p, j),
+                }
+            })
+            .collect()
+    }
+
+    /// Gain from a unit input at rest, friction from two high speeds.
+    fn law(&self, p: &[f64], j: usize) -> Law {
+        let offset = self.force(p, j, &At::default());
+        let gain = self.inputs[j].map_or(0.0, |k| {
+            self.force(p, j, &At::default().input(k, 1.0)) - offset
+        });
+        let odd = |v: f64| {
+            let force = |v: f64| self.force(p, j, &At::default().speed(j, v));
+            0.5 * (force(-v) - force(v))
+        };
+        let viscous = (odd(2.0 * FAST) - odd(FAST)) / FAST;
+        let coulomb = odd(FAST) - viscous * FAST;
+        // What rounding leaves of the viscous force at that speed.
+        let rounding = 1e-9 * viscous.abs() * FAST;
+        Law {
+            gain,
+            viscous: if viscous.abs() * FAST < AGREE * coulomb.abs() {
+                0.0
+            } else {
+                viscous
+            },
+            coulomb: if coulomb.abs() <= rounding {
+                0.0
+            } else {
+                coulomb
+            },
+        }
+    }
+
+    /// Whether the drive is what `law` says, and the sharpness of its transition, infinite for a jump.
+    fn check_law(&self, j: usize, p: &[f64], law: Law) -> Result<f64, DeclaredError> {
+        let error = |what: String| {
+            Err(DeclaredError::Law {
+                robot: self.robot.name.clone(),
+                joint: self.joints[j].name.clone(),
+                what,
+            })
+        };
+        if ![law.gain, law.viscous, law.coulomb]
+            .iter()
+            .all(|x| x.is_finite())
+        {
+            return error("it is not finite at high speed".to_owned());
+        }
+        if self.inputs[j].is_some() && law.gain == 0.0 {
+            return error("its input has no effect on it at rest".to_owned());
+        }
+        if law.coulomb < 0.0 || law.viscous < 0.0 {
+            return error(format!(
+                "its friction is negative: Coulomb {:.4}, viscous {:.4}",
+                law.coulomb, law.viscous
+            ));
+        }
+        let force = |at: &At| self.force(p, j, at);
+        let rest = force(&At::default());
+        let size = law.gain.abs() + law.coulomb + law.viscous + rest.abs();
+        let differs = |x: f64, y: f64| !((x - y).abs() <= AGREE * size.max(x.abs()).max(y.abs()));
+        if differs(rest, 0.0) {
+            return error(format!("it is {rest:.4} at rest without input"));
+        }
+        for k in 0..self.joints.len() {
+            for (at, what) in [
+                (At::default().position(k, 0.7), "position"),
+                (At::default().speed(k, 0.7), "velocity"),
+            ] {
+                if (k != j || what == "position") && differs(force(&at), 0.0) {
+                    return error(format!(
+                        "depends on the {what} of `{}`",
+                        self.joints[k].name
+                    ));
+                }
+            }
+        }
+        for k in 0..self.robot.inputs.len() {
+            let own = self.inputs[j] == Some(k);
+            for u in [-3.0, 0.3, 10.0] {
+                for v in [0.0, 0.5, -20.0] {
+                    let with = force(&At::default().speed(j, v).input(k, u));
+                    let without = force(&At::default().speed(j, v));
+                    let gain = if own { law.gain } else { 0.0 };
+                    if differs(with - without, gain * u) {
+                        let name = &self.robot.inputs[k].name;
+                        return error(format!(
+                            "is not a constant times `{name}` and a function of the velocity"
+                        ));
+                    }
+                }
+            }
+        }
+        // The transition: odd, from 0 to 1, rising.
+        let share = |v: f64| (-force(&At::default().speed(j, v)) - law.viscous * v) / law.coulomb;
+        let mut last = 0.0;
+        for decade in SPEEDS {
+            for step in [1.0, 2.0, 5.0] {
+                let v = step * 10f64.powi(decade);
+                let (ahead, back) = (
+                    -force(&At::default().speed(j, v)),
+                    force(&At::default().speed(j, -v)),
+                );
+                if differs(ahead, back) {
+                    return error(format!("its friction at {v} and −{v} differs"));
+                }
+                if law.coulomb == 0.0 {
+                    if differs(ahead, law.viscous * v) {
+                        return error("its friction is not viscous".to_owned());
+                    }
+                    continue;
+                }
+                let now = share(v);
+                let slack = AGREE * (1.0 + law.viscous * v / law.coulomb);
+                if now < last - slack || now > 1.0 + slack {
+                    return error(format!(
+                        "its friction is not Coulomb and viscous: {ahead:.4} at a speed of {v}"
+                    ));
+                }
+                last = now;
+            }
+        }
+        if law.coulomb == 0.0 {
+            return Ok(f64::INFINITY);
+        }
+        // tanh(1) = 0.76: the speed at which the transition has come that far, by bisection.
+        let (mut low, mut high) = (1e-9_f64, 1e6_f64);
+        if share(low) > 1.0_f64.tanh() {
+            return Ok(f64::INFINITY);
+        }
+        for _ in 0..200 {
+            let middle = (low * high).sqrt();
+            if share(middle) < 1.0_f64.tanh() {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        Ok(1.0 / low)
+    }
+}
+
+impl Numbers {
+    /// mass, com, inertia, rotor, gain, coulomb, viscous.
+    fn list(&self) -> [f64; 14] {
+        let mut list = [0.0; 14];
+        list[0] = self.mass;
+        list[1..4].copy_from_slice(&self.com);
+        list[4..10].copy_from_slice(&self.inertia);
+        list[10] = self.rotor;
+        list[11..].copy_from_slice(&[self.law.gain, self.law.coulomb, self.law.viscous]);
+        list
+    }
+}
+
+/// Coordinates, speeds and inputs that are not zero.
+#[derive(Debug, Clone, Default)]
+struct At {
+    q: Vec<(usize, f64)>,
+    v: Vec<(usize, f64)>,
+    u: Vec<(usize, f64)>,
+}
+
+impl At {
+    fn position(mut self, k: usize, q: f64) -> Self {
+        self.q.push((k, q));
+        self
+    }
+    fn speed(mut self, k: usize, v: f64) -> Self {
+        self.v.push((k, v));
+        self
+    }
+    fn input(mut self, k: usize, u: f64) -> Self {
+        self.u.push((k, u));
+        self
+    }
+}
