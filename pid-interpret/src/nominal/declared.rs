@@ -432,7 +432,10 @@ impl<'a> Chain<'a> {
         let force = |at: &At| self.force(p, j, at);
         let rest = force(&At::default());
         let size = law.gain.abs() + law.coulomb + law.viscous + rest.abs();
-        let differs = |x: f64, y: f64| !((x - y).abs() <= AGREE * size.max(x.abs()).max(y.abs()));
+        let differs = |x: f64, y: f64| {
+            let off = (x - y).abs();
+            off.is_nan() || off > AGREE * size.max(x.abs()).max(y.abs())
+        };
         if differs(rest, 0.0) {
             return error(format!("it is {rest:.4} at rest without input"));
         }
