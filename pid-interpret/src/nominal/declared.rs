@@ -17,14 +17,8 @@ use pid_symbolic::{Graph, Id, Tape};
 use super::Nominal;
 use super::assemble::{Assembly, JointValues, Value};
 use super::error::{DeclaredError, NominalError};
+use super::law::{At, Drive, Law};
 use super::measured::{self, Driven};
-
-/// Speed far beyond any transition at rest, rad/s or m/s.
-const FAST: f64 = 1e6;
-/// Speeds at which a law of friction is looked at, decades around one.
-const SPEEDS: std::ops::RangeInclusive<i32> = -5..=4;
-/// Agreement asked of a law, relative to its largest force.
-const AGREE: f64 = 1e-6;
 
 impl Nominal {
     /// Of a declared robot. `measurement` is a file as `docs/nominal-format.md` describes; if it does not exist, nothing is
@@ -83,14 +77,6 @@ struct Numbers {
     inertia: [f64; 6],
     rotor: f64,
     law: Law,
-}
-
-/// `gain u − viscous v − coulomb s(v)`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Law {
-    gain: f64,
-    viscous: f64,
-    coulomb: f64,
 }
 
 /// A declared robot as a chain or tree of driven bodies, its values as functions of the parameters.
@@ -257,7 +243,8 @@ impl<'a> Chain<'a> {
                 {
                     for ((c, x), y) in change.iter_mut().zip(at.list()).zip(from.list()) {
                         let d = (x - y).abs();
-                        *c = c.max(if d.is_finite() { d } else { 0.0 });
+                        // Where a value has no end, as far as the value itself.
+                        *c = c.max(if d.is_finite() { d } else { y.abs() });
                     }
                 }
             }
@@ -370,150 +357,33 @@ impl<'a> Chain<'a> {
                     com,
                     inertia: std::array::from_fn(|k| x[4 + k] - mass * shift[k]),
                     rotor: x[10],
-                    law: self.law(p, j),
+                    law: self.drive(p, j, |drive| drive.law()),
                 }
             })
             .collect()
     }
 
-    /// Gain from a unit input at rest, friction from two high speeds.
-    fn law(&self, p: &[f64], j: usize) -> Law {
-        let offset = self.force(p, j, &At::default());
-        let gain = self.inputs[j].map_or(0.0, |k| {
-            self.force(p, j, &At::default().input(k, 1.0)) - offset
-        });
-        let odd = |v: f64| {
-            let force = |v: f64| self.force(p, j, &At::default().speed(j, v));
-            0.5 * (force(-v) - force(v))
-        };
-        let viscous = (odd(2.0 * FAST) - odd(FAST)) / FAST;
-        let coulomb = odd(FAST) - viscous * FAST;
-        // What rounding leaves of the viscous force at that speed.
-        let rounding = 1e-9 * viscous.abs() * FAST;
-        Law {
-            gain,
-            viscous: if viscous.abs() * FAST < AGREE * coulomb.abs() {
-                0.0
-            } else {
-                viscous
-            },
-            coulomb: if coulomb.abs() <= rounding {
-                0.0
-            } else {
-                coulomb
-            },
-        }
+    /// The drive of joint `j` at given parameters.
+    fn drive<T>(&self, p: &[f64], j: usize, use_it: impl FnOnce(&Drive<'_>) -> T) -> T {
+        use_it(&Drive {
+            force: &|at| self.force(p, j, at),
+            joint: j,
+            input: self.inputs[j],
+            joints: &self.joints.iter().map(|j| &*j.name).collect::<Vec<_>>(),
+            inputs: &(self.robot.inputs.iter())
+                .map(|u| &*u.name)
+                .collect::<Vec<_>>(),
+        })
     }
 
     /// Whether the drive is what `law` says, and the sharpness of its transition, infinite for a jump.
     fn check_law(&self, j: usize, p: &[f64], law: Law) -> Result<f64, DeclaredError> {
-        let error = |what: String| {
-            Err(DeclaredError::Law {
+        self.drive(p, j, |drive| drive.check(law))
+            .map_err(|what| DeclaredError::Law {
                 robot: self.robot.name.clone(),
                 joint: self.joints[j].name.clone(),
                 what,
             })
-        };
-        if ![law.gain, law.viscous, law.coulomb]
-            .iter()
-            .all(|x| x.is_finite())
-        {
-            return error("it is not finite at high speed".to_owned());
-        }
-        if self.inputs[j].is_some() && law.gain == 0.0 {
-            return error("its input has no effect on it at rest".to_owned());
-        }
-        if law.coulomb < 0.0 || law.viscous < 0.0 {
-            return error(format!(
-                "its friction is negative: Coulomb {:.4}, viscous {:.4}",
-                law.coulomb, law.viscous
-            ));
-        }
-        let force = |at: &At| self.force(p, j, at);
-        let rest = force(&At::default());
-        let size = law.gain.abs() + law.coulomb + law.viscous + rest.abs();
-        let differs = |x: f64, y: f64| {
-            let off = (x - y).abs();
-            off.is_nan() || off > AGREE * size.max(x.abs()).max(y.abs())
-        };
-        if differs(rest, 0.0) {
-            return error(format!("it is {rest:.4} at rest without input"));
-        }
-        for k in 0..self.joints.len() {
-            for (at, what) in [
-                (At::default().position(k, 0.7), "position"),
-                (At::default().speed(k, 0.7), "velocity"),
-            ] {
-                if (k != j || what == "position") && differs(force(&at), 0.0) {
-                    return error(format!(
-                        "depends on the {what} of `{}`",
-                        self.joints[k].name
-                    ));
-                }
-            }
-        }
-        for k in 0..self.robot.inputs.len() {
-            let own = self.inputs[j] == Some(k);
-            for u in [-3.0, 0.3, 10.0] {
-                for v in [0.0, 0.5, -20.0] {
-                    let with = force(&At::default().speed(j, v).input(k, u));
-                    let without = force(&At::default().speed(j, v));
-                    let gain = if own { law.gain } else { 0.0 };
-                    if differs(with - without, gain * u) {
-                        let name = &self.robot.inputs[k].name;
-                        return error(format!(
-                            "is not a constant times `{name}` and a function of the velocity"
-                        ));
-                    }
-                }
-            }
-        }
-        // The transition: odd, from 0 to 1, rising.
-        let share = |v: f64| (-force(&At::default().speed(j, v)) - law.viscous * v) / law.coulomb;
-        let mut last = 0.0;
-        for decade in SPEEDS {
-            for step in [1.0, 2.0, 5.0] {
-                let v = step * 10f64.powi(decade);
-                let (ahead, back) = (
-                    -force(&At::default().speed(j, v)),
-                    force(&At::default().speed(j, -v)),
-                );
-                if differs(ahead, back) {
-                    return error(format!("its friction at {v} and −{v} differs"));
-                }
-                if law.coulomb == 0.0 {
-                    if differs(ahead, law.viscous * v) {
-                        return error("its friction is not viscous".to_owned());
-                    }
-                    continue;
-                }
-                let now = share(v);
-                let slack = AGREE * (1.0 + law.viscous * v / law.coulomb);
-                if now < last - slack || now > 1.0 + slack {
-                    return error(format!(
-                        "its friction is not Coulomb and viscous: {ahead:.4} at a speed of {v}"
-                    ));
-                }
-                last = now;
-            }
-        }
-        if law.coulomb == 0.0 {
-            return Ok(f64::INFINITY);
-        }
-        // tanh(1) = 0.76: the speed at which the transition has come that far, by bisection.
-        let (mut low, mut high) = (1e-9_f64, 1e6_f64);
-        if share(low) > 1.0_f64.tanh() {
-            return Ok(f64::INFINITY);
-        }
-        for _ in 0..200 {
-            let middle = (low * high).sqrt();
-            if share(middle) < 1.0_f64.tanh() {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        Ok(1.0 / low)
     }
 }
 
@@ -527,28 +397,5 @@ impl Numbers {
         list[10] = self.rotor;
         list[11..].copy_from_slice(&[self.law.gain, self.law.coulomb, self.law.viscous]);
         list
-    }
-}
-
-/// Coordinates, speeds and inputs that are not zero.
-#[derive(Debug, Clone, Default)]
-struct At {
-    q: Vec<(usize, f64)>,
-    v: Vec<(usize, f64)>,
-    u: Vec<(usize, f64)>,
-}
-
-impl At {
-    fn position(mut self, k: usize, q: f64) -> Self {
-        self.q.push((k, q));
-        self
-    }
-    fn speed(mut self, k: usize, v: f64) -> Self {
-        self.v.push((k, v));
-        self
-    }
-    fn input(mut self, k: usize, u: f64) -> Self {
-        self.u.push((k, u));
-        self
     }
 }

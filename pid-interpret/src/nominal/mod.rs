@@ -21,6 +21,7 @@ mod build;
 mod declared;
 mod error;
 mod file;
+mod law;
 mod measured;
 
 use std::fs;
