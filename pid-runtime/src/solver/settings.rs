@@ -87,6 +87,9 @@ pub struct Settings {
     pub bound_relaxation: f64,
     /// Second-order corrections tried per iteration.
     pub max_corrections: usize,
+    /// Halvings of a step after which the directions that the problem hardly determines are shortened alone, where the linear
+    /// system can do so (see [`crate::solver::kkt::Kkt::limit`]); 0 for never. Has no effect beside a watchdog.
+    pub patience: usize,
     /// Iterations with shortened steps after which full steps are tried without asking the filter; 0 for never.
     pub watchdog: usize,
     /// Iterations that may reduce the optimality error instead of satisfying the filter before a restoration phase begins.
@@ -114,6 +117,7 @@ impl Default for Settings {
             push: 1e-2,
             bound_relaxation: 0.0,
             max_corrections: 4,
+            patience: 2,
             watchdog: 10,
             soft_restoration: 10,
             max_restoration: 200,

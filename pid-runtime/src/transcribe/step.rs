@@ -182,11 +182,15 @@ impl<'m> Rule<'m> {
         interval: &Interval<'_>,
         powers: &[f64; POWERS],
         s: &mut Scratch,
+        derivatives: bool,
     ) {
         let evaluation = &self.tableau.evaluations[e];
         self.combine(&evaluation.q, x, y, powers, &mut s.q);
         self.combine(&evaluation.v, x, y, powers, &mut s.v);
-        self.combine(&evaluation.a, x, y, powers, &mut s.a);
+        // With accelerations solved for, derivatives are those of the solution and do not depend on a.
+        if !derivatives || self.solved.is_none() {
+            self.combine(&evaluation.a, x, y, powers, &mut s.a);
+        }
         self.inputs(interval, evaluation.u, &mut s.u);
     }
 
@@ -213,7 +217,7 @@ impl<'m> Rule<'m> {
         dynamic.fill(0.0);
         for (e, evaluation) in self.tableau.evaluations.iter().enumerate() {
             let out = &mut dynamic[evaluation.group * nq..][..nq];
-            self.arguments(e, (x, y), interval, &powers, s);
+            self.arguments(e, (x, y), interval, &powers, s, false);
             let place = self.remembered(e, s);
             let at = At {
                 q: &s.q,
@@ -279,7 +283,7 @@ impl<'m> Rule<'m> {
         }
         let mut first = 0;
         for (e, map) in self.expansion.evaluations.iter().enumerate() {
-            self.arguments(e, (x, y), interval, &powers, s);
+            self.arguments(e, (x, y), interval, &powers, s, true);
             let place = self.remembered(e, s);
             let at = At {
                 q: &s.q,
@@ -325,7 +329,7 @@ impl<'m> Rule<'m> {
         let dynamic = &lambda[self.tableau.linear.len() * nq..];
         let mut first = 0;
         for (e, map) in self.expansion.evaluations.iter().enumerate() {
-            self.arguments(e, (x, y), interval, &powers, s);
+            self.arguments(e, (x, y), interval, &powers, s, true);
             let evaluation = &self.tableau.evaluations[e];
             for j in 0..nq {
                 let weight = evaluation.weight * self.row_scale(j, interval.h);

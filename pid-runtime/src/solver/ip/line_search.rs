@@ -1,7 +1,8 @@
 //! Backtracking along a step until the filter accepts, with second-order corrections.
 
 use super::filter::{GAMMA_PHI, GAMMA_THETA};
-use super::{Iterate, Solver};
+use super::{Iterate, Solver, Status};
+use crate::solver::kkt::Regularisation;
 
 /// Switching condition: `α (−∇φᵀd)^s_φ > δ θ^s_θ`.
 const S_THETA: f64 = 1.1;
@@ -21,6 +22,12 @@ pub(super) struct Accepted {
     pub(super) trials: usize,
     pub(super) kind: char,
 }
+
+/// By how much the radius shrinks, and by how much it grows after a full step at its limit.
+const SHRINKAGE: f64 = 0.25;
+const GROWTH: f64 = 4.0;
+/// A smaller radius that leaves more of the step than this is of no use.
+const SHORTER: f64 = 0.9;
 
 /// Trial iterations of a watchdog.
 const WATCHDOG_TRIALS: usize = 3;
@@ -137,6 +144,40 @@ impl Solver<'_> {
         GAMMA_ALPHA * alpha
     }
 
+    /// Searches along `dx`. Where the linear system can limit the step in directions that the problem hardly determines, these are
+    /// shortened before the step as a whole is.
+    pub(super) fn search_within(
+        &mut self,
+        regularisation: &mut Regularisation,
+    ) -> Result<Option<Accepted>, Status> {
+        let (patience, watchdog) = (self.settings.patience, self.settings.watchdog);
+        if self.soft > 0 || patience == 0 || watchdog > 0 {
+            return Ok(self.search());
+        }
+        let largest = |d: &[f64]| d.iter().fold(0.0_f64, |a, d| a.max(d.abs()));
+        let mut previous = f64::INFINITY;
+        while let Some(length) = self.length
+            && largest(&self.dx) < SHORTER * previous
+        {
+            previous = largest(&self.dx);
+            let full = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
+            if let Some(accepted) = self.backtrack(false, self.settings.patience) {
+                if accepted.alpha < 0.9 * full && accepted.kind != 's' {
+                    self.radius = self.radius.min(2.0 * length * accepted.alpha / full);
+                } else if length > 0.8 * self.radius {
+                    self.radius *= GROWTH;
+                }
+                return Ok(Some(accepted));
+            }
+            if self.stop_requested().is_some() {
+                return Ok(None);
+            }
+            self.radius = SHRINKAGE * length;
+            self.newton_step(regularisation)?;
+        }
+        Ok(self.search())
+    }
+
     /// Searches along `dx`; on success the accepted point stands in `trial` and the filter is updated.
     pub(super) fn search(&mut self) -> Option<Accepted> {
         if self.soft > 0 {
@@ -167,7 +208,7 @@ impl Solver<'_> {
                 });
             }
             self.return_from(*watchdog)?;
-            return self.backtrack(true);
+            return self.backtrack(true, usize::MAX);
         }
         let begin = self.settings.watchdog > 0 && self.shortened >= self.settings.watchdog;
         if begin {
@@ -198,7 +239,7 @@ impl Solver<'_> {
                 });
             }
         }
-        self.backtrack(false)
+        self.backtrack(false, usize::MAX)
     }
 
     /// Goes back to the point and step a watchdog began with.
@@ -211,7 +252,8 @@ impl Solver<'_> {
         self.derivatives().then_some(())
     }
 
-    fn backtrack(&mut self, returned: bool) -> Option<Accepted> {
+    /// Halves the step until a trial point is accepted, at most `most` times.
+    fn backtrack(&mut self, returned: bool, most: usize) -> Option<Accepted> {
         let slope = self.slope();
         let phi = self.barrier_objective(&self.current);
         let largest = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
@@ -219,8 +261,8 @@ impl Solver<'_> {
         let rounding = 10.0 * f64::EPSILON;
         let smallest = self.smallest_step(slope).max(rounding * 1e-3);
         let mut alpha = largest;
-        let mut trials = 0;
-        while alpha >= smallest {
+        let (mut trials, mut halvings) = (0, 0);
+        while alpha >= smallest && halvings <= most {
             self.move_trial(alpha, false);
             trials += 1;
             if let Some(decrease) = self.judge(alpha, slope, phi) {
@@ -245,6 +287,7 @@ impl Solver<'_> {
                 return None;
             }
             alpha *= 0.5;
+            halvings += 1;
         }
         None
     }

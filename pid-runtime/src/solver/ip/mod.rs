@@ -120,6 +120,9 @@ struct Solver<'a> {
     correction_lambda: Vec<f64>,
     filter: Filter,
     theta_min: f64,
+    /// Limit of the step where the linear system has one, and the norm it limits in the step at hand.
+    radius: f64,
+    length: Option<f64>,
     /// Successive iterations with shortened steps.
     shortened: usize,
     watchdog: Option<Box<Watchdog>>,
@@ -205,6 +208,8 @@ impl<'a> Solver<'a> {
             correction_lambda: vec![0.0; m],
             filter: Filter::new(f64::INFINITY),
             theta_min: 0.0,
+            radius: f64::INFINITY,
+            length: None,
             shortened: 0,
             watchdog: None,
             soft: 0,

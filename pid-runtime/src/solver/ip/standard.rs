@@ -274,6 +274,10 @@ impl Kkt for StandardKkt<'_> {
         self.inner.expect_error(error);
     }
 
+    fn limit(&mut self, radius: f64) -> Option<f64> {
+        self.inner.limit(radius)
+    }
+
     fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
         if self.slack_rows.is_empty() {
             self.inner.relax(&self.outer);

@@ -113,14 +113,27 @@ impl Solver<'_> {
         }
     }
 
+    /// Solves for the step within the radius, with that of the bounds' multipliers.
+    pub(super) fn newton_step(
+        &mut self,
+        regularisation: &mut Regularisation,
+    ) -> Result<(), Status> {
+        self.load_rhs(self.mu);
+        if self.radius.is_finite() {
+            self.kkt.limit(self.radius);
+        }
+        self.solve_step(regularisation)?;
+        self.length = self.kkt.limit(f64::INFINITY);
+        self.dual_steps();
+        Ok(())
+    }
+
     /// One iteration: derivatives, step, line search or restoration.
     pub(super) fn iterate(&mut self) -> Result<Iteration, Status> {
         self.update_barrier()?;
         let mut regularisation = self.prepare()?;
         self.choose_barrier();
-        self.load_rhs(self.mu);
-        self.solve_step(&mut regularisation)?;
-        self.dual_steps();
+        self.newton_step(&mut regularisation)?;
         let step = self.dx.iter().fold(0.0_f64, |a, d| a.max(d.abs()));
         let tiny = self.current.theta <= 1e-4
             && self
@@ -132,7 +145,7 @@ impl Solver<'_> {
         let found = if tiny {
             self.full_step()
         } else {
-            self.search()
+            self.search_within(&mut regularisation)?
         };
         let Some(accepted) = found else {
             if let Some(status) = self.stop_requested() {

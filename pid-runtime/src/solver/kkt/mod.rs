@@ -96,6 +96,18 @@ pub trait Kkt: Send {
         let _ = error;
     }
 
+    /// Limits the Euclidean norm of the parameters' part of the next solution to `radius`, by raising the smallest eigenvalues of
+    /// the reduced Hessian; solves after it keep the matrix until the next factorization or limit. Returns that norm for the
+    /// solution at hand, `None` where there is no such part, or none yet: then the call takes no effect.
+    ///
+    /// In directions that the data hardly determine, Newton's step is as long as it is meaningless, and a line search shortens
+    /// the determined directions with it. Raising eigenvalues shortens these directions alone (J. J. Moré, D. C. Sorensen,
+    /// Computing a trust region step, SIAM J. Sci. Stat. Comput. 4 (1983)), and costs no factorization.
+    fn limit(&mut self, radius: f64) -> Option<f64> {
+        let _ = radius;
+        None
+    }
+
     /// Covariance-like inverse of the reduced Hessian in the given variables: the block of the inverse KKT matrix, row-major
     /// `vars.len()²`. Uses the last factorization.
     fn inverse_block(&mut self, vars: &[usize], n: usize, m: usize) -> Vec<f64> {

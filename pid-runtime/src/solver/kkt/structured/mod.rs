@@ -11,12 +11,12 @@
 //! directions of wrong curvature (reflection: Y. Dauphin et al. 2014, "saddle-free Newton"; here on the reduced Hessian).
 
 mod plan;
+mod product;
 mod segment;
 
 use super::layout::Layout;
 use super::ldl::SparseLdl;
 use super::{Kkt, KktError, KktValues, Regularisation};
-use crate::nlp::SparsePattern;
 use faer::{Mat, Side};
 use plan::{Plan, Sizes};
 use rayon::prelude::*;
@@ -33,6 +33,8 @@ const FLOOR: f64 = 1e-14;
 const SMALLEST: f64 = 1e-5;
 const SHARE: f64 = 1e-3;
 const LEAST: f64 = 1e-7;
+/// Relative residual at which refinement ends.
+const REFINED: f64 = 1e-11;
 /// Below this many steps the segments are condensed by the calling thread.
 const PARALLEL_STEPS: usize = 1500;
 
@@ -64,12 +66,18 @@ pub struct StructuredKkt {
     modification: Mat<f64>,
     vectors: Mat<f64>,
     eigenvalues: Vec<f64>,
+    /// Eigenvalues as computed, and the share of the right-hand side along each eigenvector in the first pass of a solve.
+    computed: Vec<f64>,
+    along: Vec<f64>,
+    /// Limit of the next solution's norm in the parameters; its value in the last one, NaN before the first.
+    radius: Option<f64>,
+    norm: f64,
+    /// Relative residual at which refinement ends.
+    refined: f64,
     /// Eigenvalues below this are lifted to it.
     smallest: f64,
     delta_x: f64,
     last_delta: f64,
-    hessian_pattern: SparsePattern,
-    jacobian_pattern: SparsePattern,
     hessian: Vec<f64>,
     jacobian: Vec<f64>,
     sigma: Vec<f64>,
@@ -117,8 +125,6 @@ impl StructuredKkt {
                 links += if last { 0 } else { layout.nx };
             }
         }
-        let (hessian_pattern, jacobian_pattern) =
-            (layout.hessian_pattern(), layout.jacobian_pattern());
         let (n, m) = (layout.n(), layout.m());
         let mut link_rows = vec![false; coarse_n];
         for link in link_at.iter().flatten() {
@@ -144,13 +150,16 @@ impl StructuredKkt {
             modification: Mat::zeros(np, np),
             vectors: Mat::zeros(np, np),
             eigenvalues: vec![0.0; np],
+            computed: vec![0.0; np],
+            along: vec![0.0; np],
+            radius: None,
+            norm: f64::NAN,
+            refined: REFINED,
             smallest: SMALLEST,
             delta_x: 0.0,
             last_delta: 0.0,
-            hessian: vec![0.0; hessian_pattern.nnz()],
-            jacobian: vec![0.0; jacobian_pattern.nnz()],
-            hessian_pattern,
-            jacobian_pattern,
+            hessian: vec![0.0; layout.parameter_values() + layout.parameter_hessian.len()],
+            jacobian: vec![0.0; layout.steps() * layout.step_jacobian.len()],
             sigma: vec![0.0; n],
             residual_x: vec![0.0; n],
             residual_c: vec![0.0; m],
@@ -168,6 +177,12 @@ impl StructuredKkt {
         kkt.coarse_entries(|row, col, _| triplets.push((row as u32, col as u32)));
         kkt.ldl = SparseLdl::new(coarse_n, &triplets);
         kkt
+    }
+
+    /// Refines solutions to a relative residual other than 1e-11.
+    pub fn refined_to(mut self, residual: f64) -> Self {
+        self.refined = residual;
+        self
     }
 
     /// Visits the lower triangle of the coarse matrix without the parameters, always in the same order.
@@ -370,11 +385,21 @@ impl StructuredKkt {
         }
         let floor = (FLOOR * largest).max(self.smallest);
         self.vectors.copy_from(u);
+        for k in 0..np {
+            self.computed[k] = d[k];
+        }
+        Ok(self.lift(floor))
+    }
+
+    /// Takes the eigenvalues' absolute values, at least `floor`; returns the largest change.
+    fn lift(&mut self, floor: f64) -> f64 {
+        let np = self.sizes.np;
+        let u = &self.vectors;
         self.modification.fill(0.0);
         let mut shift = 0.0_f64;
         for k in 0..np {
-            let lifted = d[k].abs().max(floor);
-            let change = lifted - d[k];
+            let lifted = self.computed[k].abs().max(floor);
+            let change = lifted - self.computed[k];
             self.eigenvalues[k] = lifted;
             if change != 0.0 {
                 shift = shift.max(change);
@@ -385,7 +410,42 @@ impl StructuredKkt {
                 }
             }
         }
-        Ok(shift)
+        shift
+    }
+
+    /// The smallest lift of the eigenvalues with which the step along the eigenvectors is no longer than `radius`.
+    fn floor_within(&self, radius: f64) -> f64 {
+        let norm = |floor: f64| {
+            let terms = self.along.iter().zip(&self.eigenvalues);
+            let square = |(r, e): (&f64, &f64)| (r / e.max(floor)).powi(2);
+            terms.map(square).sum::<f64>().sqrt()
+        };
+        let total = self.along.iter().map(|r| r * r).sum::<f64>().sqrt();
+        let (mut low, mut high) = (0.0, total / radius);
+        if norm(low) <= radius {
+            return low;
+        }
+        if !high.is_finite() {
+            return low;
+        }
+        // `high` shortens every component; nine tenths of the radius are near enough.
+        for _ in 0..60 {
+            let middle = if low > 0.0 {
+                (low * high).sqrt()
+            } else {
+                high * 1e-3
+            };
+            let found = norm(middle);
+            if found > radius {
+                low = middle;
+            } else {
+                high = middle;
+                if found > 0.9 * radius {
+                    break;
+                }
+            }
+        }
+        high
     }
 
     /// The reduced Hessian in the free parameters as computed at the last factorization, before it was made convex, and the
@@ -446,11 +506,20 @@ impl StructuredKkt {
                 *r -= k * c;
             }
         }
+        for k in 0..np {
+            self.along[k] = (0..np).map(|i| self.vectors[(i, k)] * self.rp[i]).sum();
+        }
+        if let Some(radius) = self.radius.take() {
+            let floor = self.floor_within(radius);
+            if floor > 0.0 {
+                self.lift(floor);
+            }
+        }
+        let layout = &self.layout;
         let dp = &mut self.dp;
         dp.fill(0.0);
         for k in 0..np {
-            let projection: f64 = (0..np).map(|i| self.vectors[(i, k)] * rp[i]).sum();
-            let coefficient = projection / self.eigenvalues[k];
+            let coefficient = self.along[k] / self.eigenvalues[k];
             for (i, d) in dp.iter_mut().enumerate() {
                 *d += coefficient * self.vectors[(i, k)];
             }
@@ -493,7 +562,16 @@ impl Kkt for StructuredKkt {
         };
     }
 
+    fn limit(&mut self, radius: f64) -> Option<f64> {
+        if self.norm.is_nan() {
+            return None;
+        }
+        self.radius = radius.is_finite().then_some(radius);
+        Some(self.norm)
+    }
+
     fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
+        self.radius = None;
         if !values
             .hessian
             .iter()
@@ -536,11 +614,14 @@ impl Kkt for StructuredKkt {
                 .chain(&self.residual_c)
                 .fold(0.0_f64, |a, v| a.max(v.abs()));
             let next = if scale > 0.0 { norm / scale } else { 0.0 };
-            if next <= 1e-11 || pass > 1 && next > 0.5 * relative {
+            if next <= self.refined || pass > 1 && next > 0.5 * relative {
                 return next.min(relative);
             }
             relative = next;
             self.solve_once();
+            if pass == 0 {
+                self.norm = self.dp.iter().map(|d| d * d).sum::<f64>().sqrt();
+            }
             for (d, s) in dx.iter_mut().zip(&self.step_x) {
                 *d += s;
             }
@@ -561,11 +642,12 @@ impl StructuredKkt {
             *r = s * d - *r;
         }
         rc.iter_mut().for_each(|r| *r = -*r);
-        self.hessian_pattern
-            .symmetric_multiply_add(&self.hessian, dx, rx);
-        self.jacobian_pattern
-            .transpose_multiply_add(&self.jacobian, dlambda, rx);
-        self.jacobian_pattern.multiply_add(&self.jacobian, dx, rc);
+        product::add(
+            &self.layout,
+            (&self.hessian, &self.jacobian),
+            (dx, dlambda),
+            (rx, rc),
+        );
         let nx = self.sizes.nx;
         for (s, segment) in self.segments.iter().enumerate() {
             if self.start_at[s].is_some() {

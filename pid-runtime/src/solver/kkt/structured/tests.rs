@@ -256,3 +256,61 @@ fn negative_curvature_in_a_parameter_is_reflected() {
         "the unmodified matrix has one eigenvalue too many"
     );
 }
+
+/// The limit holds for the norm in the parameters; the solution is that of the matrix with raised eigenvalues, and descends.
+#[test]
+fn limited_steps_solve_the_lifted_system() {
+    let layout = layout((2, 2, 3), 0, &[30, 7], false);
+    let mut numbers = Numbers(11);
+    let jacobian: Vec<f64> = (0..layout.steps())
+        .flat_map(|_| layout.step_jacobian.clone())
+        .map(|(r, c)| match c {
+            c if c == r => 1.0,
+            c if c == r + 2 => -1.0,
+            c if c >= 4 => 0.05 * numbers.next(),
+            _ => 0.0,
+        })
+        .collect();
+    let mut hessian = vec![0.0; layout.node_values()];
+    hessian.extend(vec![1.0; layout.nodes() * 2]);
+    for &(r, c) in &layout.parameter_hessian {
+        hessian.push(if r == c {
+            [5.0, -5.0, 1e-3][r as usize]
+        } else {
+            0.0
+        });
+    }
+    let (n, m, p) = (layout.n(), layout.m(), layout.p());
+    let sigma = vec![0.0; n];
+    let mut kkt = StructuredKkt::new(layout, &[false; 3], 10);
+    kkt.factorise(KktValues {
+        hessian: &hessian,
+        jacobian: &jacobian,
+        sigma: &sigma,
+    })
+    .expect("factorises");
+    let rx: Vec<f64> = (0..n).map(|i| (i as f64).sin()).collect();
+    let (mut dx, mut dl, rc) = (vec![0.0; n], vec![0.0; m], vec![0.0; m]);
+    assert_eq!(kkt.limit(1.0), None, "nothing is solved for yet");
+    kkt.solve(&rx, &rc, &mut dx, &mut dl);
+    let norm = |dx: &[f64]| dx[p..].iter().map(|d| d * d).sum::<f64>().sqrt();
+    let free = norm(&dx);
+    for share in [0.5, 0.1, 1e-3] {
+        let radius = share * free;
+        let before = kkt.limit(radius).expect("a solution is at hand");
+        assert!(
+            (before - norm(&dx)).abs() <= 1e-6 * before,
+            "{before} for {}",
+            norm(&dx)
+        );
+        let relative = kkt.solve(&rx, &rc, &mut dx, &mut dl);
+        let found = norm(&dx);
+        assert!(relative < 1e-10, "residual {relative:e}");
+        assert!(
+            found <= radius * (1.0 + 1e-6) && found > 0.8 * radius,
+            "{found} for {radius}"
+        );
+        let slope: f64 = dx.iter().zip(&rx).map(|(a, b)| a * b).sum();
+        assert!(slope > 0.0, "the step is not a descent direction: {slope}");
+    }
+}
