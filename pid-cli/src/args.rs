@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use pid_estimate::term::Request;
+use pid_estimate::unknowns::Payload;
 use pid_runtime::data::{Horizon, ParseHorizonError};
 use pid_runtime::transcribe::{Loss, Scheme};
 
@@ -107,14 +108,24 @@ pub(crate) struct Source {
     /// commas; the columns then count as torques or forces.
     #[arg(long, value_name = "K1,K2,…", value_delimiter = ',', value_parser = finite)]
     pub(crate) input_gain: Vec<f64>,
+    /// What the input columns are, whatever the data set says: readings at the sample times (linear), or commands held from one
+    /// sample to the next (zero-order).
+    #[arg(long, value_enum, value_name = "HOLD")]
+    pub(crate) input_hold: Option<HoldArg>,
+    /// The measured torques of the records (columns tau1 …) are the inputs instead of the commands.
+    #[arg(long, conflicts_with_all = ["input_gain", "controller"])]
+    pub(crate) measured_torque: bool,
     /// Controllers of the records (docs/controller-format.md): the commanded positions become the input, and the loop is part
     /// of the model.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["urdf", "nominal"])]
     pub(crate) controller: Option<PathBuf>,
     /// Parameter of which every training record has its own value, such as an offset that is set anew; may be repeated. Test
-    /// records take the mean.
+    /// records take the mean. In regressions `*` stands for any characters.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["urdf", "nominal"])]
     pub(crate) private: Vec<String>,
+    /// Joint whose recorded velocity lags behind (`all` for every joint), by a time constant that is estimated; may be repeated.
+    #[arg(long, value_name = "JOINT", conflicts_with_all = ["urdf", "nominal"])]
+    pub(crate) velocity_lag: Vec<String>,
     /// Further folder with records of the same robot; may be repeated.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) also: Vec<PathBuf>,
@@ -131,6 +142,15 @@ impl Source {
             && self.urdf.is_none()
             && self.nominal.is_none()
     }
+}
+
+/// What input columns are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum HoldArg {
+    /// Commands.
+    ZeroOrder,
+    /// Readings.
+    Linear,
 }
 
 /// Masses and inertias of a URDF.
@@ -203,6 +223,13 @@ pub(crate) struct IdentifyArgs {
     /// Interval of 95 % of a parameter by its profile likelihood; may be repeated.
     #[arg(long, value_name = "NAME")]
     pub(crate) profile: Vec<String>,
+    /// Fit once more with every link whose ten parameters are free in log-Cholesky coordinates: bodies of positive density, a
+    /// positive definite mass matrix in every pose. Prints what that costs and what it mends.
+    #[arg(long, conflicts_with_all = ["profile", "bootstrap"])]
+    pub(crate) consistent: bool,
+    /// Draws of the block bootstrap over windows: intervals of 95 % by as many further fits.
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub(crate) bootstrap: usize,
     /// Start the solver from the given parameters as they are, without fitting the residual first.
     #[arg(long)]
     pub(crate) no_prepare: bool,
@@ -270,6 +297,23 @@ pub(crate) struct RegressArgs {
     /// Estimator. Instrumental variables simulate the closed loop of --controller without noise (IDIM-IV).
     #[arg(long, value_enum, default_value_t)]
     pub(crate) method: RegressMethodArg,
+    /// A body fixed to a link in some records, LINK=RECORDS (`wrist_3=*_load`): its ten parameters are estimated with those of
+    /// the robot in one fit over records with and without it.
+    #[arg(long, value_name = "LINK=RECORDS")]
+    pub(crate) payload: Option<Payload>,
+    /// Parameters whose residuals are printed beside those of the fit, through the same filters: a fit.json, or a TOML file of
+    /// lines `name = value`; may be repeated.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) judge: Vec<PathBuf>,
+    /// Weights of the joints: each by its own residual variance, or all alike.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) weights: JointWeightsArg,
+    /// Priors, held values and loss (docs/assumptions-format.md); stated noise of channels is not used.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) assume: Option<PathBuf>,
+    /// What residuals cost in units of their own deviation: square, huber=THRESHOLD, student-t=FREEDOM.
+    #[arg(long, value_name = "LOSS", value_parser = crate::assume::loss)]
+    pub(crate) loss: Option<Loss>,
     /// Hold shape parameters of force terms (Stribeck velocities) instead of seeking them.
     #[arg(long)]
     pub(crate) hold_shapes: bool,
@@ -288,6 +332,16 @@ pub(crate) struct RegressArgs {
     /// Parameters to start from: a fit.json, or a TOML file of lines `name = value`.
     #[arg(long, value_name = "FILE")]
     pub(crate) start: Option<PathBuf>,
+}
+
+/// Weights of the joints in `pid regress`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum JointWeightsArg {
+    /// One over the residual variance of each.
+    #[default]
+    Variance,
+    /// All alike: the residual of all joints together is the least.
+    Common,
 }
 
 /// Estimators of `pid regress`.

@@ -82,8 +82,8 @@ pub(crate) fn assemble(
     fit: Fit,
     progress: &Progress,
 ) -> Result<Report, CliError> {
-    let model = entry.model();
-    let p = &fit.values;
+    let declared = entry.model();
+    let (model, dataset, p) = entry.judged(dataset, &fit.values);
     let mut scores = Vec::new();
     for horizon in HORIZONS {
         progress.step(format!("free run, horizon {horizon}"));
@@ -157,7 +157,7 @@ pub(crate) fn assemble(
             .join("; ")
     ));
 
-    let parameters: Vec<ParameterRow> = model
+    let parameters: Vec<ParameterRow> = declared
         .params()
         .iter()
         .enumerate()
@@ -204,7 +204,7 @@ pub(crate) fn assemble(
             source: format!("{}: {}. {}.", entry.name, entry.summary, entry.source),
             nq: dims.nq,
             nu: dims.nu,
-            np: dims.np,
+            np: declared.dims().np,
         },
         data: DataSection::of(dataset),
         settings: fit.settings,

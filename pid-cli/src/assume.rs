@@ -1,5 +1,7 @@
 //! What is assumed about noise and parameters, from a file, a nominal description and options.
 
+use std::path::Path;
+
 use pid_estimate::assumptions::Assumptions;
 use pid_interpret::nominal::{Nominal, Velocity};
 use pid_runtime::data::Dataset;
@@ -22,12 +24,7 @@ pub(crate) fn apply(
     let mut values = Vec::new();
     let mut likelihood = subject.nominal().map(|n| from_nominal(n, model));
     if let Some(path) = &args.assume {
-        let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| CliError::Read {
-            path: path.clone(),
-            error,
-        })?;
-        let found = Assumptions::parse(&file, &text, model, dataset)?;
+        let found = read(path, model, dataset)?;
         settings.hold.extend(found.hold);
         values = found.values;
         likelihood = Some(found.likelihood);
@@ -50,6 +47,20 @@ pub(crate) fn apply(
     settings.likelihood = likelihood;
     settings.sandwich = args.sandwich;
     Ok(values)
+}
+
+/// Reads a file of assumptions.
+pub(crate) fn read(
+    path: &Path,
+    model: &dyn Hessian,
+    dataset: &Dataset,
+) -> Result<Assumptions, CliError> {
+    let text = std::fs::read_to_string(path).map_err(|error| CliError::Read {
+        path: path.to_owned(),
+        error,
+    })?;
+    let file = path.display().to_string();
+    Ok(Assumptions::parse(&file, &text, model, dataset)?)
 }
 
 /// Priors from tolerances (uniform within ± tolerance: a deviation of tolerance/√3), stated noise of sensors.

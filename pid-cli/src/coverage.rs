@@ -204,6 +204,9 @@ fn in_words(model: &dyn Hessian, found: &Coverage) -> String {
         "  all together             {:6.1} %",
         100.0 * found.overall()
     );
+    if found.elsewhere {
+        s.push_str("\nThe estimates lie together far from the truth: with these parameters held, other values of the rest make the same motions.\n  help: hold others, such as gains (--hold NAME)\n");
+    }
     s
 }
 
@@ -216,7 +219,7 @@ fn as_json(model: &dyn Hessian, found: &Coverage) -> serde_json::Value {
         "sets": found.sets.0,
         "not_converged": found.sets.1,
         "held": found.held.iter().map(|&j| name(j)).collect::<Vec<_>>(),
-        "overall": found.overall(),
+        "overall": found.overall(), "elsewhere": found.elsewhere,
         "parameters": found.rows.iter().map(|r| json!({
             "name": name(r.parameter), "share": r.share, "sets": r.sets, "bias_over_scatter": r.bias, "scatter": r.scatter,
             "stated": r.stated,

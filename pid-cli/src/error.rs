@@ -7,9 +7,11 @@ use pid_diagnose::case::CaseError;
 use pid_diagnose::report::WriteError;
 use pid_diagnose::study::StudyError;
 use pid_estimate::assumptions::AssumptionsError;
-use pid_estimate::control::ControlError;
+use pid_estimate::bootstrap::BootstrapError;
+use pid_estimate::controllers::ControlError;
 use pid_estimate::coverage::CoverageError;
 use pid_estimate::extend::ExtendError;
+use pid_estimate::lag::LagError;
 use pid_estimate::private::PrivateError;
 use pid_estimate::regress::RegressError;
 use pid_interpret::nominal::NominalError;
@@ -73,9 +75,23 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Private(#[from] PrivateError),
     #[error(
-        "a regression has no parameters private to a record\n  help: use `pid identify` with --private"
+        "record `{record}` has no measured torques (columns tau1 …)\n  help: leave --measured-torque out"
     )]
-    PrivateRegression,
+    NoTorque { record: String },
+    #[error(transparent)]
+    Lag(#[from] LagError),
+    #[error(
+        "--velocity-lag needs motions to be simulated\n  help: use `pid identify` with full discretization or shooting, or `pid simulate`"
+    )]
+    LagOfRegression,
+    #[error("--velocity-lag needs one of the models that `pid models` lists")]
+    LagOfFile,
+    #[error(
+        "--consistent: the model has no link whose ten inertial parameters are all free\n  help: declare links with `inertial: free`, or hold none of their parameters"
+    )]
+    NoLinks,
+    #[error(transparent)]
+    Bootstrap(#[from] BootstrapError),
     #[error("--private needs one of the models that `pid models` lists")]
     PrivateOfFile,
     #[error(transparent)]

@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
+use pid_estimate::bootstrap::{Bootstrap, bootstrap};
 use pid_runtime::data::{Dataset, Horizon, Role};
 use pid_runtime::dynamics::ParamInfo;
 use pid_runtime::ident::{
@@ -18,7 +19,7 @@ use crate::args::{
 use crate::assemble::{Fit, assemble};
 use crate::error::CliError;
 use crate::progress::{Interrupt, Progress};
-use crate::{assume, horizon, output, parameters, source};
+use crate::{assume, consistent, horizon, output, parameters, source};
 
 /// Largest constraint violation and stationarity that the independent check lets pass.
 const FEASIBLE: f64 = 1e-6;
@@ -31,6 +32,9 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     let (entry, dataset) = source::load(&args.source)?;
     let model = entry.model();
     let mut settings = settings(args, &dataset);
+    if settings.method == Method::EquationError && !args.source.velocity_lag.is_empty() {
+        return Err(CliError::LagOfRegression);
+    }
     let stated = assume::apply(args, &entry, &dataset, &mut settings)?;
     let mut start = match &args.start {
         Some(file) => Some(parameters::read(file, model.params())?),
@@ -81,6 +85,45 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
         },
     )?;
     let mut intervals = Vec::new();
+    let identification = match args.consistent {
+        false => identification,
+        true => {
+            let mut news = |news: &ident::Progress<'_>| {
+                let i = news.iteration;
+                progress.step(format!(
+                    "consistent values, {}: iteration {}, J = {:.6e}",
+                    news.phase, i.iteration, i.objective
+                ));
+                if args.verbose {
+                    progress.line(&i.line());
+                }
+                match interrupt.requested() {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            };
+            let (found, sentence) =
+                consistent::refit(model, &dataset, &settings, &identification, &mut news)?;
+            intervals.push(sentence);
+            found
+        }
+    };
+    if args.bootstrap > 0 {
+        let news = || match interrupt.requested() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        };
+        progress.step(format!("bootstrap, {} draws", args.bootstrap));
+        let drawn = bootstrap(
+            model,
+            &dataset,
+            &settings,
+            &identification,
+            (args.bootstrap, args.seed),
+            &news,
+        )?;
+        intervals.extend(bootstrap_findings(model.params(), &drawn));
+    }
     for j in profiled {
         progress.step(format!("profile likelihood of {}", model.params()[j].name));
         let mut go_on = |_: &ident::Progress<'_>| match interrupt.requested() {
@@ -363,6 +406,22 @@ fn profiled(params: &[ParamInfo], names: &[String]) -> Result<Vec<usize>, CliErr
             })
         })
         .collect()
+}
+
+fn bootstrap_findings(params: &[ParamInfo], drawn: &Bootstrap) -> Vec<String> {
+    let (good, bad) = drawn.draws;
+    let mut lines = vec![format!(
+        "Block bootstrap over windows: {good} draws, {bad} did not converge and were left out."
+    )];
+    let found = params.iter().zip(&drawn.intervals).zip(&drawn.deviations);
+    lines.extend(found.filter_map(|((info, interval), deviation)| {
+        let ((low, high), deviation) = ((*interval)?, (*deviation)?);
+        Some(format!(
+            "Bootstrap of {}: 95 % interval {low:.5} … {high:.5} {}, standard deviation {deviation:.2e}.",
+            info.name, info.unit
+        ))
+    }));
+    lines
 }
 
 fn profile_finding(info: &ParamInfo, found: &ident::Profile) -> String {

@@ -2,16 +2,19 @@
 
 use std::fmt::Write;
 
+use pid_estimate::judge::Errors;
+use pid_estimate::pseudo_inertia::SUFFIXES;
 use pid_estimate::record::Filtering;
-use pid_estimate::regress::{Errors, Options, Regression, regress};
+use pid_estimate::regress::{Options, Regression, regress};
+use pid_estimate::solution::JointWeights;
 use pid_runtime::data::{Dataset, Experiment, Role};
 use pid_runtime::dynamics::Hessian;
 use serde_json::{Value, json};
 
-use crate::args::{CutoffArg, RegressArgs, RegressMethodArg};
+use crate::args::{CutoffArg, JointWeightsArg, RegressArgs, RegressMethodArg};
 use crate::error::{CliError, make_folder, write};
 use crate::progress::Progress;
-use crate::{output, parameters, source};
+use crate::{assume, output, parameters, source};
 
 /// Spread over the records above which a combination counts as one on which they disagree.
 const DISAGREES: f64 = 3.0;
@@ -19,10 +22,13 @@ const DISAGREES: f64 = 3.0;
 /// Runs the command; the exit code.
 pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     let progress = Progress::start("reading the data");
-    if !args.source.private.is_empty() {
-        return Err(CliError::PrivateRegression);
+    // Here private parameters are unknowns of the regression, not of the model.
+    let mut wanted = args.source.clone();
+    let private = std::mem::take(&mut wanted.private);
+    if !wanted.velocity_lag.is_empty() {
+        return Err(CliError::LagOfRegression);
     }
-    let (subject, mut dataset) = source::load_open(&args.source)?;
+    let (subject, mut dataset) = source::load_open(&wanted)?;
     let instruments = match (args.method, &args.source.controller) {
         (RegressMethodArg::LeastSquares, _) => None,
         (_, Some(file)) => Some(source::controllers(file, dataset.nq())?),
@@ -30,11 +36,48 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     };
     keep(&mut dataset, &args.train)?;
     let model = subject.model();
-    let start = match &args.start {
+    let mut start: Vec<f64> = match &args.start {
         Some(file) => parameters::read(file, model.params())?,
         None => model.params().iter().map(|i| i.nominal).collect(),
     };
+    let assumed = match &args.assume {
+        Some(file) => Some(assume::read(file, model, &dataset)?),
+        None => None,
+    };
+    let mut hold = args.hold.clone();
+    let (mut loss, mut priors) = (args.loss.unwrap_or_default(), Vec::new());
+    if let Some(assumed) = assumed {
+        let name = |j: usize| model.params()[j].name.to_string();
+        hold.extend(assumed.hold.iter().map(|&j| name(j)));
+        if args.loss.is_none() {
+            loss = assumed.likelihood.loss;
+        }
+        let stated = assumed.likelihood.priors.iter();
+        priors.extend(stated.map(|p| (name(p.parameter), p.mean, p.deviation)));
+        for (j, value) in assumed.values {
+            start[j] = value;
+        }
+    }
+    let judge = args
+        .judge
+        .iter()
+        .map(|file| {
+            Ok((
+                file.display().to_string(),
+                parameters::read(file, model.params())?,
+            ))
+        })
+        .collect::<Result<_, CliError>>()?;
     let options = Options {
+        judge,
+        private,
+        payload: args.payload.clone(),
+        weights: match args.weights {
+            JointWeightsArg::Variance => JointWeights::Variance,
+            JointWeightsArg::Common => JointWeights::Common,
+        },
+        loss,
+        priors,
         filtering: Filtering {
             cutoff: match args.cutoff {
                 Some(CutoffArg::Stated(cutoff)) => Some(cutoff),
@@ -43,7 +86,7 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
             decimate: args.decimate,
         },
         choose_filter: args.cutoff == Some(CutoffArg::Auto),
-        hold: args.hold.clone(),
+        hold,
         rest: args.rest,
         instruments,
         shapes: !args.hold_shapes,
@@ -163,6 +206,29 @@ fn in_words(model: &dyn Hessian, title: &str, found: &Regression) -> String {
             judged.len()
         ));
     }
+    if let Some(payload) = &found.payload {
+        let body = |v: &[f64]| {
+            format!(
+                "{:.3} kg, centre of mass ({:.3}, {:.3}, {:.3}) m",
+                v[0],
+                v[1] / v[0],
+                v[2] / v[0],
+                v[3] / v[0]
+            )
+        };
+        let values: Vec<f64> = payload.values.iter().map(|v| v.0).collect();
+        let deviation = payload.values[0]
+            .1
+            .map_or(String::new(), |d| format!(" (mass ± {d:.3} kg)"));
+        line(format!(
+            "\nPayload at {}, in the frame of that link: {}{deviation}",
+            payload.link,
+            body(&values)
+        ));
+        if let Some(consistent) = &payload.consistent {
+            line(format!("  physically consistent: {}", body(consistent)));
+        }
+    }
     if let Some((rounds, moves)) = &found.instruments {
         let most = moves
             .iter()
@@ -188,6 +254,10 @@ fn in_words(model: &dyn Hessian, title: &str, found: &Regression) -> String {
             "left out",
             100.0 * share
         ));
+    }
+    for (name, errors) in &found.given {
+        line(format!("\nValues of {name}"));
+        errors.iter().for_each(|e| line(error_line(e)));
     }
     if let Some((consistent, _, errors)) = &found.consistent {
         line(format!(
@@ -298,8 +368,15 @@ fn as_json(model: &dyn Hessian, title: &str, found: &Regression) -> Value {
         "instrumental_variables": found.instruments.as_ref().map(|(r, moves)| json!({
             "rounds": r.rounds, "settled": r.settled, "distance": r.distance, "moved_from_least_squares": moves,
         })),
+        "payload": found.payload.as_ref().map(|p| json!({
+            "link": p.link, "parameters": SUFFIXES,
+            "values": p.values.iter().map(|v| v.0).collect::<Vec<_>>(),
+            "deviations": p.values.iter().map(|v| v.1).collect::<Vec<_>>(),
+            "consistent": p.consistent,
+        })),
         "nearest_to_start": named(&found.parameters),
         "residuals": errors(&found.errors),
+        "given": found.given.iter().map(|(name, e)| json!({ "file": name, "residuals": errors(e) })).collect::<Value>(),
         "left_out": found.folds,
         "consistent": found.consistent.as_ref().map(|(c, p, e)| json!({
             "links": c.links, "status": c.status.reason(), "parameters": named(p), "residuals": errors(e),

@@ -2,18 +2,20 @@
 
 use std::path::Path;
 
-use pid_estimate::control::{ClosedLoop, Controllers};
+use pid_estimate::control::ClosedLoop;
+use pid_estimate::controllers::Controllers;
 use pid_estimate::extend::Extended;
+use pid_estimate::lag::Lagging;
 use pid_estimate::private::PerRecord;
 use pid_estimate::term::Request;
 use pid_interpret::Model;
 use pid_interpret::nominal::Nominal;
-use pid_runtime::data::{Dataset, InputQuantity};
+use pid_runtime::data::{Dataset, InputHold, InputQuantity};
 use pid_runtime::dynamics::{Dynamics, Hessian};
 use pid_runtime::report::Report;
 use pid_urdf::{Description, Inertias, Options};
 
-use crate::args::{InertiasArg, Source};
+use crate::args::{HoldArg, InertiasArg, Source};
 use crate::error::{CliError, make_folder, write};
 use crate::{demo, models, output};
 
@@ -31,6 +33,8 @@ enum Origin {
     Extended(Box<Extended<'static>>),
     Closed(Box<ClosedLoop<'static>>),
     PerRecord(Box<PerRecord<'static>>),
+    /// With the records as they were read.
+    Lagging(Box<(Lagging<'static>, Dataset)>),
     Urdf(Box<FromUrdf>),
     Nominal(Box<(Model, Nominal)>),
 }
@@ -49,8 +53,24 @@ impl Subject {
             Origin::Extended(model) => model.as_ref(),
             Origin::Closed(model) => model.as_ref(),
             Origin::PerRecord(model) => model.as_ref(),
+            Origin::Lagging(lagging) => &lagging.0,
             Origin::Urdf(urdf) => &urdf.model,
             Origin::Nominal(nominal) => &nominal.0,
+        }
+    }
+
+    /// What motions and forces are judged on: the robot itself and its records, where the model has lags of readings besides.
+    pub(crate) fn judged<'a>(
+        &'a self,
+        dataset: &'a Dataset,
+        values: &'a [f64],
+    ) -> (&'a dyn Hessian, &'a Dataset, &'a [f64]) {
+        match &self.origin {
+            Origin::Lagging(lagging) => {
+                let (model, records) = lagging.as_ref();
+                (model.inner(), records, &values[..model.inner_params()])
+            }
+            _ => (self.model(), dataset, values),
         }
     }
 
@@ -192,17 +212,13 @@ fn load_with(source: &Source, controller: Option<&Path>) -> Result<(Subject, Dat
         }
         (None, None) => demo::dataset()?,
     };
-    let dataset = match source.input_gain.as_slice() {
-        [] => dataset,
-        gains => with_gains(dataset, gains)?,
-    };
     let mut subject = subject;
-    let mut dataset = dataset;
+    let mut dataset = as_stated(dataset, source)?;
     let also: Vec<Dataset> = source
         .also
         .iter()
-        .map(|folder| Dataset::read(folder))
-        .collect::<Result<_, _>>()?;
+        .map(|folder| as_stated(Dataset::read(folder)?, source))
+        .collect::<Result<_, CliError>>()?;
     match controller {
         Some(file) => {
             let controllers = controllers(file, dataset.nq())?;
@@ -220,17 +236,33 @@ fn load_with(source: &Source, controller: Option<&Path>) -> Result<(Subject, Dat
         None => dataset = merge(dataset, also)?,
     }
     if !source.private.is_empty() {
-        let inner: Box<dyn Hessian> = match subject.origin {
-            Origin::Compiled(model) => Box::new(Extended::new(model, &[])?),
-            Origin::Extended(model) => model,
-            Origin::Closed(model) => model,
-            _ => return Err(CliError::PrivateOfFile),
-        };
+        let inner = boxed(subject.origin).ok_or(CliError::PrivateOfFile)?;
         let own = PerRecord::new(inner, &source.private, &mut dataset)?;
         subject.origin = Origin::PerRecord(Box::new(own));
     }
+    if !source.velocity_lag.is_empty() {
+        let inner = boxed(subject.origin).ok_or(CliError::LagOfFile)?;
+        let records = dataset.clone();
+        let names = match source.velocity_lag.iter().any(|n| n == "all") {
+            true => Vec::new(),
+            false => source.velocity_lag.clone(),
+        };
+        let model = Lagging::new(inner, &names, &mut dataset)?;
+        subject.origin = Origin::Lagging(Box::new((model, records)));
+    }
     dataset.check_model(subject.model())?;
     Ok((subject, dataset))
+}
+
+/// A declared model and its wrappers as one more to wrap.
+fn boxed(origin: Origin) -> Option<Box<dyn Hessian>> {
+    Some(match origin {
+        Origin::Compiled(model) => Box::new(Extended::new(model, &[]).ok()?),
+        Origin::Extended(model) => model,
+        Origin::Closed(model) => model,
+        Origin::PerRecord(model) => model,
+        _ => return None,
+    })
 }
 
 /// The records of several folders as one data set.
@@ -254,6 +286,50 @@ fn merge(mut dataset: Dataset, also: Vec<Dataset>) -> Result<Dataset, CliError> 
     Ok(dataset)
 }
 
+/// The data with its inputs as the options say.
+fn as_stated(mut dataset: Dataset, source: &Source) -> Result<Dataset, CliError> {
+    if source.measured_torque {
+        dataset = with_measured_torques(dataset)?;
+    }
+    match source.input_hold {
+        Some(HoldArg::Linear) => dataset.input_hold = InputHold::Linear,
+        Some(HoldArg::ZeroOrder) => dataset.input_hold = InputHold::ZeroOrder,
+        None => {}
+    }
+    match source.input_gain.as_slice() {
+        [] => Ok(dataset),
+        gains => with_gains(dataset, gains),
+    }
+}
+
+/// The data with the measured torques as inputs.
+fn with_measured_torques(mut dataset: Dataset) -> Result<Dataset, CliError> {
+    for experiment in &mut dataset.experiments {
+        match experiment.tau.clone() {
+            Some(tau) => experiment.u = tau,
+            None => {
+                return Err(CliError::NoTorque {
+                    record: experiment.name.clone(),
+                });
+            }
+        }
+    }
+    as_forces(&mut dataset);
+    dataset.input_hold = InputHold::Linear;
+    Ok(dataset)
+}
+
+/// Declares the inputs to be torques or forces at the joints.
+fn as_forces(dataset: &mut Dataset) {
+    for joint in &mut dataset.joints {
+        joint.input = match joint.prismatic {
+            true => InputQuantity::Force,
+            false => InputQuantity::Torque,
+        };
+        joint.input_unit = joint.force_unit().to_owned();
+    }
+}
+
 /// The data with every input column multiplied by its factor, as torques or forces at the joints.
 fn with_gains(mut dataset: Dataset, gains: &[f64]) -> Result<Dataset, CliError> {
     let nq = dataset.nq();
@@ -263,13 +339,7 @@ fn with_gains(mut dataset: Dataset, gains: &[f64]) -> Result<Dataset, CliError> 
             joints: nq,
         });
     }
-    for joint in &mut dataset.joints {
-        joint.input = match joint.prismatic {
-            true => InputQuantity::Force,
-            false => InputQuantity::Torque,
-        };
-        joint.input_unit = joint.force_unit().to_owned();
-    }
+    as_forces(&mut dataset);
     for experiment in &mut dataset.experiments {
         for row in experiment.u.chunks_exact_mut(nq) {
             row.iter_mut().zip(gains).for_each(|(u, k)| *u *= k);

@@ -17,6 +17,19 @@ pub struct LinearModel<'m> {
     base: Vec<f64>,
     /// Column of each entry of the Jacobian, where it is one.
     columns: Vec<Option<usize>>,
+    /// Further columns: those of coefficients at other values of their shapes.
+    variants: Vec<Variant>,
+}
+
+/// A shape parameter at several values: the column of its coefficient for each of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Variant {
+    /// Position of the shape parameter in `p`.
+    pub shape: usize,
+    /// Column of the coefficient.
+    pub column: usize,
+    /// Values of the shape.
+    pub values: Vec<f64>,
 }
 
 impl<'m> LinearModel<'m> {
@@ -87,7 +100,57 @@ impl<'m> LinearModel<'m> {
             linear,
             held,
             base,
+            variants: Vec::new(),
         }
+    }
+
+    /// A split with further columns after the linear parameters: for each shape, its coefficient's column at each of the
+    /// values, shape by shape. Shapes that enter with other than one linear coefficient are left out.
+    pub fn with_variants(&self, shapes: &[(usize, Vec<f64>)]) -> LinearModel<'m> {
+        let first = self.model.dims().p();
+        let pattern = self.model.hessian_pattern();
+        let coefficient = |shape: usize| -> Option<usize> {
+            let pairs = pattern.rows.iter().zip(pattern.cols);
+            let mut found = pairs.filter_map(|(&r, &c)| {
+                let (r, c) = (r as usize, c as usize);
+                let other = match (r == first + shape, c == first + shape) {
+                    (true, false) => c,
+                    (false, true) => r,
+                    _ => return None,
+                };
+                self.linear.binary_search(&other.checked_sub(first)?).ok()
+            });
+            let column = found.next()?;
+            found.all(|c| c == column).then_some(column)
+        };
+        let variants = shapes
+            .iter()
+            .filter_map(|(shape, values)| {
+                Some(Variant {
+                    shape: *shape,
+                    column: coefficient(*shape)?,
+                    values: values.clone(),
+                })
+            })
+            .collect();
+        LinearModel {
+            model: self.model,
+            linear: self.linear.clone(),
+            held: self.held.clone(),
+            base: self.base.clone(),
+            columns: self.columns.clone(),
+            variants,
+        }
+    }
+
+    /// The shapes with columns of their own.
+    pub fn variants(&self) -> &[Variant] {
+        &self.variants
+    }
+
+    /// Number of columns of the regressor: one per linear parameter, then those of the variants.
+    pub fn columns(&self) -> usize {
+        self.linear.len() + self.variants.iter().map(|v| v.values.len()).sum::<usize>()
     }
 
     /// The model.
@@ -126,17 +189,41 @@ impl<'m> LinearModel<'m> {
         p
     }
 
-    /// r₀ and Y (nq rows of `linear().len()` columns) at a sample; the parameters of `at` are not read. `values` is scratch
-    /// as long as the model's Jacobian pattern.
+    /// r₀ and Y (nq rows of [`columns`](Self::columns) entries) at a sample; the parameters of `at` are not read. `values` is
+    /// scratch as long as the model's Jacobian pattern.
     pub fn evaluate(&self, at: &At<'_>, offset: &mut [f64], y: &mut [f64], values: &mut [f64]) {
+        let n = self.columns();
+        let rows = self.model.jacobian_pattern().rows;
+        y.fill(0.0);
+        let most = self.variants.iter().map(|v| v.values.len()).max();
+        let mut p = match most {
+            Some(_) => self.base.clone(),
+            None => Vec::new(),
+        };
+        for k in 0..most.unwrap_or(0) {
+            // Every shape at its k-th value at once: each moves the column of its own coefficient only.
+            for variant in self.variants.iter().filter(|v| k < v.values.len()) {
+                p[variant.shape] = variant.values[k];
+            }
+            self.model
+                .residual_jacobian(&At { p: &p, ..*at }, offset, values);
+            let mut place = self.linear.len() + k;
+            for variant in &self.variants {
+                if k < variant.values.len() {
+                    for ((&row, column), value) in rows.iter().zip(&self.columns).zip(&*values) {
+                        if *column == Some(variant.column) {
+                            y[row as usize * n + place] += value;
+                        }
+                    }
+                }
+                place += variant.values.len();
+            }
+        }
         let at = At {
             p: &self.base,
             ..*at
         };
         self.model.residual_jacobian(&at, offset, values);
-        y.fill(0.0);
-        let n = self.linear.len();
-        let rows = self.model.jacobian_pattern().rows;
         for ((&row, column), value) in rows.iter().zip(&self.columns).zip(&*values) {
             if let Some(column) = column {
                 y[row as usize * n + column] += value;

@@ -19,6 +19,9 @@ const QUANTILE: f64 = 1.959_963_984_540_054;
 /// Most rounds of holding parameters.
 const ROUNDS: usize = 20;
 
+/// Mean error over scatter that is no bias of an estimator near the truth.
+pub const FAR: f64 = 20.0;
+
 /// A study that cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -67,6 +70,10 @@ pub struct Coverage {
     pub held: Vec<usize>,
     /// Sets that were identified, and sets whose solver did not converge (left out).
     pub sets: (usize, usize),
+    /// Whether the estimates lie together far from the truth ([`FAR`] deviations in a third of the parameters): with the parameters
+    /// that are held, other values of the rest make the same motions. Held sets leave such discrete ambiguities where the
+    /// combinations are not linear in the parameters.
+    pub elsewhere: bool,
     /// Whether it was interrupted.
     pub interrupted: bool,
 }
@@ -154,8 +161,11 @@ pub fn coverage(
         .collect::<Result<_, CoverageError>>()?;
     let all: Vec<Identification> = found.into_iter().flatten().collect();
     let (good, bad): (Vec<_>, Vec<_>) = all.into_iter().partition(|f| f.best().status.converged());
+    let rows: Vec<Row> = free.iter().map(|&j| row(j, truth[j], &good)).collect();
+    let far = rows.iter().filter(|r| r.bias.abs() > FAR).count();
     Ok(Coverage {
-        rows: free.iter().map(|&j| row(j, truth[j], &good)).collect(),
+        elsewhere: good.len() > 2 && 3 * far >= rows.len(),
+        rows,
         held: settings.hold,
         sets: (good.len(), bad.len()),
         interrupted: stopped.into_inner(),

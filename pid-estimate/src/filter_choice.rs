@@ -12,7 +12,8 @@ use rayon::prelude::*;
 use crate::columns::LinearModel;
 use crate::normal::Normal;
 use crate::record::{Filtering, Record};
-use crate::solution::{self, as_columns};
+use crate::solution::{self, How};
+use crate::unknowns::Unknowns;
 
 /// Ratio between neighbouring candidates.
 const RATIO: f64 = std::f64::consts::SQRT_2;
@@ -56,9 +57,11 @@ pub struct Choice {
 /// [`SignalError`] for records that cannot be filtered.
 pub fn choose(
     model: &LinearModel<'_>,
+    unknowns: &Unknowns,
     dataset: &Dataset,
     rest: &[f64],
     decimate: Option<usize>,
+    how: &How,
 ) -> Result<Choice, SignalError> {
     let own = Filtering {
         cutoff: None,
@@ -88,7 +91,16 @@ pub fn choose(
         band *= RATIO;
     }
     let judged_at = (ABOVE * band).min(middle);
-    let judge = Normal::new(model, &train(stated(judged_at))?, Some(rest));
+    let sums = |records: &[Record]| {
+        let normal = Normal::new(model, records, Some(rest));
+        if unknowns.plain() {
+            return normal;
+        }
+        let places = records.iter().enumerate();
+        let places = places.map(|(r, record)| unknowns.place(&record.name, Some(r)));
+        normal.placed(unknowns.infos().len(), places.collect())
+    };
+    let judge = sums(&train(stated(judged_at))?);
     let highest = (ENDS.1 * middle).min(HIGHEST * rate);
     let candidates: Vec<Candidate> = (0..)
         .map(|k| ENDS.0 * judged_at * RATIO.powi(k))
@@ -99,7 +111,7 @@ pub fn choose(
                 decimate,
             };
             let left_out = match train(filtering) {
-                Ok(records) => left_out(&Normal::new(model, &records, Some(rest)), &judge),
+                Ok(records) => left_out(&sums(&records), &judge, unknowns, how),
                 Err(_) => f64::INFINITY,
             };
             Candidate { cutoff, left_out }
@@ -133,7 +145,7 @@ fn power(records: &[Record]) -> Vec<f64> {
 }
 
 /// Blocks of each fold: one record, or a quarter of a single one.
-fn folds(normal: &Normal) -> Vec<Vec<usize>> {
+pub(crate) fn folds(normal: &Normal) -> Vec<Vec<usize>> {
     let blocks = normal.blocks.len();
     match normal.records.len() {
         1 => (0..FOLDS)
@@ -149,14 +161,16 @@ fn folds(normal: &Normal) -> Vec<Vec<usize>> {
     }
 }
 
-fn left_out(fit: &Normal, judge: &Normal) -> f64 {
+fn left_out(fit: &Normal, judge: &Normal, unknowns: &Unknowns, how: &How) -> f64 {
     let shares: Option<Vec<f64>> = folds(fit)
         .into_par_iter()
         .zip(folds(judge))
-        .map(|(out, judged)| {
+        .enumerate()
+        .map(|(record, (out, judged))| {
             let rest: Vec<usize> = (0..fit.blocks.len()).filter(|b| !out.contains(b)).collect();
-            let solution = solution::solve(&fit.resampled(&rest)).ok()?;
-            let p = as_columns(&solution.base, &solution.beta, fit.columns());
+            let total = fit.resampled(&rest).total(|_| true);
+            let p = solution::estimate(&total, how).ok()?.columns();
+            let p = unknowns.left_out(p, record);
             solution::overall(&judge.resampled(&judged), &p, |_| true)
         })
         .collect();
@@ -190,7 +204,9 @@ mod tests {
         let dataset = records(&Emps, &truth, &recipe, 3).expect("simulates");
         let model = LinearModel::new(&Emps, &truth, &[]);
         let rest = [2e-3];
-        let choice = choose(&model, &dataset, &rest, None).expect("filters");
+        let unknowns = Unknowns::new(&model, &truth, &[], None, &[]).expect("plain");
+        let choice =
+            choose(&model, &unknowns, &dataset, &rest, None, &How::default()).expect("filters");
         let error = |cutoff: f64| {
             let filtering = Filtering {
                 cutoff: Some(cutoff),
@@ -198,8 +214,10 @@ mod tests {
             };
             let records = Record::of(&dataset, filtering, |_| true).expect("filters");
             let normal = Normal::new(&model, &records, Some(&rest));
-            let solution = solution::solve(&normal).expect("solvable");
-            let p = as_columns(&solution.base, &solution.beta, normal.columns());
+            let total = normal.total(|_| true);
+            let p = solution::estimate(&total, &How::default())
+                .expect("solvable")
+                .columns();
             (p[0] / truth[0] - 1.0).abs()
         };
         let chosen = error(choice.filtering.cutoff.expect("a candidate can be solved"));

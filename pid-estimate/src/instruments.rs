@@ -18,7 +18,8 @@ use rayon::prelude::*;
 
 use crate::base::Base;
 use crate::columns::LinearModel;
-use crate::control::{ClosedLoop, ControlError, Controllers};
+use crate::control::ClosedLoop;
+use crate::controllers::{ControlError, Controllers};
 use crate::extend::Extended;
 use crate::normal::filtered_at;
 use crate::record::Record;

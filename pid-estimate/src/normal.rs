@@ -1,10 +1,16 @@
 //! Normal equations of the inverse dynamics, per block of time and per joint.
 //!
-//! For each block and joint: `A = Σ yᵀy`, `b = −Σ yᵀ r₀`, `c = Σ r₀²` over the kept samples, `y` the joint's row of the filtered
-//! regressor. Weights of joints, subsets of records, folds and bootstrap samples are sums of these; no further pass is needed.
+//! For each block and joint: `A = Σ w yᵀy`, `b = −Σ w yᵀ r₀`, `c = Σ w r₀²` over the kept samples, `y` the joint's row of the
+//! filtered regressor, w the samples' weights (1 unless a robust loss sets them). Weights of joints, subsets of records, folds
+//! and bootstrap samples are sums of these; no further pass is needed.
+//!
+//! Where records differ in some unknowns (an offset of each, a payload in some), the sums stay those of the model's columns, and a
+//! [`Placement`] per record says which unknowns a column stands for; they are spread when they are added up.
+
+use std::borrow::Cow;
 
 use nalgebra::{DMatrix, DVector};
-use pid_runtime::dynamics::At;
+use pid_runtime::dynamics::{At, Hessian};
 use rayon::prelude::*;
 
 use crate::columns::LinearModel;
@@ -49,6 +55,41 @@ impl Sums {
         self.count += other.count;
     }
 
+    /// The same sums for other unknowns.
+    fn spread(&self, place: &Placement, unknowns: usize) -> Self {
+        let mut out = Self {
+            c: self.c,
+            drive: self.drive,
+            count: self.count,
+            ..Self::zero(unknowns)
+        };
+        for (k, own) in place.iter().enumerate() {
+            for &(i, f) in own {
+                out.b[i] += f * self.b[k];
+                for (l, others) in place.iter().enumerate() {
+                    let value = f * self.a[(l, k)];
+                    if value != 0.0 {
+                        for &(j, g) in others {
+                            out.a[(j, i)] += g * value;
+                        }
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// The sums of some of the columns, in this order.
+    pub fn select(&self, columns: &[usize]) -> Self {
+        Self {
+            a: self.a.select_columns(columns).select_rows(columns),
+            b: self.b.select_rows(columns),
+            c: self.c,
+            drive: self.drive,
+            count: self.count,
+        }
+    }
+
     /// Σ of the squared residual at values of the linear parameters.
     pub fn residual(&self, p: &DVector<f64>) -> f64 {
         (p.dot(&(&self.a * p)) - 2.0 * p.dot(&self.b) + self.c).max(0.0)
@@ -64,6 +105,9 @@ pub struct Block {
     pub joints: Vec<Sums>,
 }
 
+/// The unknowns that each column of the model is the sum of, with factors: `p_k = Σ f x_i`.
+pub type Placement = Vec<Vec<(usize, f64)>>;
+
 /// Blocks of several records.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Normal {
@@ -72,31 +116,66 @@ pub struct Normal {
     /// Names of the records.
     pub records: Vec<String>,
     nq: usize,
-    columns: usize,
+    /// Number of the model's columns, and of the unknowns.
+    columns: (usize, usize),
+    /// One per record; empty where the columns are the unknowns.
+    places: Vec<Placement>,
 }
 
 impl Normal {
     /// Passes the records through the model once. Rows of a joint that is slower than `rest` (one value per joint) are left
     /// out: sticking friction may be anything within its band there.
     pub fn new(model: &LinearModel<'_>, records: &[Record], rest: Option<&[f64]>) -> Self {
-        let columns = model.linear().len();
-        let nq = model.model().dims().nq;
+        Self::weighted(model, records, rest, &[])
+    }
+
+    /// As [`Self::new`] with a weight for every kept sample and joint of each record (row by row); 1 where there is no list.
+    pub fn weighted(
+        model: &LinearModel<'_>,
+        records: &[Record],
+        rest: Option<&[f64]>,
+        weights: &[Vec<f64>],
+    ) -> Self {
         let blocks = records
             .par_iter()
             .enumerate()
-            .flat_map_iter(|(index, record)| blocks(model, record, index, rest))
+            .flat_map_iter(|(index, record)| blocks(model, record, index, rest, weights.get(index)))
             .collect();
         Self {
             blocks,
             records: records.iter().map(|r| r.name.clone()).collect(),
-            nq,
-            columns,
+            nq: model.model().dims().nq,
+            columns: (model.columns(), model.columns()),
+            places: Vec::new(),
         }
     }
 
-    /// Number of linear parameters.
+    /// The same sums for other unknowns: one placement of the columns per record.
+    pub fn placed(self, unknowns: usize, places: Vec<Placement>) -> Self {
+        Self {
+            columns: (self.columns.0, unknowns),
+            places,
+            ..self
+        }
+    }
+
+    /// Number of unknowns.
     pub fn columns(&self) -> usize {
-        self.columns
+        self.columns.1
+    }
+
+    /// Sums of a block in the unknowns.
+    pub fn joints<'a>(&self, block: &'a Block) -> Cow<'a, [Sums]> {
+        match self.places.get(block.record) {
+            None => Cow::Borrowed(&block.joints),
+            Some(place) => Cow::Owned(
+                block
+                    .joints
+                    .iter()
+                    .map(|s| s.spread(place, self.columns.1))
+                    .collect(),
+            ),
+        }
     }
 
     /// Number of joints.
@@ -114,11 +193,32 @@ impl Normal {
 
     /// Sums over the blocks that a choice takes, per joint.
     pub fn total(&self, choice: impl Fn(&Block) -> bool) -> Vec<Sums> {
-        let mut total = vec![Sums::zero(self.columns); self.nq];
-        for block in self.blocks.iter().filter(|b| choice(b)) {
-            for (sum, joint) in total.iter_mut().zip(&block.joints) {
+        let add = |total: &mut [Sums], joints: &[Sums]| {
+            for (sum, joint) in total.iter_mut().zip(joints) {
                 sum.add(joint);
             }
+        };
+        let mut total = vec![Sums::zero(self.columns.1); self.nq];
+        if self.places.is_empty() {
+            for block in self.blocks.iter().filter(|b| choice(b)) {
+                add(&mut total, &block.joints);
+            }
+            return total;
+        }
+        for (record, place) in self.places.iter().enumerate() {
+            let mut own = vec![Sums::zero(self.columns.0); self.nq];
+            for block in self
+                .blocks
+                .iter()
+                .filter(|b| b.record == record && choice(b))
+            {
+                add(&mut own, &block.joints);
+            }
+            let own: Vec<Sums> = own
+                .iter()
+                .map(|s| s.spread(place, self.columns.1))
+                .collect();
+            add(&mut total, &own);
         }
         total
     }
@@ -163,6 +263,7 @@ impl Normal {
             records: self.records.clone(),
             nq: self.nq,
             columns: self.columns,
+            places: self.places.clone(),
         }
     }
 }
@@ -173,6 +274,7 @@ fn blocks(
     record: &Record,
     index: usize,
     rest: Option<&[f64]>,
+    weights: Option<&Vec<f64>>,
 ) -> Vec<Block> {
     let moving: Vec<bool> = record
         .kept()
@@ -181,7 +283,7 @@ fn blocks(
         .collect();
     let rows = filtered(model, record);
     let nq = record.nq;
-    let columns = model.linear().len();
+    let columns = model.columns();
     let width = nq * (columns + 2);
     let count = rows.len() / width.max(1);
     let pieces = (count / SHORTEST).clamp(1, BLOCKS);
@@ -191,11 +293,14 @@ fn blocks(
             let samples = &rows[range.start * width..range.end * width];
             let joints = (0..nq)
                 .map(|j| {
-                    let used = moving[range.start * nq..range.end * nq]
-                        .iter()
-                        .skip(j)
-                        .step_by(nq);
-                    sums(samples, used, (nq, columns), j)
+                    let weight = |i: usize| {
+                        let at = (range.start + i) * nq + j;
+                        match moving[at] {
+                            true => weights.map_or(1.0, |w| w[at]),
+                            false => 0.0,
+                        }
+                    };
+                    sums(samples, weight, (nq, columns), j)
                 })
                 .collect();
             Block {
@@ -206,9 +311,9 @@ fn blocks(
         .collect()
 }
 
-fn sums<'a>(
+fn sums(
     samples: &[f64],
-    moving: impl Iterator<Item = &'a bool>,
+    weight: impl Fn(usize) -> f64,
     (nq, columns): (usize, usize),
     joint: usize,
 ) -> Sums {
@@ -222,21 +327,59 @@ fn sums<'a>(
                 .any(|row| row[2 * nq + joint * columns + k] != 0.0)
         })
         .collect();
-    for (row, _) in samples.chunks_exact(width).zip(moving).filter(|(_, m)| **m) {
-        let (offset, drive) = (row[joint], row[nq + joint]);
-        let y = &row[2 * nq + joint * columns..][..columns];
-        for (place, &k) in used.iter().enumerate() {
-            out.b[k] -= y[k] * offset;
-            for &l in &used[..=place] {
-                out.a[(k, l)] += y[k] * y[l];
-            }
+    let kept: Vec<(&[f64], f64)> = samples
+        .chunks_exact(width)
+        .enumerate()
+        .map(|(i, row)| (row, weight(i)))
+        .filter(|(_, w)| *w > 0.0)
+        .collect();
+    let entry = |row: &[f64], k: usize| row[2 * nq + joint * columns + k];
+    // Columns of the transposed regressor are samples; the product is left to the matrix library.
+    let yt = DMatrix::from_fn(used.len(), kept.len(), |k, i| {
+        kept[i].1.sqrt() * entry(kept[i].0, used[k])
+    });
+    let offset = DVector::from_fn(kept.len(), |i, _| kept[i].1.sqrt() * kept[i].0[joint]);
+    let (a, b) = (&yt * yt.transpose(), &yt * &offset);
+    for (i, &k) in used.iter().enumerate() {
+        out.b[k] = -b[i];
+        for (j, &l) in used.iter().enumerate() {
+            out.a[(k, l)] = a[(i, j)];
         }
-        out.c += offset * offset;
-        out.drive += drive * drive;
-        out.count += 1;
     }
-    out.a.fill_upper_triangle_with_lower_triangle();
+    out.c = offset.norm_squared();
+    out.drive = kept
+        .iter()
+        .map(|(row, w)| w * row[nq + joint].powi(2))
+        .sum();
+    out.count = kept.len();
     out
+}
+
+/// Residuals of the kept samples and all joints (row by row) at values of the model's linear parameters.
+pub(crate) fn residuals(model: &LinearModel<'_>, record: &Record, linear: &[f64]) -> Vec<f64> {
+    residuals_at(model.model(), record, &model.complete(linear))
+}
+
+/// As [`residuals`] at all parameters of a model.
+pub(crate) fn residuals_at(model: &dyn Hessian, record: &Record, p: &[f64]) -> Vec<f64> {
+    let nq = record.nq;
+    let mut r = vec![0.0; record.t.len() * nq];
+    for (i, row) in r.chunks_exact_mut(nq).enumerate() {
+        let own = i * nq..(i + 1) * nq;
+        let at = At {
+            q: &record.q[own.clone()],
+            v: &record.v[own.clone()],
+            a: &record.a[own.clone()],
+            u: &record.u[own],
+            p,
+        };
+        model.residual(&at, row);
+    }
+    let r = record.parallel(r, nq);
+    record
+        .kept()
+        .flat_map(|i| r[i * nq..(i + 1) * nq].to_vec())
+        .collect()
 }
 
 /// Per kept sample: r₀ (nq), force of the drive (nq), Y (nq × columns), all through the decimation filter.
@@ -253,11 +396,14 @@ pub(crate) fn filtered_at(
     a: &[f64],
 ) -> Vec<f64> {
     let dims = model.model().dims();
-    let (nq, columns) = (dims.nq, model.linear().len());
+    let (nq, columns) = (dims.nq, model.columns());
     let width = nq * (columns + 2);
     let mut rows = vec![0.0; record.t.len() * width];
     let mut scratch = vec![0.0; model.model().jacobian_pattern().nnz()];
-    let (idle, held) = (vec![0.0; dims.nu], model.complete(&vec![0.0; columns]));
+    let (idle, held) = (
+        vec![0.0; dims.nu],
+        model.complete(&vec![0.0; model.linear().len()]),
+    );
     let mut passive = vec![0.0; nq];
     for (i, row) in rows.chunks_exact_mut(width).enumerate() {
         let at = At {

@@ -7,9 +7,9 @@ use std::borrow::Cow;
 use std::cell::RefCell;
 
 use pid_runtime::data::{Dataset, Role};
-use pid_runtime::dynamics::{
-    At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
-};
+use pid_runtime::dynamics::{At, Dims, Hessian, InputInfo, Jacobian, ParamInfo, Pattern};
+
+use crate::chain::within_dynamics;
 
 /// A request that does not fit the model.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -266,41 +266,7 @@ fn slot_of(own: &[usize], np: usize, j: usize, copy: usize) -> usize {
     }
 }
 
-impl Dynamics for PerRecord<'_> {
-    fn name(&self) -> &str {
-        self.inner.name()
-    }
-    fn dims(&self) -> Dims {
-        self.dims
-    }
-    fn params(&self) -> &[ParamInfo] {
-        &self.params
-    }
-    fn joints(&self) -> &[JointInfo] {
-        self.inner.joints()
-    }
-    fn inputs(&self) -> &[InputInfo] {
-        &self.inputs
-    }
-    fn mass_matrix(&self, at: &At<'_>, m: &mut [f64]) {
-        self.within(at, |at| self.inner.mass_matrix(at, m));
-    }
-    fn bias(&self, at: &At<'_>, b: &mut [f64]) {
-        self.within(at, |at| self.inner.bias(at, b));
-    }
-    fn applied_force(&self, at: &At<'_>, f: &mut [f64]) {
-        self.within(at, |at| self.inner.applied_force(at, f));
-    }
-    fn residual(&self, at: &At<'_>, r: &mut [f64]) {
-        self.within(at, |at| self.inner.residual(at, r));
-    }
-    fn kinetic_energy(&self, at: &At<'_>) -> f64 {
-        self.within(at, |at| self.inner.kinetic_energy(at))
-    }
-    fn potential_energy(&self, at: &At<'_>) -> f64 {
-        self.within(at, |at| self.inner.potential_energy(at))
-    }
-}
+within_dynamics!(PerRecord);
 
 impl Jacobian for PerRecord<'_> {
     fn jacobian_pattern(&self) -> Pattern<'_> {
@@ -331,9 +297,11 @@ impl Hessian for PerRecord<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::chain::tests::derivatives_hold_at;
     use crate::extend::Extended;
     use crate::synthetic::{Recipe, records};
     use pid_models::ServoPendulum;
+    use pid_runtime::dynamics::Dynamics;
     use pid_runtime::ident::{self, Progress, Settings};
     use pid_runtime::transcribe::Scheme;
     use std::ops::ControlFlow;
@@ -411,63 +379,8 @@ mod tests {
         }
         for record in 0..3 {
             z[d.p() - 1] = f64::from(record);
-            let at = |z: &[f64]| -> (f64, Vec<f64>) {
-                let at = At {
-                    q: &z[..d.v()],
-                    v: &z[d.v()..d.a()],
-                    a: &z[d.a()..d.u()],
-                    u: &z[d.u()..d.p()],
-                    p: &z[d.p()..],
-                };
-                let pattern = model.jacobian_pattern();
-                let (mut r, mut values) = ([0.0], vec![f64::NAN; pattern.nnz()]);
-                model.residual_jacobian(&at, &mut r, &mut values);
-                let mut dense = vec![0.0; d.nz()];
-                for (c, v) in pattern.cols.iter().zip(values) {
-                    dense[*c as usize] += v;
-                }
-                (r[0], dense)
-            };
-            let here = At {
-                q: &z[..d.v()],
-                v: &z[d.v()..d.a()],
-                a: &z[d.a()..d.u()],
-                u: &z[d.u()..d.p()],
-                p: &z[d.p()..],
-            };
-            let pattern = model.hessian_pattern();
-            let mut values = vec![f64::NAN; pattern.nnz()];
-            model.residual_hessian(&here, &[1.0], &mut values);
-            let mut hessian = vec![0.0; d.nz() * d.nz()];
-            for ((r, c), v) in pattern.rows.iter().zip(pattern.cols).zip(values) {
-                let (r, c) = (*r as usize, *c as usize);
-                hessian[r * d.nz() + c] += v;
-                if r != c {
-                    hessian[c * d.nz() + r] += v;
-                }
-            }
-            let exact = at(&z).1;
             // Not along the number of the record, which is no variable.
-            for k in (0..d.nz()).filter(|k| *k != d.p() - 1) {
-                let h = 1e-6 * z[k].abs().max(0.1);
-                let (mut up, mut down) = (z.clone(), z.clone());
-                up[k] += h;
-                down[k] -= h;
-                let (a, b) = (at(&up), at(&down));
-                let slope = (a.0 - b.0) / (2.0 * h);
-                assert!(
-                    (slope - exact[k]).abs() < 1e-6 * (1.0 + slope.abs()),
-                    "{record} {k}"
-                );
-                for m in (0..d.nz()).filter(|m| *m != d.p() - 1) {
-                    let second = (a.1[m] - b.1[m]) / (2.0 * h);
-                    let found = hessian[m * d.nz() + k];
-                    assert!(
-                        (second - found).abs() < 1e-4 * (1.0 + second.abs()),
-                        "{record} {m} {k}"
-                    );
-                }
-            }
+            derivatives_hold_at(&model, &z, &[1.0], &[d.p() - 1]);
         }
     }
 }

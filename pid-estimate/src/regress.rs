@@ -6,26 +6,26 @@ use nalgebra::DVector;
 use pid_runtime::data::{Dataset, Role};
 use pid_runtime::dynamics::{Hessian, ParamInfo};
 use pid_runtime::signal::SignalError;
+use pid_runtime::transcribe::Loss;
 use rayon::prelude::*;
 
 use crate::columns::LinearModel;
 use crate::consistent::{self, Consistent};
-use crate::control::Controllers;
+use crate::controllers::Controllers;
 use crate::filter_choice::{self, Choice};
 use crate::instruments::{self, InstrumentError, Rounds};
+use crate::judge::{self, Errors};
 use crate::normal::Normal;
 use crate::poses::indefinite_share;
 use crate::range::{self, Excess};
 use crate::record::{Filtering, Record};
-use crate::solution::{self, RegressionError, Solution, as_columns, weighted};
+use crate::robust;
+use crate::shapes;
+use crate::solution::{
+    self, Belief, How, JointWeights, RegressionError, Solution, as_columns, weighted,
+};
 use crate::term::{REST_ROTATION, REST_TRANSLATION};
-
-/// Values of each shape parameter that are tried over its range, and passes over all of them.
-const SHAPES: usize = 12;
-/// Passes over the shape parameters.
-const SHAPE_PASSES: usize = 2;
-/// Folds of a record that stands alone.
-const FOLDS: usize = 4;
+use crate::unknowns::{Payload, Unknowns, UnknownsError};
 
 /// What can be chosen.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,11 +36,24 @@ pub struct Options {
     pub choose_filter: bool,
     /// Names of parameters held at their start.
     pub hold: Vec<String>,
+    /// Linear parameters of which every training record has its own value; `*` stands for any characters. Other records take
+    /// the mean.
+    pub private: Vec<String>,
+    /// A body fixed to a link in some records.
+    pub payload: Option<Payload>,
+    /// How the joints are weighed.
+    pub weights: JointWeights,
+    /// What residuals cost in units of their own deviation, over 1.4826 of their median.
+    pub loss: Loss,
+    /// Prior knowledge: parameter of the model (or `payload_m` …), mean, standard deviation.
+    pub priors: Vec<(String, f64, f64)>,
     /// Multiple of the transition velocity v₀ below which a joint counts as resting; its rows are then left out of the fit
     /// (not of the judgement). 0 keeps all.
     pub rest: f64,
     /// The controllers of the records, for instrumental variables in place of least squares.
     pub instruments: Option<Controllers>,
+    /// Further values of all parameters to judge in the same way, with their names.
+    pub judge: Vec<(String, Vec<f64>)>,
     /// Whether shape parameters (Stribeck velocities) are sought, or held at their start.
     pub shapes: bool,
     /// Whether physically consistent values are sought.
@@ -59,8 +72,14 @@ impl Default for Options {
             filtering: Filtering::default(),
             choose_filter: false,
             hold: Vec::new(),
+            private: Vec::new(),
+            payload: None,
+            weights: JointWeights::Variance,
+            loss: Loss::Square,
+            priors: Vec::new(),
             rest: 2.0,
             instruments: None,
+            judge: Vec::new(),
             shapes: true,
             consistent: true,
             poses: 10_000,
@@ -91,19 +110,25 @@ pub enum RegressError {
         /// Its name.
         name: String,
     },
-}
-
-/// Residual force of the joints over some records.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Errors {
-    /// Name of the record, or of the role for all of them together.
-    pub records: String,
-    /// RMS of the residual of each joint, N·m or N.
-    pub rms: Vec<f64>,
-    /// The same over the RMS of the drive's force; `None` where the drive does not act.
-    pub relative: Vec<Option<f64>>,
-    /// All joints together.
-    pub overall: Option<f64>,
+    /// Prior knowledge of a parameter that the regression does not estimate.
+    #[error("a prior of `{name}`, which the regression does not estimate: {reason}")]
+    Prior {
+        /// Its name.
+        name: String,
+        /// Why.
+        reason: &'static str,
+    },
+    /// Unknowns that do not fit.
+    #[error(transparent)]
+    Unknowns(#[from] UnknownsError),
+    /// Instruments with what they have no form for.
+    #[error(
+        "instrumental variables take neither {what}\n  help: leave it out, or use least squares"
+    )]
+    InstrumentsAlone {
+        /// What was asked for besides.
+        what: &'static str,
+    },
 }
 
 /// One base parameter.
@@ -150,6 +175,8 @@ pub struct Regression {
     pub held: Vec<(String, f64)>,
     /// Residuals of training records and of each test record.
     pub errors: Vec<Errors>,
+    /// The same of values given to be judged.
+    pub given: Vec<(String, Vec<Errors>)>,
     /// Residuals of left-out training records: mean overall share.
     pub folds: Option<f64>,
     /// Where test records leave the range of the training records.
@@ -168,10 +195,24 @@ pub struct Regression {
     pub remarks: Vec<String>,
     /// Seconds.
     pub seconds: f64,
+    /// The payload, if one was asked for: its ten parameters and the mass's standard deviation.
+    pub payload: Option<PayloadFound>,
     /// What the rounds of instrumental variables did, and how far they moved each combination from least squares.
     pub instruments: Option<(Rounds, Vec<f64>)>,
     /// The solution.
     pub solution: Solution,
+}
+
+/// A payload as it was found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PayloadFound {
+    /// Link it is fixed to.
+    pub link: String,
+    /// Mass, first moment and inertia about the origin of the link's frame (the order of [`crate::pseudo_inertia::SUFFIXES`]), with standard
+    /// deviations where they are determined one by one.
+    pub values: Vec<(f64, Option<f64>)>,
+    /// The same of the physically consistent fit.
+    pub consistent: Option<Vec<f64>>,
 }
 
 /// Runs a regression on the training records and judges it on the test records.
@@ -207,12 +248,40 @@ pub fn regress(
                 }
         })
         .collect();
+    let records: Vec<String> = dataset
+        .with_role(Role::Train)
+        .map(|e| e.name.clone())
+        .collect();
+    let unknowns = Unknowns::new(
+        &split,
+        start,
+        &options.private,
+        options.payload.as_ref(),
+        &records,
+    )?;
+    let how = How {
+        weights: options.weights,
+        beliefs: beliefs(&unknowns, &options.priors)?,
+    };
+    if options.instruments.is_some() {
+        for (asked, what) in [
+            (!unknowns.plain(), "private parameters nor a payload"),
+            (!options.loss.is_square(), "another loss than squares"),
+            (!how.beliefs.is_empty(), "priors"),
+        ] {
+            if asked {
+                return Err(RegressError::InstrumentsAlone { what });
+            }
+        }
+    }
     let choice = match options.choose_filter {
         true => Some(filter_choice::choose(
             &split,
+            &unknowns,
             dataset,
             &rest,
             options.filtering.decimate,
+            &how,
         )?),
         false => None,
     };
@@ -220,18 +289,36 @@ pub fn regress(
     let train = Record::of(dataset, filtering, |e| e.role == Role::Train)?;
     let test = Record::of(dataset, filtering, |e| e.role == Role::Test)?;
     if options.shapes {
-        tune(&mut split, &train, &rest, &hold)?;
+        shapes::tune(&mut split, &train, &rest, &hold, &how)?;
     }
-    let normal = Normal::new(&split, &train, Some(&rest));
-    let judged = Normal::new(&split, &test, None);
-    let mut solution = solution::solve(&normal)?;
-    let infos: Vec<&ParamInfo> = split.linear().iter().map(|&j| &model.params()[j]).collect();
+    let weights = robust::weights(&split, &unknowns, &train, &rest, &how, options.loss)?;
+    let place = |normal: Normal, records: &[Record], fitted: bool| match unknowns.plain() {
+        true => normal,
+        false => normal.placed(
+            unknowns.infos().len(),
+            records
+                .iter()
+                .enumerate()
+                .map(|(r, record)| unknowns.place(&record.name, fitted.then_some(r)))
+                .collect(),
+        ),
+    };
+    let normal = place(
+        Normal::weighted(&split, &train, Some(&rest), &weights),
+        &train,
+        true,
+    );
+    let judged = place(Normal::new(&split, &test, None), &test, false);
+    // Residuals are counted without the weights of samples.
+    let counted = match weights.is_empty() {
+        true => normal.clone(),
+        false => place(Normal::new(&split, &train, Some(&rest)), &train, true),
+    };
+    let mut solution = solution::solve(&normal, &how)?;
+    let infos: Vec<&ParamInfo> = unknowns.infos().iter().collect();
     let names: Vec<&str> = infos.iter().map(|i| i.name.as_ref()).collect();
     let scale = scales(&infos);
-    let near = DVector::from_iterator(
-        split.linear().len(),
-        split.linear().iter().map(|&j| start[j]),
-    );
+    let near = unknowns.near().clone();
     let instruments = match &options.instruments {
         Some(controllers) => {
             let before = solution.beta.clone();
@@ -253,13 +340,13 @@ pub fn regress(
     };
     let p = as_columns(&solution.base, &solution.beta, normal.columns());
     let full = solution.base.nearest(&solution.beta, &near, &scale);
-    let parameters = split.complete(full.as_slice());
+    let parameters = split.complete(&unknowns.robot(&full));
 
     let bootstrap = match options.bootstrap {
         // The draws are of the normal equations, which instruments leave.
         _ if instruments.is_some() => None,
         0 => None,
-        draws => solution::bootstrap(&normal, &solution, draws, options.seed),
+        draws => solution::bootstrap(&normal, &solution, &how, draws, options.seed),
     };
     let agreement = agreement(&normal, &solution);
     let deviations = solution.deviations();
@@ -277,23 +364,46 @@ pub fn regress(
         .collect();
 
     let consistent = (options.consistent && instruments.is_none()).then(|| {
-        let (a, b) = weighted(&normal.total(|_| true), &solution.weights);
+        let (mut a, mut b) = weighted(&normal.total(|_| true), &solution.weights);
         let c: f64 = normal
             .total(|_| true)
             .iter()
             .zip(&solution.weights)
             .map(|(s, w)| w * s.c)
             .sum();
+        how.believe(&mut a, &mut b);
         let least = p.dot(&(&a * &p)) - 2.0 * p.dot(&b) + c;
         let found = consistent::fit(&a, &b, c, &infos, &near, &scale, least);
-        let errors = errors(&normal, &judged, &found.p);
-        (split.complete(found.p.as_slice()), found, errors)
+        let errors = judge::fitted(&counted, &judged, &found.p);
+        (split.complete(&unknowns.robot(&found.p)), found, errors)
     });
     let share = |p: &[f64]| indefinite_share(model, p, options.poses, options.seed);
     let indefinite = (
         share(&parameters),
         consistent.as_ref().map(|(p, ..)| share(p)),
     );
+    let payload = unknowns.payload().map(|body| PayloadFound {
+        link: options
+            .payload
+            .as_ref()
+            .map_or_else(String::new, |p| p.link.clone()),
+        values: body
+            .iter()
+            .map(|&k| {
+                let row = solution.base.independent.iter().position(|&i| i == k);
+                let single = row.filter(|&i| solution.base.single(i));
+                (full[k], single.map(|i| deviations[i]))
+            })
+            .collect(),
+        consistent: consistent
+            .as_ref()
+            .map(|(_, found, _)| body.iter().map(|&k| found.p[k]).collect()),
+    });
+    let given = options
+        .judge
+        .iter()
+        .map(|(name, p)| (name.clone(), judge::given(model, p, &train, &test, &rest)))
+        .collect();
     let ranges = range::of(model, &train);
     Ok(Regression {
         rows,
@@ -312,8 +422,10 @@ pub fn regress(
             .iter()
             .map(|&j| (model.params()[j].name.to_string(), split.held_value(j)))
             .collect(),
-        errors: errors(&normal, &judged, &p),
-        folds: folds(&normal),
+        errors: judge::fitted(&counted, &judged, &p),
+        given,
+        folds: folds(&normal, &counted, &unknowns, &how),
+        payload,
         excess: range::excess(&ranges, &test),
         filter_choice: choice,
         ranges,
@@ -366,109 +478,49 @@ fn scales(infos: &[&ParamInfo]) -> Vec<f64> {
     scale
 }
 
-/// Shape parameters by coordinate search over a logarithmic grid of their ranges: the sum of logarithms of the joints'
-/// residual variances at the best linear parameters (the likelihood with the joints' variances eliminated) decides.
-fn tune(
-    split: &mut LinearModel<'_>,
-    records: &[Record],
-    rest: &[f64],
-    hold: &[usize],
-) -> Result<(), RegressError> {
-    let params = split.model().params();
-    let shapes: Vec<usize> = split
-        .held()
-        .iter()
-        .copied()
-        .filter(|j| {
-            let i = &params[*j];
-            !hold.contains(j) && i.doc.starts_with("term ") && i.lower > 0.0 && i.upper.is_finite()
-        })
-        .collect();
-    if shapes.is_empty() {
-        return Ok(());
-    }
-    for _ in 0..SHAPE_PASSES {
-        for &shape in &shapes {
-            let info = &params[shape];
-            let ratio = (info.upper / info.lower).ln() / (SHAPES - 1) as f64;
-            let mut best = (f64::INFINITY, split.held_value(shape));
-            for k in 0..SHAPES {
-                split.set(shape, info.lower * (ratio * k as f64).exp());
-                let normal = Normal::new(split, records, Some(rest));
-                let solution = solution::solve(&normal)?;
-                let p = as_columns(&solution.base, &solution.beta, normal.columns());
-                let cost: f64 = normal
-                    .total(|_| true)
-                    .iter()
-                    .map(|s| s.count as f64 * s.residual(&p).max(f64::MIN_POSITIVE).ln())
-                    .sum();
-                if cost < best.0 {
-                    best = (cost, split.held_value(shape));
-                }
-            }
-            split.set(shape, best.1);
+/// Beliefs about unknowns from priors of parameters.
+fn beliefs(
+    unknowns: &Unknowns,
+    priors: &[(String, f64, f64)],
+) -> Result<Vec<Belief>, RegressError> {
+    let mut beliefs = Vec::new();
+    for (name, mean, deviation) in priors {
+        let fault = |reason| RegressError::Prior {
+            name: name.clone(),
+            reason,
+        };
+        if !(deviation.is_finite() && *deviation > 0.0 && mean.is_finite()) {
+            return Err(fault("its deviation must be above zero"));
         }
-        // One shape alone has nothing to be revisited for.
-        if shapes.len() == 1 {
-            break;
+        let columns = unknowns.of_parameter(name);
+        if columns.is_empty() {
+            return Err(fault(
+                "it does not exist, is held, or the residual is not linear in it",
+            ));
         }
+        beliefs.extend(columns.into_iter().map(|column| Belief {
+            column,
+            mean: *mean,
+            deviation: *deviation,
+        }));
     }
-    Ok(())
-}
-
-/// Residuals of the fitted rows of all training records together, then of each test record and of all of them.
-fn errors(train: &Normal, test: &Normal, p: &DVector<f64>) -> Vec<Errors> {
-    let row = |normal: &Normal, records: &str, record: Option<usize>| {
-        let choice = |b: &crate::normal::Block| record.is_none_or(|r| b.record == r);
-        let (rms, relative) = solution::residuals(normal, p, choice).into_iter().unzip();
-        Errors {
-            records: records.to_owned(),
-            rms,
-            relative,
-            overall: solution::overall(normal, p, choice),
-        }
-    };
-    let mut all = vec![row(train, "train (all)", None)];
-    if !test.blocks.is_empty() {
-        all.extend(
-            test.records
-                .iter()
-                .enumerate()
-                .map(|(i, name)| row(test, name, Some(i))),
-        );
-        all.push(row(test, "test (all)", None));
-    }
-    all
+    Ok(beliefs)
 }
 
 /// Mean share of the drives' force left on training records (or quarters of a single one) that were not fitted.
-fn folds(normal: &Normal) -> Option<f64> {
-    let folds: Vec<Vec<usize>> = match normal.records.len() {
-        0 => return None,
-        1 => {
-            let n = normal.blocks.len();
-            (0..FOLDS)
-                .map(|f| (f * n / FOLDS..(f + 1) * n / FOLDS).collect())
-                .collect()
-        }
-        n => (0..n)
-            .map(|r| {
-                (0..normal.blocks.len())
-                    .filter(|&b| normal.blocks[b].record == r)
-                    .collect()
-            })
-            .collect(),
-    };
-    let shares: Vec<f64> = folds
-        .par_iter()
-        .filter(|f| !f.is_empty() && f.len() < normal.blocks.len())
-        .filter_map(|left_out| {
+fn folds(normal: &Normal, counted: &Normal, unknowns: &Unknowns, how: &How) -> Option<f64> {
+    let shares: Vec<f64> = filter_choice::folds(normal)
+        .into_par_iter()
+        .enumerate()
+        .filter(|(_, f)| !f.is_empty() && f.len() < normal.blocks.len())
+        .filter_map(|(record, left_out)| {
             let rest: Vec<usize> = (0..normal.blocks.len())
                 .filter(|b| !left_out.contains(b))
                 .collect();
-            let solution = solution::solve(&normal.resampled(&rest)).ok()?;
-            let p = as_columns(&solution.base, &solution.beta, normal.columns());
-            solution::overall(&normal.resampled(left_out), &p, |_| true)
+            let total = normal.resampled(&rest).total(|_| true);
+            let p = solution::estimate(&total, how).ok()?.columns();
+            let p = unknowns.left_out(p, record);
+            solution::overall(&counted.resampled(&left_out), &p, |_| true)
         })
         .collect();
     (!shares.is_empty()).then(|| shares.iter().sum::<f64>() / shares.len() as f64)

@@ -49,6 +49,48 @@ pub enum RegressionError {
     NotFinite,
 }
 
+/// How the joints are weighed against each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum JointWeights {
+    /// Each by one over its own residual variance.
+    #[default]
+    Variance,
+    /// All alike, by one over the residual variance of all together: the residual of all joints together is the least.
+    Common,
+}
+
+/// Prior knowledge of an unknown: a normal distribution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Belief {
+    /// Its column.
+    pub column: usize,
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation, positive.
+    pub deviation: f64,
+}
+
+/// What a least-squares fit is told beside its normal equations.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct How {
+    /// Weights of the joints.
+    pub weights: JointWeights,
+    /// Prior knowledge: each counts as one more residual, the deviation its noise.
+    pub beliefs: Vec<Belief>,
+}
+
+impl How {
+    /// Adds the beliefs to weighted normal equations.
+    pub(crate) fn believe(&self, a: &mut DMatrix<f64>, b: &mut DVector<f64>) {
+        for belief in &self.beliefs {
+            let precision = belief.deviation.powi(-2);
+            a[(belief.column, belief.column)] += precision;
+            b[belief.column] += precision * belief.mean;
+        }
+    }
+}
+
 /// Values of the base parameters and how well they are known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
@@ -127,9 +169,16 @@ impl Reduced {
     }
 }
 
+/// Weighted sum of the joints' normal equations and of what is believed.
+fn believed(sums: &[Sums], weights: &[f64], how: &How) -> (DMatrix<f64>, DVector<f64>) {
+    let (mut a, mut b) = weighted(sums, weights);
+    how.believe(&mut a, &mut b);
+    (a, b)
+}
+
 /// β on given combinations from given sums and weights.
-fn beta(base: &Base, sums: &[Sums], weights: &[f64]) -> Option<DVector<f64>> {
-    let (a, b) = weighted(sums, weights);
+fn beta(base: &Base, sums: &[Sums], weights: &[f64], how: &How) -> Option<DVector<f64>> {
+    let (a, b) = believed(sums, weights, how);
     let reduced = Reduced::new(&a, &base.independent)?;
     Some(reduced.solve(&b, &base.independent))
 }
@@ -143,39 +192,85 @@ pub(crate) fn as_columns(base: &Base, beta: &DVector<f64>, columns: usize) -> DV
     p
 }
 
+/// Values without deviations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimate {
+    /// The combinations.
+    pub base: Base,
+    /// Their values β.
+    pub beta: DVector<f64>,
+    /// Weight of each joint.
+    pub weights: Vec<f64>,
+}
+
+impl Estimate {
+    /// β as values of all columns: those that depend on others are zero.
+    pub fn columns(&self) -> DVector<f64> {
+        let columns = self.base.independent.len() + self.base.dependent.len();
+        as_columns(&self.base, &self.beta, columns)
+    }
+}
+
+/// The values alone, from the sums of each joint.
+///
+/// # Errors
+/// [`RegressionError`].
+pub fn estimate(total: &[Sums], how: &How) -> Result<Estimate, RegressionError> {
+    check(total)?;
+    let weigh = |squares: Vec<(f64, f64)>| -> Vec<f64> {
+        match how.weights {
+            JointWeights::Variance => squares.iter().map(|(s, n)| reciprocal(s / n)).collect(),
+            JointWeights::Common => {
+                let (s, n) = squares
+                    .iter()
+                    .fold((0.0, 0.0), |(s, n), x| (s + x.0, n + x.1));
+                vec![reciprocal(s / n); squares.len()]
+            }
+        }
+    };
+    let mut weights = weigh(total.iter().map(|s| (s.c, s.count as f64)).collect());
+    let mut base = Base::of(&believed(total, &weights, how).0);
+    let mut value = DVector::zeros(base.rank());
+    for pass in 0..PASSES {
+        value = beta(&base, total, &weights, how).ok_or(RegressionError::NotFinite)?;
+        if pass + 1 < PASSES {
+            let columns = base.independent.len() + base.dependent.len();
+            let p = as_columns(&base, &value, columns);
+            // Each joint bears its share of the unknowns.
+            let lost = base.rank() as f64 / total.len() as f64;
+            let squares = total
+                .iter()
+                .map(|s| (s.residual(&p), (s.count as f64 - lost).max(1.0)));
+            weights = weigh(squares.collect());
+            base = Base::of(&believed(total, &weights, how).0);
+        }
+    }
+    Ok(Estimate {
+        base,
+        beta: value,
+        weights,
+    })
+}
+
 /// Solves the regression.
 ///
 /// # Errors
 /// [`RegressionError`].
-pub fn solve(normal: &Normal) -> Result<Solution, RegressionError> {
+pub fn solve(normal: &Normal, how: &How) -> Result<Solution, RegressionError> {
     let total = normal.total(|_| true);
-    check(&total)?;
-    let mut weights: Vec<f64> = total
-        .iter()
-        .map(|s| reciprocal(s.c / s.count as f64))
-        .collect();
-    let mut base = Base::of(&weighted(&total, &weights).0);
-    let mut value = DVector::zeros(base.rank());
-    for pass in 0..PASSES {
-        value = beta(&base, &total, &weights).ok_or(RegressionError::NotFinite)?;
-        if pass + 1 < PASSES {
-            let p = as_columns(&base, &value, normal.columns());
-            // Each joint bears its share of the unknowns.
-            let lost = base.rank() as f64 / normal.nq() as f64;
-            weights = total
-                .iter()
-                .map(|s| reciprocal(s.residual(&p) / (s.count as f64 - lost).max(1.0)))
-                .collect();
-            base = Base::of(&weighted(&total, &weights).0);
-        }
-    }
-    let (a, _) = weighted(&total, &weights);
+    let Estimate {
+        base,
+        beta,
+        weights,
+    } = estimate(&total, how)?;
+    let (a, _) = believed(&total, &weights, how);
     let reduced = Reduced::new(&a, &base.independent).ok_or(RegressionError::NotFinite)?;
     let white = reduced.inverse();
-    let covariance = jackknife(normal, &base, &weights, &total).unwrap_or_else(|| white.clone());
+    let covariance =
+        jackknife(normal, &base, &weights, &total, how).unwrap_or_else(|| white.clone());
     Ok(Solution {
         base,
-        beta: value,
+        beta,
         white,
         covariance,
         weights,
@@ -213,17 +308,18 @@ fn jackknife(
     base: &Base,
     weights: &[f64],
     total: &[Sums],
+    how: &How,
 ) -> Option<DMatrix<f64>> {
     let blocks = normal.blocks.len();
     if blocks < 3 {
         return None;
     }
-    let (a, b) = weighted(total, weights);
+    let (a, b) = believed(total, weights, how);
     let estimates: Option<Vec<DVector<f64>>> = normal
         .blocks
         .par_iter()
         .map(|block| {
-            let (own_a, own_b) = weighted(&block.joints, weights);
+            let (own_a, own_b) = weighted(&normal.joints(block), weights);
             let reduced = Reduced::new(&(&a - own_a), &base.independent)?;
             Some(reduced.solve(&(&b - own_b), &base.independent))
         })
@@ -251,6 +347,7 @@ pub(crate) fn scatter(estimates: &[DVector<f64>], factor: f64) -> DMatrix<f64> {
 pub fn bootstrap(
     normal: &Normal,
     solution: &Solution,
+    how: &How,
     draws: usize,
     seed: u64,
 ) -> Option<Vec<(f64, f64)>> {
@@ -276,7 +373,7 @@ pub fn bootstrap(
         .par_iter()
         .filter_map(|at| {
             let sums = normal.resampled(at).total(|_| true);
-            beta(&solution.base, &sums, &solution.weights)
+            beta(&solution.base, &sums, &solution.weights, how)
         })
         .collect();
     if estimates.len() * 2 < draws.max(1) {
@@ -297,12 +394,13 @@ pub fn bootstrap(
 /// β of each record by itself on the combinations of the whole, with deviations; `None` where a record alone does not
 /// determine them.
 pub fn per_record(normal: &Normal, solution: &Solution) -> Vec<Option<Agreement>> {
+    let alone = How::default();
     (0..normal.records.len())
         .map(|record| {
             let own = normal.of_record(record);
             let total = own.total(|_| true);
-            let value = beta(&solution.base, &total, &solution.weights)?;
-            let covariance = jackknife(&own, &solution.base, &solution.weights, &total)?;
+            let value = beta(&solution.base, &total, &solution.weights, &alone)?;
+            let covariance = jackknife(&own, &solution.base, &solution.weights, &total, &alone)?;
             let deviations = (0..value.len())
                 .map(|i| covariance[(i, i)].max(0.0).sqrt())
                 .collect();
@@ -421,7 +519,7 @@ mod tests {
     fn the_known_carriage_is_found() {
         let model = split();
         let normal = Normal::new(&model, &[record(1, 0.0, 0.0)], None);
-        let solution = solve(&normal).unwrap();
+        let solution = solve(&normal, &How::default()).unwrap();
         assert_eq!(solution.base.rank(), 4);
         for (value, truth) in solution.beta.iter().zip([90.0, 200.0, 20.0, -3.0]) {
             assert!((value / truth - 1.0).abs() < 5e-3, "{value} {truth}");
@@ -435,7 +533,7 @@ mod tests {
         let runs: Vec<(f64, f64, f64)> = (0..60)
             .map(|seed| {
                 let normal = Normal::new(&model, &[record(100 + seed, 4.0, 0.97)], None);
-                let s = solve(&normal).unwrap();
+                let s = solve(&normal, &How::default()).unwrap();
                 (s.beta[0], s.deviations()[0], s.white[(0, 0)].sqrt())
             })
             .collect();
@@ -457,8 +555,8 @@ mod tests {
     #[test]
     fn bootstrap_and_jackknife_agree() {
         let normal = Normal::new(&split(), &[record(7, 4.0, 0.5), record(8, 4.0, 0.5)], None);
-        let solution = solve(&normal).unwrap();
-        let quantiles = bootstrap(&normal, &solution, 400, 3).unwrap();
+        let solution = solve(&normal, &How::default()).unwrap();
+        let quantiles = bootstrap(&normal, &solution, &How::default(), 400, 3).unwrap();
         for ((low, high), deviation) in quantiles.iter().zip(solution.deviations()) {
             let half = 0.5 * (high - low);
             assert!(
@@ -471,6 +569,9 @@ mod tests {
     #[test]
     fn nothing_to_solve_is_said() {
         let normal = Normal::new(&split(), &[], None);
-        assert_eq!(solve(&normal).unwrap_err(), RegressionError::NoSamples);
+        assert_eq!(
+            solve(&normal, &How::default()).unwrap_err(),
+            RegressionError::NoSamples
+        );
     }
 }

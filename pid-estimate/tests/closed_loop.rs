@@ -1,26 +1,18 @@
 //! A servo in closed loop and switched off: one model on both kinds of measured records.
 
-use std::ops::ControlFlow;
-use std::path::PathBuf;
+mod common;
 
-use pid_estimate::control::{ClosedLoop, Controllers};
+use std::ops::ControlFlow;
+
+use common::records;
+use pid_estimate::control::ClosedLoop;
+use pid_estimate::controllers::Controllers;
 use pid_estimate::extend::Extended;
 use pid_models::ServoPendulum;
-use pid_runtime::data::{Dataset, Horizon};
+use pid_runtime::data::Horizon;
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::gap::metrics::{FreeRunSettings, StartVelocity, free_run_table};
 use pid_runtime::ident::{InitialState, Method, Progress, Settings, Weighting, identify};
-
-fn folder(name: &str) -> Option<Dataset> {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../../shared/data")
-        .join(name);
-    if !folder.is_dir() {
-        eprintln!("skipped: no records at {}", folder.display());
-        return None;
-    }
-    Some(Dataset::read(&folder).expect("readable"))
-}
 
 /// The firmware's law: duty = clip(kp · 4096/2π/(256 · 885) (qref − q)), at a supply of 7.3 V.
 fn controllers() -> Controllers {
@@ -34,7 +26,7 @@ fn controllers() -> Controllers {
 
 #[test]
 fn one_servo_model_follows_closed_loop_and_falling_records() {
-    let (Some(driven), Some(falling)) = (folder("bam_xl330"), folder("bam_xl330_drop")) else {
+    let (Some(driven), Some(falling)) = (records("bam_xl330"), records("bam_xl330_drop")) else {
         return;
     };
     let mut dataset = controllers().close(driven).expect("commands recorded");

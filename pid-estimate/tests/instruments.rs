@@ -1,6 +1,6 @@
 //! Instrumental variables on a closed loop whose noise is fed back, against least squares on the same records.
 
-use pid_estimate::control::Controllers;
+use pid_estimate::controllers::Controllers;
 use pid_estimate::record::Filtering;
 use pid_estimate::regress::{Options, Regression, regress};
 use pid_models::Emps;

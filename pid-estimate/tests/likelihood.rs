@@ -239,3 +239,48 @@ fn a_profile_of_a_nearly_normal_posterior_is_its_normal_interval() {
         );
     }
 }
+
+#[test]
+fn priors_are_knowledge_of_what_the_records_leave_open() {
+    // Voltage acts by gain/resistance, back-EMF and friction by gain²/resistance + viscous: three parameters, two combinations.
+    let dataset = records(&ServoPendulum, &truth(), &recipe(3), 23).expect("simulates");
+    let names = ["gain_shaft", "resistance_shaft", "viscous_shaft"];
+    let alone = fit(&dataset, &settings(&names, Likelihood::default()));
+    assert_eq!(alone.undetermined, 1, "{:?}", alone.open);
+    let priors: Vec<Prior> = names
+        .iter()
+        .map(|name| {
+            let j = position(name);
+            let info = &ServoPendulum.params()[j];
+            // Uniform over the range, as a normal distribution.
+            Prior {
+                parameter: j,
+                mean: 0.5 * (info.lower + info.upper),
+                deviation: (info.upper - info.lower) / 12.0_f64.sqrt(),
+            }
+        })
+        .collect();
+    let with = Likelihood {
+        priors,
+        ..Likelihood::default()
+    };
+    let settings = settings(&names, with);
+    let known = fit(&dataset, &settings);
+    assert_eq!(known.undetermined, 0, "{:?}", known.open);
+    for name in names {
+        let deviation = known.deviations[position(name)].expect("known by its prior");
+        let info = &ServoPendulum.params()[position(name)];
+        assert!(deviation < info.upper - info.lower, "{name}: {deviation}");
+    }
+    // The profile agrees that it is wide, and stays within the bounds.
+    let j = position("gain_shaft");
+    let go_on = &mut |_: &Progress<'_>| ControlFlow::Continue(());
+    let interval = profile(&ServoPendulum, &dataset, &settings, &known, j, go_on).expect("fits");
+    let value = known.best().parameters[j];
+    let info = &ServoPendulum.params()[j];
+    let (low, high) = (
+        interval.lower.unwrap_or(info.lower),
+        interval.upper.unwrap_or(info.upper),
+    );
+    assert!(info.lower <= low && low < value && value < high && high <= info.upper);
+}

@@ -1,25 +1,14 @@
 //! Measured records: residuals of regressions beside the figures in the data sets' own descriptions.
 
-use std::path::PathBuf;
+mod common;
 
+use common::records;
 use pid_estimate::extend::Extended;
 use pid_estimate::record::Filtering;
 use pid_estimate::regress::{Options, Regression, regress};
 use pid_models::{Emps, Panda, Tx40};
 use pid_runtime::data::Dataset;
 use pid_runtime::dynamics::{Dynamics, Hessian};
-
-/// The data set of this name, if the records lie beside the workspace.
-fn records(name: &str) -> Option<Dataset> {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../../shared/data")
-        .join(name);
-    if !folder.is_dir() {
-        eprintln!("skipped: no records at {}", folder.display());
-        return None;
-    }
-    Some(Dataset::read(&folder).expect("readable"))
-}
 
 fn run(model: &dyn Hessian, dataset: &Dataset, terms: &[&str], filtering: Filtering) -> Regression {
     let terms: Vec<_> = terms.iter().map(|t| t.parse().expect("a term")).collect();

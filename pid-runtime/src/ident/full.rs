@@ -82,6 +82,11 @@ pub(super) fn assemble(
         }
         None => weigh(&mut tracks, &records, model.dims().nq, settings.weighting),
     }
+    for j in anchored(model, dataset) {
+        for track in &mut tracks {
+            anchor(track, j, model.dims().nq);
+        }
+    }
     let setup = Setup {
         scheme: settings.scheme,
         curvature: settings.curvature,
@@ -104,6 +109,37 @@ pub(super) fn assemble(
         fixed,
         notes,
     })
+}
+
+/// Coordinates whose value nothing depends on and that no record reads more than once (as that of a lagging velocity reading,
+/// of which only the velocity means something): no reading determines where they start.
+pub(super) fn anchored(model: &dyn Hessian, dataset: &Dataset) -> Vec<usize> {
+    let nq = model.dims().nq;
+    let (first, second) = (model.jacobian_pattern(), model.hessian_pattern());
+    let used = |j: usize| {
+        let places = first.cols.iter().chain(second.cols).chain(second.rows);
+        places.into_iter().any(|c| *c as usize == j)
+    };
+    let read = |j: usize| {
+        let readings = |e: &Experiment| {
+            let own = e.q.iter().skip(j).step_by(nq);
+            own.filter(|q| q.is_finite()).count()
+        };
+        dataset.with_role(Role::Train).map(readings).max()
+    };
+    (0..nq)
+        .filter(|&j| read(j).unwrap_or(0) <= 1 && !used(j))
+        .collect()
+}
+
+/// One reading of such a coordinate, at the start of a window; it costs nothing at the solution.
+fn anchor(track: &mut Track, j: usize, nq: usize) {
+    let nx = 2 * nq;
+    for (k, row) in track.measured.chunks_exact_mut(nx).enumerate() {
+        row[j] = if k == 0 { track.guess[j] } else { f64::NAN };
+    }
+    let velocity = track.weights[nq + j];
+    track.weights[j] = if velocity > 0.0 { velocity } else { 1.0 };
 }
 
 /// Identifies by full discretization.

@@ -56,6 +56,10 @@ pub(super) fn identify(
             });
         }
     };
+    let mut stated = stated;
+    for j in super::full::anchored(model, dataset) {
+        stated[j] = Some(1.0);
+    }
     let spread = spreads(dataset);
     let mut levels = first_levels(dataset, &stated, &spread);
     let all_stated = stated.iter().all(Option::is_some);
