@@ -347,10 +347,7 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_refused() {
         let message = |private: &[&str], payload| {
-            unknowns(private, payload)
-                .err()
-                .expect("refused")
-                .to_string()
+            unknowns(private, payload).expect_err("refused").to_string()
         };
         assert!(message(&["wet_*"], None).contains("`wet_*`"));
         assert!(message(&[], Some("gripper=*_load")).contains("wrist_3"));

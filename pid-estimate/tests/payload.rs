@@ -1,6 +1,7 @@
 //! Regressions over records that differ: a payload, offsets of each record, torques with outliers, prior knowledge.
 
 use pid_estimate::extend::Extended;
+use pid_estimate::judge::Errors;
 use pid_estimate::pseudo_inertia::SUFFIXES;
 use pid_estimate::record::Filtering;
 use pid_estimate::regress::{Options, Regression, regress};
@@ -140,7 +141,12 @@ fn value(found: &Regression, name: &str) -> f64 {
 
 #[test]
 fn one_fit_tells_robot_payload_and_offsets_apart() {
-    let found = run(&dataset(false), Options::default());
+    let nominal: Vec<f64> = model().params().iter().map(|p| p.nominal).collect();
+    let options = Options {
+        judge: vec![("the robot alone".into(), nominal)],
+        ..Options::default()
+    };
+    let found = run(&dataset(false), options);
     let payload = found.payload.as_ref().expect("asked for");
     for ((value, deviation), truth) in payload.values.iter().zip(BODY) {
         assert!((value - truth).abs() < 2e-3, "{value} {truth}");
@@ -150,12 +156,18 @@ fn one_fit_tells_robot_payload_and_offsets_apart() {
         let found = value(&found, &format!("offset_elbow@{record}"));
         assert!((found - offset).abs() < 2e-2, "{record}: {found}");
     }
-    // With the mean of the offsets, 1.0, the unseen records are met, loaded or not.
+    // With the mean of the offsets, 1.0, the unseen records are met, loaded or not, to what the filter makes of dry friction where a
+    // joint reverses (it is within the steps of rest, which are judged). The robot alone misses the loaded one.
+    let overall = |errors: &[Errors], record: &str| {
+        let row = errors.iter().find(|e| e.records == record);
+        row.and_then(|e| e.overall).expect("judged")
+    };
     for record in ["d", "e_load"] {
-        let row = found.errors.iter().find(|e| e.records == record);
-        let overall = row.and_then(|e| e.overall).expect("judged");
-        assert!(overall < 2e-3, "{record}: {overall}");
+        let error = overall(&found.errors, record);
+        assert!(error < 1e-2, "{record}: {error}");
     }
+    let alone = overall(&found.given[0].1, "e_load");
+    assert!(alone > 0.1, "{alone}");
 }
 
 #[test]
@@ -212,6 +224,6 @@ fn a_prior_settles_what_the_records_leave_open() {
             ..Options::default()
         },
     );
-    let message = unknown.err().expect("no payload").to_string();
+    let message = unknown.expect_err("no payload").to_string();
     assert!(message.contains("`payload_m`"), "{message}");
 }
