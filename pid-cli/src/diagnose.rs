@@ -30,6 +30,9 @@ pub(crate) struct DiagnoseArgs {
     /// Look for the motion that separates the first two candidates even where the records do so already.
     #[arg(long)]
     next: bool,
+    /// Refit every candidate to its end instead of those that screening puts first: slow, to judge the screening by.
+    #[arg(long)]
+    refit_all: bool,
 }
 
 /// Diagnoses all folders, several at a time; those that cannot be read are named and do not stop the others.
@@ -54,7 +57,7 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
                 output::print(&format!("{}: already diagnosed\n", folder.display()));
                 return Ok(true);
             }
-            match one(folder, model, &out, args.next) {
+            match one(folder, model, &out, args) {
                 Ok(d) => {
                     output::print(&summary(&d));
                     Ok(true)
@@ -78,12 +81,15 @@ fn one(
     folder: &Path,
     model: Option<&dyn Hessian>,
     out: &Path,
-    next: bool,
+    args: &DiagnoseArgs,
 ) -> Result<Diagnosis, CliError> {
-    let settings = Settings::default();
+    let settings = Settings {
+        refit_all: args.refit_all,
+        ..Settings::default()
+    };
     let report = match model {
-        Some(model) => Report::of_model(model, folder, &settings, next)?,
-        None => Report::of_folder(folder, &settings, next)?,
+        Some(model) => Report::of_model(model, folder, &settings, args.next)?,
+        None => Report::of_folder(folder, &settings, args.next)?,
     };
     report.write(out)?;
     Ok(report.found.diagnosis)

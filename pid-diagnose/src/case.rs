@@ -134,6 +134,8 @@ pub struct Case {
     pub noise: Vec<Noise>,
     /// Typical force on the tool and mass of the last link.
     pub tip: (f64, f64),
+    /// Factor on the number of substeps; 1 unless a fit is finished with finer ones.
+    pub refined: usize,
 }
 
 impl Case {
@@ -223,6 +225,7 @@ impl Case {
             scale: Vec::new(),
             noise: Vec::new(),
             tip: (1.0, 1.0),
+            refined: 1,
             nominal,
             records,
         };

@@ -227,25 +227,50 @@ pub fn gap(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role:
 }
 
 /// Draws of the noise that a floor is averaged over.
-const DRAWS: usize = 2;
+const DRAWS: usize = 6;
 /// Corner of the filter behind the states at the starts of windows, Hz; see [`Record::smooth_q`].
 const START_HZ: f64 = 30.0;
 
+/// The gap that noise alone leaves: its root mean square over some draws of the noise, and the largest of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Floor {
+    /// Root mean square.
+    pub typical: f64,
+    /// Largest: few windows and starts without a reading of the velocity make it differ much from draw to draw.
+    pub largest: f64,
+}
+
 /// The gap that noise alone leaves: free runs with the drive noise drawn anew, read with reading noise, against the same runs
 /// without, from starts as uncertain as the filtered readings are (fixed seed).
-pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role: Role) -> f64 {
+pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role: Role) -> Floor {
     let mut random = Normal::new(0x5eed);
     let n = case.n();
-    let mut sums = Sums::new(n);
+    let mut draws: Vec<Sums> = (0..DRAWS).map(|_| Sums::new(n)).collect();
     for record in case.records.iter().filter(|r| r.role == role) {
         let w = windows(case, record, hypothesis, theta, e);
         let size = deviations(record, n);
         let mut clean = Runner::<f64>::new(case, record, hypothesis, theta, e);
+        let plain: Vec<Vec<(f64, f64)>> = w
+            .starts
+            .iter()
+            .enumerate()
+            .map(|(i, start)| {
+                free_run(
+                    case,
+                    &mut clean,
+                    record,
+                    start,
+                    i * w.length,
+                    w.length,
+                    &mut |_| (0.0, 0.0),
+                )
+            })
+            .collect();
         // White noise through a low pass keeps the share of its band; its derivative is that of the band.
         let share = (2.0 * START_HZ * record.h).min(1.0).sqrt();
         let rate = 2.0 * std::f64::consts::PI * START_HZ / 3f64.sqrt();
-        let mut squares = vec![[(0.0, 0.0); 2]; n];
-        for _ in 0..DRAWS {
+        for sums in &mut draws {
+            let mut squares = vec![[(0.0, 0.0); 2]; n];
             let mut noisy = record.clone();
             for j in 0..n {
                 let scale = case.noise[j].torque / case.nominal.joints[j].gain().abs();
@@ -262,9 +287,6 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
             let mut disturbed = Runner::<f64>::new(case, &noisy, hypothesis, theta, e);
             for (i, start) in w.starts.iter().enumerate() {
                 let k = i * w.length;
-                let plain = free_run(case, &mut clean, record, start, k, w.length, &mut |_| {
-                    (0.0, 0.0)
-                });
                 let mut run =
                     free_run(case, &mut disturbed, &noisy, start, k, w.length, &mut |j| {
                         let nq = case.noise[j].q * random.next();
@@ -275,7 +297,7 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
                         };
                         (nq, nv)
                     });
-                for (i, (x, y)) in run.iter_mut().zip(&plain).enumerate() {
+                for (i, (x, y)) in run.iter_mut().zip(&plain[i]).enumerate() {
                     // Readings that are missing count nowhere.
                     let (j, at) = (i % n, k + 1 + i / n);
                     *x = (
@@ -285,10 +307,14 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
                 }
                 sums.window(&mut squares, &run, &size);
             }
+            sums.record(&squares);
         }
-        sums.record(&squares);
     }
-    sums.gap(case).total
+    let totals: Vec<f64> = draws.into_iter().map(|s| s.gap(case).total).collect();
+    Floor {
+        typical: (totals.iter().map(|x| x * x).sum::<f64>() / totals.len() as f64).sqrt(),
+        largest: totals.iter().copied().fold(0.0, f64::max),
+    }
 }
 
 fn clip(x: f64) -> f64 {

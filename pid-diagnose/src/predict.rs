@@ -16,7 +16,10 @@ const LONGEST_STEP: f64 = 2.1e-3;
 /// Longest substep with a gear, s.
 const LONGEST_GEARED_STEP: f64 = 0.55e-3;
 /// Innovations of the first moments are left out: they tell of the start, s.
-const SETTLING: f64 = 0.12;
+const SETTLING: f64 = 0.35;
+
+/// Inputs of the first moments are averaged for the state at the start, s.
+const HOLDING: f64 = 0.015;
 
 /// Samples of a record whose innovations count.
 pub fn rows(record: &Record) -> usize {
@@ -107,7 +110,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         Runner {
             case,
             record,
-            substeps: substeps(record.h, geared),
+            substeps: substeps(record.h, geared) * case.refined,
             machine,
         }
     }
@@ -130,8 +133,28 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         for j in 0..n {
             (q[j], v[j]) = self.read_state(j, k);
         }
-        let u: Vec<f64> = (0..n).map(|j| self.record.u[j][k]).collect();
-        self.machine.rest(&q, &v, &u)
+        // A controller passes the noise of its readings on: what holds the robot is the mean of the first inputs.
+        let last = (k + (HOLDING / self.record.h) as usize).min(self.record.len() - 1);
+        let u: Vec<f64> = (0..n)
+            .map(|j| self.record.u[j][k..=last].iter().sum::<f64>() / (last + 1 - k) as f64)
+            .collect();
+        let mut state = self.machine.rest(&q, &v, &u);
+        // The true position behind a reading moves with the parameters of the sensor.
+        for j in 0..n {
+            let (rq, rv) = self.machine.sense(j, D::constant(q[j]), D::constant(v[j]));
+            let (mut a, mut b) = (D::constant(q[j]), D::constant(v[j]));
+            for _ in 0..4 {
+                let (x, y) = self.machine.sense(j, a, b);
+                a += -x + rq.value();
+                b += -y + rv.value();
+            }
+            let (a, b) = (a - a.value(), b - b.value());
+            state.q[j] += a;
+            state.drive_q[j] += a;
+            state.v[j] += b;
+            state.drive_v[j] += b;
+        }
+        state
     }
 
     /// Smoothed reading of joint `j` at sample `k`, undone by the sensor effects.
@@ -232,19 +255,36 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                     ev = D::nil();
                 }
                 let fix = |row: usize| eq * g.rows[row][0] + ev * g.rows[row][1];
+                // What a late reading corrects is the state it shows; from there the correction moves on with its velocity.
+                let late = delays[j].map_or(D::nil(), |d| {
+                    (d / r.h).limit(D::nil(), D::constant(k as f64))
+                });
+                let moved = |row: usize, samples: D| fix(row) + fix(row + 1) * samples * r.h;
                 if self.machine.gears[j].is_some() {
-                    state.drive_q[j] += fix(0);
+                    state.drive_q[j] += moved(0, late);
                     state.drive_v[j] += fix(1);
-                    state.q[j] += fix(2);
+                    state.q[j] += moved(2, late);
                     state.v[j] += fix(3);
                 } else {
-                    state.q[j] += fix(0);
+                    state.q[j] += moved(0, late);
                     state.v[j] += fix(1);
                     state.drive_q[j] = state.q[j];
                     state.drive_v[j] = state.v[j];
                 }
-                if let Some(entry) = history[j].last_mut() {
-                    *entry = self.encoder(&state, j);
+                let row = if self.machine.gears[j].is_some()
+                    && self.case.nominal.encoder_side == EncoderSide::Joint
+                {
+                    2
+                } else {
+                    0
+                };
+                for (back, entry) in history[j].iter_mut().rev().enumerate() {
+                    let since = late - back as f64;
+                    if back > 0 && since.value() <= 0.0 {
+                        break;
+                    }
+                    entry.0 += moved(row, since);
+                    entry.1 += fix(row + 1);
                 }
             }
             if k + 1 < r.len() {

@@ -52,16 +52,28 @@ fn scale<D: Scalar>(a: V3<f64>, x: D) -> V3<D> {
     [x * a[0], x * a[1], x * a[2]]
 }
 #[inline(always)]
+fn times<D: Scalar>(a: V3<D>, x: D) -> V3<D> {
+    [a[0] * x, a[1] * x, a[2] * x]
+}
+#[inline(always)]
 fn lift<D: Scalar>(a: V3<f64>) -> V3<D> {
-    a.map(D::constant)
+    [D::constant(a[0]), D::constant(a[1]), D::constant(a[2])]
 }
 #[inline(always)]
 fn turn<D: Scalar>(r: &M3<D>, a: V3<D>) -> V3<D> {
-    [0, 1, 2].map(|i| r[i][0] * a[0] + r[i][1] * a[1] + r[i][2] * a[2])
+    [
+        r[0][0] * a[0] + r[0][1] * a[1] + r[0][2] * a[2],
+        r[1][0] * a[0] + r[1][1] * a[1] + r[1][2] * a[2],
+        r[2][0] * a[0] + r[2][1] * a[1] + r[2][2] * a[2],
+    ]
 }
 #[inline(always)]
 fn turn_back<D: Scalar>(r: &M3<D>, a: V3<D>) -> V3<D> {
-    [0, 1, 2].map(|i| r[0][i] * a[0] + r[1][i] * a[1] + r[2][i] * a[2])
+    [
+        r[0][0] * a[0] + r[1][0] * a[1] + r[2][0] * a[2],
+        r[0][1] * a[0] + r[1][1] * a[1] + r[2][1] * a[2],
+        r[0][2] * a[0] + r[1][2] * a[1] + r[2][2] * a[2],
+    ]
 }
 #[inline(always)]
 fn symmetric<D: Scalar>(i: &[D; 6], a: V3<D>) -> V3<D> {
@@ -78,7 +90,7 @@ impl Hinge {
     fn rotation_at<D: Scalar>(&self, q: D) -> M3<D> {
         let base = &self.rotation;
         if !self.revolute {
-            return base.map(|row| row.map(D::constant));
+            return [lift(base[0]), lift(base[1]), lift(base[2])];
         }
         // R0 (E + sin q K + (1 - cos q) K K) as R0 a aᵀ + cos q R0 (E - a aᵀ) + sin q R0 K.
         let (s, c) = (q.sine(), q.cosine());
@@ -182,7 +194,7 @@ pub fn mass_and_bias<D: Scalar>(
             acc = add(acc, add(c, c));
         }
         let (h, m) = (body.moment, body.mass);
-        work.force[k] = add(acc.map(|a| a * m), add(cross(al, h), cross(w, cross(w, h))));
+        work.force[k] = add(times(acc, m), add(cross(al, h), cross(w, cross(w, h))));
         work.torque[k] = add(
             symmetric(&body.inertia, al),
             add(cross(w, symmetric(&body.inertia, w)), cross(h, acc)),
@@ -216,7 +228,7 @@ pub fn mass_and_bias<D: Scalar>(
             (cross(a, own.moment), symmetric(&own.inertia, a))
         } else {
             let a: V3<D> = lift(hinge.axis);
-            (a.map(|x| x * own.mass), cross(own.moment, a))
+            (times(a, own.mass), cross(own.moment, a))
         };
         mass[k * n + k] = if hinge.revolute {
             dot(t, hinge.axis)
@@ -252,7 +264,7 @@ fn join<D: Scalar>(parent: &mut Body<D>, child: &Body<D>, r: &M3<D>, arm: V3<D>)
     let h = turn(r, child.moment);
     let i = &child.inertia;
     let full = [[i[0], i[3], i[4]], [i[3], i[1], i[5]], [i[4], i[5], i[2]]];
-    let columns = full.map(|row| turn(r, row)); // rows of I Rᵀ, I symmetric: columns[j] = R I e_j
+    let columns = [turn(r, full[0]), turn(r, full[1]), turn(r, full[2])]; // rows of I Rᵀ, I symmetric: columns[j] = R I e_j
     let entry = |a: usize, b: usize| {
         // (R I Rᵀ)_ab = Σ_j R_bj (R I e_j)_a
         columns[0][a] * r[b][0] + columns[1][a] * r[b][1] + columns[2][a] * r[b][2]

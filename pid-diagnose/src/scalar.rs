@@ -107,11 +107,13 @@ impl<const N: usize> Lanes<N> {
         Lanes { re, eps }
     }
     #[inline(always)]
-    fn chain(self, re: f64, slope: f64) -> Self {
-        Lanes {
-            re,
-            eps: self.eps.map(|e| e * slope),
+    fn chain(mut self, re: f64, slope: f64) -> Self {
+        // A loop and not `map`, which is not inlined in the large kernels.
+        for e in &mut self.eps {
+            *e *= slope;
         }
+        self.re = re;
+        self
     }
     #[inline(always)]
     fn both(self, other: Self, re: f64, f: impl Fn(f64, f64) -> f64) -> Self {

@@ -307,7 +307,7 @@ fn the_bristle_reaches_the_coulomb_level_and_remembers() {
     let x = 0.2 * 1e-4 * 200.0;
     let after = push(0.2, 200);
     assert!(
-        (after - (1.0 - (-x / 0.01_f64).exp())).abs() < 2e-3,
+        (after - (1.0 - (-x / 0.01_f64).exp())).abs() < 1e-12,
         "{after}"
     );
     assert!((push(0.2, 20_000) - 1.0).abs() < 1e-9);

@@ -1,11 +1,13 @@
 //! Physical magnitudes of fitted effects with their standard deviations.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
+use pid_runtime::data::Role;
 
 use super::{Magnitude, Named};
-use crate::case::Case;
-use crate::fit::Fit;
+use crate::case::{Case, Velocity};
+use crate::fit::{Basis, Direction, Fit, PRIOR, Quadratic, linearise};
 use crate::plant::{GAIN, PER_JOINT};
+use crate::predict::rows;
 
 /// Factor on variances from the curvature: neighbouring innovations share information.
 const SHARED: f64 = 2.0;
@@ -23,24 +25,31 @@ fn curvature(fit: &Fit) -> (DMatrix<f64>, Vec<bool>) {
 }
 
 /// Size of the last effect of a fit over its standard deviation, the largest of its amplitudes; 0 if it is not determined.
+///
+/// An effect with an absent point is judged at the nominal parameters found: where a tolerance alone separates the two, its
+/// likelihood speaks for it and not its size. One without such a point brings freedom of its own and must be determined beside them.
 pub(super) fn size_in_deviations(fit: &Fit) -> f64 {
     let Some(term) = fit.hypothesis.terms.last() else {
         return 0.0;
     };
     let info = term.effect.info();
-    let first = fit.point.e.len() - info.parameters.len();
-    let size = fit.point.theta.len();
     let misfit = (fit.train.total() / fit.train.number()).max(1.0);
-    let (h, dead) = curvature(fit);
+    let (mut h, mut dead) = curvature(fit);
+    let mut size = fit.point.theta.len();
+    let absent: [usize; 1] = [0];
+    let own: &[usize] = if info.amplitudes.is_empty() {
+        &absent
+    } else {
+        h = h.remove_rows(0, size).remove_columns(0, size);
+        dead.drain(..size);
+        size = 0;
+        info.amplitudes
+    };
+    let first = fit.point.e.len() - info.parameters.len();
     let Some(factor) = h.cholesky() else {
         return 0.0;
     };
     let covariance = factor.inverse() * (misfit * SHARED);
-    let own: &[usize] = if info.amplitudes.is_empty() {
-        &[0]
-    } else {
-        info.amplitudes
-    };
     own.iter()
         .filter(|&&a| !dead[size + first + a])
         .map(|&a| {
@@ -50,14 +59,87 @@ pub(super) fn size_in_deviations(fit: &Fit) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// The effects of a fit with their magnitudes and standard deviations (from the curvature, widened where the misfit is larger than
-/// the noise; 2 for what neighbouring innovations share).
-pub(super) fn name(case: &Case, fit: &Fit) -> Vec<Named> {
+/// Length of a block of innovations taken as independent of the others, s.
+const BLOCK: f64 = 0.35;
+
+/// Covariances of (θ, e) at a fit, with derivatives of its own: from the curvature, widened where the misfit is larger than the
+/// noise, and from the scores of blocks of time ("sandwich": P. J. Huber, 5th Berkeley Symposium, 1967; blocks of dependent rows:
+/// K.-Y. Liang, S. L. Zeger, Biometrika 73, 1986),
+///
+/// ```text
+/// H⁻¹ (Σ_b (s_b − s̄)(s_b − s̄)ᵀ + P) H⁻¹,   s_b = Σ_{k∈b} J_kᵀ ε_k,   P the curvature of the prior
+/// ```
+///
+/// Borrowed derivatives would make parameters that only a tolerance separates look well determined.
+fn covariances(case: &Case, basis: &Basis, fit: &Fit) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+    let columns: Vec<Vec<f64>> = basis
+        .columns
+        .column_iter()
+        .map(|c| c.iter().copied().collect())
+        .collect();
+    let (size, rank) = basis.columns.shape();
+    let ne = fit.point.e.len();
+    let mut directions: Vec<Direction<'_>> = columns.iter().map(|c| Direction::Theta(c)).collect();
+    directions.extend((0..ne).map(Direction::Effect));
+    let lin = linearise(
+        case,
+        &fit.hypothesis,
+        &fit.point,
+        &fit.gains,
+        Role::Train,
+        &directions,
+    );
+    let quadratic = Quadratic::new(basis, &lin, &fit.point);
+    let mut h = quadratic.h;
+    for i in 0..size + ne {
+        if h[(i, i)] <= 0.0 {
+            h[(i, i)] = 1.0;
+        }
+    }
+    let inverse = h.cholesky()?.inverse();
+    let mut scores: Vec<DVector<f64>> = Vec::new();
+    let mut at = 0;
+    let channels: usize = (0..case.n())
+        .map(|j| 1 + usize::from(case.velocity[j] == Velocity::Measured))
+        .sum();
+    for record in case.records.iter().filter(|r| r.role == Role::Train) {
+        let end = at + rows(record) * channels;
+        let block = ((BLOCK / record.h) as usize).max(1) * channels;
+        while at < end.min(lin.r.len()) {
+            let m = block.min(end - at);
+            scores.push(lin.j.rows(at, m).transpose() * lin.r.rows(at, m));
+            at += m;
+        }
+    }
+    let count = scores.len() as f64;
+    let mean = scores.iter().fold(DVector::zeros(rank + ne), |a, s| a + s) / count.max(1.0);
+    let mut meat = DMatrix::zeros(rank + ne, rank + ne);
+    for s in &scores {
+        let d = s - &mean;
+        meat.ger(1.0, &d, &d, 1.0);
+    }
+    meat *= count / (count - 1.0).max(1.0);
+    let mut wide = DMatrix::zeros(size + ne, rank + ne);
+    wide.view_mut((0, 0), (size, rank))
+        .copy_from(&basis.columns);
+    for i in 0..ne {
+        wide[(size + i, rank + i)] = 1.0;
+    }
+    let mut middle = &wide * meat * wide.transpose();
+    for i in 0..size {
+        middle[(i, i)] += 1.0 / (PRIOR * PRIOR);
+    }
     let misfit = (fit.train.total() / fit.train.number()).max(1.0);
+    let sandwich = &inverse * middle * &inverse;
+    Some((inverse * (misfit * SHARED), sandwich))
+}
+
+/// The effects of a fit with their magnitudes and standard deviations, the larger of the two that [`covariances`] gives.
+pub(super) fn name(case: &Case, basis: &Basis, fit: &Fit) -> Vec<Named> {
     let size = fit.point.theta.len();
     // A parameter without any influence is not determined; the others are.
-    let (h, dead) = curvature(fit);
-    let covariance = h.cholesky().map(|c| c.inverse() * (misfit * SHARED));
+    let (_, dead) = curvature(fit);
+    let both = covariances(case, basis, fit);
     let mut at = 0;
     fit.hypothesis
         .terms
@@ -77,9 +159,9 @@ pub(super) fn name(case: &Case, fit: &Fit) -> Vec<Named> {
             let places: Vec<usize> = (size + at..size + at + k)
                 .chain(std::iter::once(at_gain))
                 .collect();
-            let own: Option<DMatrix<f64>> = covariance
-                .as_ref()
-                .map(|c| DMatrix::from_fn(k + 1, k + 1, |a, b| c[(places[a], places[b])]));
+            let part =
+                |c: &DMatrix<f64>| DMatrix::from_fn(k + 1, k + 1, |a, b| c[(places[a], places[b])]);
+            let own = both.as_ref().map(|(c, s)| (part(c), part(s)));
             at += k;
             let mut slopes: Vec<Vec<f64>> = (0..k)
                 .map(|i| {
@@ -109,12 +191,16 @@ pub(super) fn name(case: &Case, fit: &Fit) -> Vec<Named> {
                 .enumerate()
                 .map(|(s, (name, x))| {
                     let lost = (0..k).any(|a| own_dead[a] && slopes[a][s] != 0.0);
-                    let variance = own.as_ref().filter(|_| !lost).map(|c| {
+                    let spread = |c: &DMatrix<f64>| {
                         (0..=k)
                             .flat_map(|a| (0..=k).map(move |b| (a, b)))
                             .map(|(a, b)| slopes[a][s] * c[(a, b)] * slopes[b][s])
                             .sum::<f64>()
-                    });
+                    };
+                    let variance = own
+                        .as_ref()
+                        .filter(|_| !lost)
+                        .map(|(curved, blocks)| spread(curved).max(spread(blocks)));
                     Magnitude {
                         name: (*name).to_owned(),
                         value: *x,

@@ -6,17 +6,19 @@
 
 mod magnitude;
 mod refit;
+mod residue;
 mod verdict;
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use pid_runtime::data::Role;
 use serde::{Deserialize, Serialize};
 
 use crate::case::Case;
-use crate::effect::{Effect, Term};
+use crate::effect::{Effect, Kind, Term};
 use crate::fit::{Basis, Effort, Fit, Point, basis, fit, value};
-use crate::gap::{Gap, floor, gap};
+use crate::gap::{Floor, Gap, floor, gap};
 use crate::noise;
 use crate::plant::PER_JOINT;
 use crate::report::{Next, Share};
@@ -25,6 +27,7 @@ use crate::simulate::Hypothesis;
 use crate::windows;
 use magnitude::size_in_deviations;
 use refit::{Refit, refit};
+pub use residue::Residue;
 use verdict::{Parts, lagging_velocity};
 
 /// Version of the JSON form.
@@ -46,6 +49,8 @@ pub struct Settings {
     pub effects: Vec<Arc<dyn Effect>>,
     /// How many candidates are refitted in full.
     pub refits: usize,
+    /// Whether every candidate is refitted to its end, whatever screening says of it: what screening is measured against.
+    pub refit_all: bool,
     /// Steps of a refit at most.
     pub steps: usize,
     /// Most effects named together.
@@ -68,6 +73,7 @@ impl Default for Settings {
         Settings {
             effects: crate::effects::all(),
             refits: 7,
+            refit_all: false,
             steps: 14,
             most: 2,
             margin: 12.0,
@@ -158,6 +164,9 @@ pub struct Diagnosis {
     pub regime: String,
     /// Mean squared innovation of the nominal structure and of the verdict; 1 where the noise is as stated.
     pub misfit: (f64, f64),
+    /// What the verdict's model leaves.
+    #[serde(default)]
+    pub residue: Residue,
     /// Processor-independent effort: refits made.
     pub refits: usize,
     /// Time, s.
@@ -192,8 +201,62 @@ pub fn diagnose(case: &Case, settings: &Settings) -> Diagnosis {
     investigate(case, settings).diagnosis
 }
 
+/// Mean squared innovation of a joint on test records over that on train records above which something shows there alone.
+const UNSEEN: f64 = 1.5;
+
 /// Diagnoses a case and keeps the fits.
+///
+/// A cause that no train record brings out (a drive that reaches its limit on a test record only) cannot be found by a fit to
+/// train records. Where the nominal structure follows these and not the test records, the test record it follows least is fitted
+/// too, and the gap is that of the test records left; the verdict's regime says so.
 pub fn investigate(case: &Case, settings: &Settings) -> Found {
+    let found = once(case, settings);
+    let d = &found.diagnosis;
+    let followed = d.effects.is_empty() && d.misfit.1 < settings.largest_misfit;
+    if !followed || d.residue.unseen < UNSEEN {
+        return found;
+    }
+    let tests: Vec<usize> = (0..case.records.len())
+        .filter(|&i| case.records[i].role == Role::Test)
+        .collect();
+    let misfit = |i: usize| {
+        let mut alone = case.clone();
+        for (k, r) in alone.records.iter_mut().enumerate() {
+            r.role = if k == i { Role::Test } else { Role::Train };
+        }
+        let v = value(
+            &alone,
+            &found.base.hypothesis,
+            &found.base.point,
+            &found.base.gains,
+            Role::Test,
+        );
+        v.total() / v.number().max(1.0)
+    };
+    let worst = tests
+        .iter()
+        .copied()
+        .max_by(|&a, &b| misfit(a).total_cmp(&misfit(b)));
+    let Some(worst) = worst.filter(|_| tests.len() > 1) else {
+        return found;
+    };
+    let mut wider = case.clone();
+    wider.records[worst].role = Role::Train;
+    let mut again = once(&wider, settings);
+    if again.diagnosis.effects.is_empty() || again.diagnosis.effect == "unknown" {
+        return found;
+    }
+    let d = &mut again.diagnosis;
+    d.regime = format!(
+        "{}; no train record shows it: `{}` was fitted too",
+        d.regime, case.records[worst].name
+    );
+    d.gap_before = found.diagnosis.gap_before;
+    again
+}
+
+/// One investigation with the roles as they are.
+fn once(case: &Case, settings: &Settings) -> Found {
     let clock = std::time::Instant::now();
     let mut case = case.clone();
     let basis = basis(&case);
@@ -203,12 +266,17 @@ pub fn investigate(case: &Case, settings: &Settings) -> Found {
         e: Vec::new(),
     };
     let mut base = fit(&case, &basis, &nothing, start, Effort::full(settings.steps));
+    let mut shortlist: Option<BTreeSet<String>> = None;
     if noise::settle(&mut case, &base) {
         base = again(&case, &basis, &base);
         // What the nominal structure leaves is not all noise: the level is that of the most promising candidate.
-        if let Some(better) = sketch(&case, &basis, settings, &base) {
+        let (better, short) = sketch(&case, &basis, settings, &base);
+        if let Some(better) = better {
             noise::settle(&mut case, &better);
             base = again(&case, &basis, &base);
+            if !settings.refit_all {
+                shortlist = Some(short);
+            }
         }
     }
     let before = measured(&case, &base);
@@ -218,16 +286,13 @@ pub fn investigate(case: &Case, settings: &Settings) -> Found {
     let mut refits = 0;
     let mut accepted: Vec<Term> = Vec::new();
     for round in 0..settings.most {
-        let list = listed(&case, &basis, settings, &current);
+        let mut list = listed(&case, &basis, settings, &current);
+        let number = list.len();
+        if let Some(short) = shortlist.take() {
+            list.retain(|(term, _)| short.contains(&term.label()));
+        }
         let (best, slopes) = screen(&case, &basis, &current, &list);
-        let tried = refit(
-            &case,
-            &basis,
-            settings,
-            &current,
-            (&best, &slopes),
-            list.len(),
-        );
+        let tried = refit(&case, &basis, settings, &current, (&best, &slopes), number);
         refits += tried.len();
         let Some(first) = tried.first() else { break };
         let after = measured(&case, &first.fit);
@@ -270,7 +335,9 @@ pub fn investigate(case: &Case, settings: &Settings) -> Found {
         }
         // Nothing is left to look for where the innovations are as large as the noise, and free runs too where it was settled.
         let white = current.train.total() < EXPLAINED * current.train.number();
-        if !take || (white && (!open || current_gap.total < NEAR * noise_alone(&case, &current))) {
+        if !take
+            || (white && (!open || current_gap.total < NEAR * noise_alone(&case, &current).typical))
+        {
             break;
         }
     }
@@ -286,10 +353,21 @@ pub fn investigate(case: &Case, settings: &Settings) -> Found {
         current = base.clone();
         accepted.clear();
     }
+    if accepted.iter().any(|t| t.effect.info().kind == Kind::State) {
+        // Contacts, resonances and bristles are stiff: the end of the fit has finer substeps, if the likelihood agrees.
+        case.refined = FINER;
+        let finer = again(&case, &basis, &current);
+        if finer.train.evidence() < current.train.evidence() {
+            current = finer;
+        } else {
+            case.refined = 1;
+        }
+    }
     base.train = value(&case, &nothing, &base.point, &base.gains, Role::Train);
     let lagging = lagging_velocity(&case, settings);
     let parts = Parts {
         case: &case,
+        basis: &basis,
         settings,
         base: &base,
         before: &before,
@@ -323,6 +401,9 @@ fn listed(
     list
 }
 
+/// Factor on the substeps at the end of a fit with states.
+const FINER: usize = 3;
+
 /// Steps that follow a change of the noise levels.
 const TOUCH: usize = 4;
 
@@ -340,17 +421,28 @@ fn again(case: &Case, basis: &Basis, at: &Fit) -> Fit {
 /// Candidates of a sketch.
 const SKETCHED: usize = 4;
 
-/// The most likely of the best candidates after a few steps; `None` if none gains beyond its penalty.
-fn sketch(case: &Case, basis: &Basis, settings: &Settings, base: &Fit) -> Option<Fit> {
+/// Candidates that a sketch leaves for the first round.
+const SHORT: usize = 12;
+
+/// The most likely of the best candidates after a few steps, `None` if none gains beyond its penalty; and those that are worth
+/// screening again under the noise levels that follow from it.
+fn sketch(
+    case: &Case,
+    basis: &Basis,
+    settings: &Settings,
+    base: &Fit,
+) -> (Option<Fit>, BTreeSet<String>) {
     let list = listed(case, basis, settings, base);
     let (best, slopes) = screen(case, basis, base, &list);
+    let short = best.iter().take(SHORT).map(|c| c.term.label()).collect();
     let few = Settings {
         refits: SKETCHED,
         ..settings.clone()
     };
     let tried = refit(case, basis, &few, base, (&best, &slopes), list.len());
-    let first = tried.into_iter().next()?;
-    (first.score > settings.margin).then_some(first.fit)
+    let first = tried.into_iter().next();
+    let better = first.filter(|f| f.score > settings.margin).map(|f| f.fit);
+    (better, short)
 }
 
 /// Backward check: drops the effect that the others have made superfluous. The fit without it and its place, if there is one
@@ -391,7 +483,7 @@ fn backward(
 }
 
 /// The gap that noise alone leaves on the test records.
-fn noise_alone(case: &Case, fit: &Fit) -> f64 {
+fn noise_alone(case: &Case, fit: &Fit) -> Floor {
     floor(
         case,
         &fit.hypothesis,

@@ -33,6 +33,12 @@ pub(super) fn refit(
 ) -> Vec<Refit> {
     let mut out: Vec<Refit> = Vec::new();
     for (stage, &(steps, many, exact)) in STAGES.iter().enumerate() {
+        // Everything to its end, where the shortcut is itself what is measured.
+        let (many, exact) = if settings.refit_all {
+            (usize::MAX, exact || stage + 1 == STAGES.len())
+        } else {
+            (many, exact)
+        };
         let effort = Effort {
             steps: steps.min(settings.steps),
             slopes: Some(slopes),
@@ -41,7 +47,11 @@ pub(super) fn refit(
         if stage == 0 {
             out = best
                 .par_iter()
-                .take(settings.refits)
+                .take(if settings.refit_all {
+                    usize::MAX
+                } else {
+                    settings.refits
+                })
                 .map(|c| {
                     let mut hypothesis = current.hypothesis.clone();
                     hypothesis.terms.push(c.term.clone());
@@ -61,7 +71,7 @@ pub(super) fn refit(
         } else {
             let leading = out.first().map_or(0.0, |r| gain(current, r));
             out.par_iter_mut().take(many).for_each(|r| {
-                if gain(current, r) >= HOPELESS * leading {
+                if settings.refit_all || gain(current, r) >= HOPELESS * leading {
                     r.fit = fit(case, basis, &r.fit.hypothesis, r.fit.point.clone(), effort);
                 }
             });

@@ -43,6 +43,19 @@ static INFO: Info = Info {
     simulator_field: None,
 };
 
+/// `exp(−x)`, `A = (1 − exp(−x))/x` and `(1 − A)/x` for x ≥ 0.
+fn passage<D: Scalar>(x: D) -> (D, D, D) {
+    if x.value() < 1e-3 {
+        // Three terms of the series: the next is below 1e-13.
+        let mean = -x * (-x / 3.0 + 1.0) * 0.5 + 1.0;
+        let lag = -x * (-x * 0.25 + 1.0) / 6.0 + 0.5;
+        return (-x * mean + 1.0, mean, lag);
+    }
+    let decay = (-x).exponential();
+    let mean = (-decay + 1.0) / x;
+    (decay, mean, (-mean + 1.0) / x)
+}
+
 impl Model for PreslidingHysteresis {
     fn info(&self) -> &'static Info {
         &INFO
@@ -65,16 +78,19 @@ impl<D: Scalar> Law<D> for PreslidingHysteresis {
         f: &mut Forces<'_, D>,
         plant: &Plant<D>,
     ) {
-        // s = z / z_s after the step, implicit in the mean velocity w: s⁺ = (s + δ w/z_s) / (1 + δ |v|/z_s).
+        // s = z / z_s over a step of constant speed is s E + (1 − E) sgn v, E = exp(−x), x = δ |v|/z_s; its mean is
+        // s A + (1 − A) sgn v, A = (1 − E)/x. The speed that multiplies is that of the step, implicitly.
         let level = plant.coulomb[at.joint];
-        let kept = (at.v[at.joint].magnitude() * at.dt / e[0] + 1.0).inverse();
+        let travel = e[0].inverse() * at.dt;
+        let (decay, mean, lag) = passage(at.v[at.joint].magnitude() * travel);
         let micro = e[1] / at.dt;
-        f.value[at.joint] -= level * (memory[0] * kept + micro * memory[0] * (kept - 1.0));
-        f.rate[at.joint] += level * kept * (e[1] + at.dt) / e[0];
+        f.value[at.joint] -= level * memory[0] * (mean + micro * (decay - 1.0));
+        f.rate[at.joint] += level * travel * (lag + micro * mean);
     }
     fn advance(&self, e: &[D], after: &After<D>, memory: &mut [D]) {
         let w = after.v * after.dt / e[0];
-        memory[0] = (memory[0] + w) / (w.magnitude() + 1.0);
+        let (decay, mean, _) = passage(w.magnitude());
+        memory[0] = memory[0] * decay + w * mean;
     }
     fn start(&self, _e: &[D], balance: D, coulomb: D, _u: f64, memory: &mut [D]) {
         memory[0] = (balance / (coulomb + 1e-12)).limit(D::constant(-1.0), D::constant(1.0));

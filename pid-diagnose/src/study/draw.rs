@@ -112,7 +112,7 @@ impl Plan {
             .map(|_| random.random_range(-0.9..0.9))
             .collect();
         let plant = Plant::<f64>::new(&nominal, &theta);
-        let causes = self.causes(&robot, &nominal, &mut random);
+        let causes = self.causes(&robot, &nominal, &velocity, &mut random);
         let mut files: Files = vec![
             (
                 "nominal.toml".to_owned(),
@@ -145,7 +145,13 @@ impl Plan {
     }
 
     /// One case in six is without a cause, one in twelve outside the list, one in twelve of two causes.
-    fn causes(&self, robot: &Robot, nominal: &Nominal, random: &mut ChaCha8Rng) -> Vec<Cause> {
+    fn causes(
+        &self,
+        robot: &Robot,
+        nominal: &Nominal,
+        velocity: &str,
+        random: &mut ChaCha8Rng,
+    ) -> Vec<Cause> {
         let n = robot.joints.len();
         let kind = random.random_range(0..12);
         if self.nulls || kind < 2 {
@@ -164,6 +170,11 @@ impl Plan {
             };
             let coupling = 10;
             if index == coupling && n == 1 {
+                continue;
+            }
+            // A lag of a channel that is not recorded leaves no trace.
+            let lag = 23;
+            if index == lag && velocity == "absent" {
                 continue;
             }
             // From faint to clear, even on a logarithmic scale; two causes are both to be seen.
@@ -503,15 +514,15 @@ fn record(
         }
     }
     text.push('\n');
+    history.push((0..n).map(|j| world.encoder(j)).collect());
     for k in 0..hold + samples {
-        history.push((0..n).map(|j| world.encoder(j)).collect());
         let now = history.len() - 1;
         let (mut q, mut v) = (vec![0.0; n], vec![0.0; n]);
         for j in 0..n {
             let delay = causes
                 .iter()
                 .find_map(|c| match c.kind {
-                    Kind::SensorDelay { delay } if c.joint == j => Some(delay / h),
+                    Kind::SensorDelay { delay } if c.joint == j => Some(delay / STEP),
                     _ => None,
                 })
                 .unwrap_or(0.0);
@@ -600,16 +611,22 @@ fn record(
             let mut applied = u.clone();
             for c in causes {
                 if let Kind::InputDelay { delay } = c.kind {
-                    let at = ((k as f64 * h + s as f64 * STEP - delay) / h + 1e-9)
-                        .floor()
-                        .max(0.0);
-                    applied[c.joint] = commands[(at as usize).min(commands.len() - 1)][c.joint];
+                    // The mean over the step, in which the command may change.
+                    let at = |t: f64| {
+                        let i = ((t - delay) / h + 1e-9).floor().max(0.0) as usize;
+                        (i, commands[i.min(commands.len() - 1)][c.joint])
+                    };
+                    let from = k as f64 * h + s as f64 * STEP;
+                    let ((_, before), (i, after)) = (at(from), at(from + STEP));
+                    let share = ((from + STEP - delay - i as f64 * h) / STEP).clamp(0.0, 1.0);
+                    applied[c.joint] = before + (after - before) * share;
                 }
             }
             for (a, e) in applied.iter_mut().zip(&noise) {
                 *a += e;
             }
             world.step(&applied, t);
+            history.push((0..n).map(|j| world.encoder(j)).collect());
         }
     }
     text

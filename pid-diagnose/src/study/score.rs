@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::Outcome;
+use super::{Kind, Outcome};
 
 /// A share with the numbers it is of.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -199,14 +199,23 @@ pub fn summary(outcomes: &[Outcome]) -> Summary {
         }
         for c in o.truth.causes.iter().filter(|c| c.kind.id() == said) {
             if c.kind.has_joint() {
-                s.joint.add(d.joint == Some(c.joint + 1));
+                let other = matches!(c.kind, Kind::JointCoupling { .. }) && c.joint == 0;
+                s.joint
+                    .add(d.joint == Some(c.joint + 1) || (other && d.joint == Some(2)));
             }
             if hidden.len() == 1 {
                 gaps.push(d.gap_after / d.gap_floor);
             }
-            let Some((key, value)) = c.kind.magnitude() else {
+            let Some((key, mut value)) = c.kind.magnitude() else {
                 continue;
             };
+            // One cable between the first two joints, seen from the other: K/2 (q₁ + ρ q₂)² = K ρ²/2 (q₂ + q₁/ρ)².
+            if let Kind::JointCoupling { ratio, .. } = c.kind
+                && c.joint == 0
+                && d.joint == Some(2)
+            {
+                value *= ratio * ratio;
+            }
             let estimate = d
                 .effects
                 .iter()
