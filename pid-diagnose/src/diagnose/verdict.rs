@@ -10,22 +10,20 @@ use crate::effect::Term;
 use crate::fit::{Basis, Fit};
 use crate::gap::Gap;
 
-/// Factor on the floors that are allowed where the noise is an estimate.
-const ESTIMATED: f64 = 1.2;
-
 /// Gap over floor, mean squared innovation and gap over the largest floor drawn up to which the nominal structure stands.
 const NOTHING: (f64, f64, f64) = (1.4, 1.25, 1.2);
 
 /// Line and burst (see [`Residue`](super::Residue)) up to which innovations count as noise, and up to which an effect is allowed to leave them:
 /// contacts and sticking leave some.
 const NOISE: (f64, f64) = (20.0, 6.0);
-const STRUCTURE: (f64, f64) = (40.0, 100.0);
+const STRUCTURE: (f64, f64) = (20.0, 100.0);
 
 /// Gap over the largest floor drawn that is allowed in any case: it may differ much from draw to draw.
 const SPREAD: f64 = 1.4;
 
-/// Mean squared innovation below which a model has followed stated noise, and the factor on the gap that is then allowed.
-const CALM: (f64, f64) = (1.04, 1.5);
+/// Mean squared innovation below which a model has followed the records, if lines and bursts are those of noise, and the factor
+/// on the gap that is then allowed.
+const CALM: (f64, f64) = (1.1, 2.0);
 
 /// Share of right verdicts among drawn cases: effects named with stated and with estimated noise, `none` likewise, `unknown`
 /// with no effect and with some effect taken. The odds among the candidates know nothing of causes outside the list, nor of what
@@ -94,14 +92,9 @@ impl Parts<'_> {
                 || left.line > NOISE.0
                 || left.burst > NOISE.1
         } else {
-            // Free runs from uncertain starts drift; innovations at the stated noise, where it is stated, speak for the model.
-            let factor = if !stated {
-                ESTIMATED
-            } else if misfit < CALM.0 {
-                CALM.1
-            } else {
-                1.0
-            };
+            // Free runs from uncertain starts drift; innovations that are noise speak for the model.
+            let noise_like = misfit < CALM.0 && left.line < NOISE.0 && left.burst < NOISE.1;
+            let factor = if noise_like { CALM.1 } else { 1.0 };
             let allowed = (settings.unexplained * factor * floor).max(SPREAD * noise.largest);
             after.total > allowed
                 || misfit > settings.largest_misfit
