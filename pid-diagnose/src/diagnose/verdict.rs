@@ -15,8 +15,8 @@ const NOTHING: (f64, f64, f64) = (1.4, 1.25, 1.2);
 
 /// Line and burst (see [`Residue`](super::Residue)) up to which innovations count as noise, and up to which an effect is allowed to leave them:
 /// contacts and sticking leave some.
-const NOISE: (f64, f64) = (20.0, 6.0);
-const STRUCTURE: (f64, f64) = (20.0, 100.0);
+const NOISE: (f64, f64) = (12.0, 6.0);
+const STRUCTURE: (f64, f64) = (14.0, 100.0);
 
 /// Gap over the largest floor drawn that is allowed in any case: it may differ much from draw to draw.
 const SPREAD: f64 = 1.4;
