@@ -59,6 +59,18 @@ pub(super) fn size_in_deviations(fit: &Fit) -> f64 {
         .fold(0.0, f64::max)
 }
 
+/// All deviations that have a tolerance.
+fn every_direction(case: &Case) -> Basis {
+    let free: Vec<usize> = (0..case.n() * PER_JOINT)
+        .filter(|i| case.nominal.joints[i / PER_JOINT].half_widths[i % PER_JOINT] > 0.0)
+        .collect();
+    let mut columns = DMatrix::zeros(case.n() * PER_JOINT, free.len());
+    for (c, &i) in free.iter().enumerate() {
+        columns[(i, c)] = 1.0;
+    }
+    Basis { columns }
+}
+
 /// Length of a block of innovations taken as independent of the others, s.
 const BLOCK: f64 = 0.35;
 
@@ -70,8 +82,11 @@ const BLOCK: f64 = 0.35;
 /// H⁻¹ (Σ_b (s_b − s̄)(s_b − s̄)ᵀ + P) H⁻¹,   s_b = Σ_{k∈b} J_kᵀ ε_k,   P the curvature of the prior
 /// ```
 ///
-/// Borrowed derivatives would make parameters that only a tolerance separates look well determined.
-fn covariances(case: &Case, basis: &Basis, fit: &Fit) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+/// Borrowed derivatives would make parameters that only a tolerance separates look well determined; so would the directions of the
+/// fit, which leave out what the nominal structure does not show: a common scale of all forces is nothing to see without the
+/// effect, and beside it all that tolerances leave of its size.
+fn covariances(case: &Case, fit: &Fit) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+    let basis = &every_direction(case);
     let columns: Vec<Vec<f64>> = basis
         .columns
         .column_iter()
@@ -135,11 +150,11 @@ fn covariances(case: &Case, basis: &Basis, fit: &Fit) -> Option<(DMatrix<f64>, D
 }
 
 /// The effects of a fit with their magnitudes and standard deviations, the larger of the two that [`covariances`] gives.
-pub(super) fn name(case: &Case, basis: &Basis, fit: &Fit) -> Vec<Named> {
+pub(super) fn name(case: &Case, fit: &Fit) -> Vec<Named> {
     let size = fit.point.theta.len();
     // A parameter without any influence is not determined; the others are.
     let (_, dead) = curvature(fit);
-    let both = covariances(case, basis, fit);
+    let both = covariances(case, fit);
     let mut at = 0;
     fit.hypothesis
         .terms

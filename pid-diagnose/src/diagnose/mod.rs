@@ -367,7 +367,6 @@ fn once(case: &Case, settings: &Settings) -> Found {
     let lagging = lagging_velocity(&case, settings);
     let parts = Parts {
         case: &case,
-        basis: &basis,
         settings,
         base: &base,
         before: &before,

@@ -7,7 +7,7 @@ use super::{Diagnosis, Magnitude, Named, Ranked, SCHEMA_VERSION, Settings, measu
 use crate::case::Case;
 use crate::channel;
 use crate::effect::Term;
-use crate::fit::{Basis, Fit};
+use crate::fit::Fit;
 use crate::gap::Gap;
 
 /// Gap over floor, mean squared innovation and gap over the largest floor drawn up to which the nominal structure stands.
@@ -35,7 +35,6 @@ const OUTSIDE: (f64, f64) = (0.92, 0.5);
 /// What a verdict is made from.
 pub(super) struct Parts<'a> {
     pub(super) case: &'a Case,
-    pub(super) basis: &'a Basis,
     pub(super) settings: &'a Settings,
     pub(super) base: &'a Fit,
     pub(super) before: &'a Gap,
@@ -51,7 +50,6 @@ impl Parts<'_> {
     pub(super) fn verdict(self, mut fit: Fit) -> (Diagnosis, Fit) {
         let Parts {
             case,
-            basis,
             settings,
             base,
             before,
@@ -63,7 +61,7 @@ impl Parts<'_> {
         } = self;
         let misfit = fit.train.total() / fit.train.number();
         let left = residue(case, &fit);
-        let mut named = name(case, basis, &fit);
+        let mut named = name(case, &fit);
         if let Some((term, lag, _)) = &lagging {
             fit.hypothesis.terms.push(term.clone());
             fit.point.e.push(*lag);
