@@ -427,6 +427,8 @@ pub(crate) enum SamplingArg {
     Around,
     /// As a Latin hypercube in the bounds.
     LatinHypercube,
+    /// A scrambled Sobol sequence in the bounds: pairs of parameters are filled evenly.
+    Sobol,
 }
 
 /// Initial state of each window.

@@ -207,6 +207,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         sampling: match args.sampling {
             SamplingArg::Around => Sampling::Around,
             SamplingArg::LatinHypercube => Sampling::LatinHypercube,
+            SamplingArg::Sobol => Sampling::Sobol,
         },
         curvature: match args.hessian {
             HessianArg::Exact => Curvature::Exact,

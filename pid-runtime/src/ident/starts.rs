@@ -19,6 +19,9 @@ pub enum Sampling {
     /// starts (M. McKay, R. Beckman, W. Conover 1979). Ranges of one sign whose ends differ by a factor of ten or more
     /// are divided in the logarithm; parameters without two finite bounds are drawn as by [`Sampling::Around`].
     LatinHypercube,
+    /// A Sobol sequence in the bounds, scrambled as by A. Owen from the seed: any 2^k starts in a row from the first fill every
+    /// pair of parameters evenly, not only each by itself. Ranges as in [`Sampling::LatinHypercube`].
+    Sobol,
 }
 
 /// SplitMix64 (G. Steele, D. Lea, C. Flood 2014).
@@ -72,26 +75,40 @@ pub fn draw(
         });
         all.push(around.collect());
     }
-    if sampling == Sampling::LatinHypercube {
-        for k in 0..start.len() {
-            let (low, high) = (lower[k], upper[k]);
-            if !(low.is_finite() && high.is_finite() && low < high) {
-                continue;
-            }
-            let logarithmic = low > 0.0 && high >= 10.0 * low;
-            let order = random.permutation(drawn);
-            for (point, part) in all[1..].iter_mut().zip(order) {
-                let share = (part as f64 + random.uniform()) / drawn as f64;
-                let value = if logarithmic {
-                    low * (high / low).powf(share)
-                } else {
-                    low + share * (high - low)
-                };
-                point[k] = value.clamp(low, high);
-            }
+    if sampling == Sampling::Around {
+        return all;
+    }
+    for k in 0..start.len() {
+        let (low, high) = (lower[k], upper[k]);
+        if !(low.is_finite() && high.is_finite() && low < high) {
+            continue;
+        }
+        let logarithmic = low > 0.0 && high >= 10.0 * low;
+        let order = random.permutation(drawn);
+        for (index, (point, part)) in all[1..].iter_mut().zip(order).enumerate() {
+            let share = match sampling {
+                Sampling::Sobol => sobol(index, k, seed),
+                _ => (part as f64 + random.uniform()) / drawn as f64,
+            };
+            let value = if logarithmic {
+                low * (high / low).powf(share)
+            } else {
+                low + share * (high - low)
+            };
+            point[k] = value.clamp(low, high);
         }
     }
     all
+}
+
+/// Coordinate of a point of the sequence, in [0, 1). Beyond the dimensions of the table, the same ones are scrambled anew.
+fn sobol(point: usize, coordinate: usize, seed: u64) -> f64 {
+    const DIMENSIONS: usize = sobol_burley::NUM_DIMENSIONS as usize;
+    let table = (coordinate / DIMENSIONS) as u64;
+    let mixed = Random::new(seed ^ (table << 32)).uniform();
+    let seed = (mixed * f64::from(u32::MAX)) as u32;
+    let (point, coordinate) = (point as u32, (coordinate % DIMENSIONS) as u32);
+    f64::from(sobol_burley::sample(point, coordinate, seed))
 }
 
 /// Receives phase and iteration of one start.
@@ -267,6 +284,35 @@ mod tests {
             points,
             draw(Sampling::LatinHypercube, &start, &lower, &upper, 21, 5)
         );
+    }
+
+    /// Sixteen points: one in every sixteenth of each range, and one in each of the four by four cells of the first two
+    /// parameters.
+    #[test]
+    fn a_sobol_sequence_fills_pairs_of_ranges_evenly() {
+        let (lower, upper) = ([0.0, -2.0, 0.1], [1.0, 2.0, 10.0]);
+        let start = [0.5, 0.0, 1.0];
+        let points = draw(Sampling::Sobol, &start, &lower, &upper, 17, 4);
+        assert_eq!(points[0], start);
+        let shares = |p: &Vec<f64>| [p[0], (p[1] + 2.0) / 4.0, (p[2] / 0.1).log10() / 2.0];
+        for k in 0..3 {
+            let mut parts: Vec<usize> = points[1..]
+                .iter()
+                .map(|p| (shares(p)[k] * 16.0) as usize)
+                .collect();
+            parts.sort_unstable();
+            assert_eq!(parts, (0..16).collect::<Vec<_>>(), "parameter {k}");
+        }
+        let cell = |x: f64| (x * 4.0) as usize;
+        let mut cells: Vec<usize> = points[1..]
+            .iter()
+            .map(|p| 4 * cell(shares(p)[0]) + cell(shares(p)[1]))
+            .collect();
+        cells.sort_unstable();
+        assert_eq!(cells, (0..16).collect::<Vec<_>>());
+        let again = |seed| draw(Sampling::Sobol, &start, &lower, &upper, 17, seed);
+        assert_eq!(points, again(4));
+        assert_ne!(points, again(5));
     }
 
     #[test]

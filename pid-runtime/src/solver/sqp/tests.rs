@@ -136,3 +136,90 @@ fn limits_and_broken_starts_have_their_status() {
     };
     assert_eq!(status(&mut good, &limit), Status::Interrupted);
 }
+
+/// `−x₀`, or `−x₀²` if `curved`, for `x₀ ≥ 0` and `x₁² − x₀ ≤ 1`: no minimum.
+struct Falling {
+    jacobian: SparsePattern,
+    hessian: SparsePattern,
+    curved: bool,
+}
+
+impl Nlp for Falling {
+    fn n(&self) -> usize {
+        2
+    }
+    fn m(&self) -> usize {
+        1
+    }
+    fn bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
+        lower.copy_from_slice(&[0.0, f64::NEG_INFINITY]);
+        upper.fill(f64::INFINITY);
+    }
+    fn constraint_bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
+        (lower[0], upper[0]) = (f64::NEG_INFINITY, 1.0);
+    }
+    fn objective(&mut self, x: &[f64]) -> f64 {
+        if self.curved { -x[0] * x[0] } else { -x[0] }
+    }
+    fn gradient(&mut self, x: &[f64], g: &mut [f64]) {
+        g[0] = if self.curved { -2.0 * x[0] } else { -1.0 };
+        g[1] = 0.0;
+    }
+    fn constraints(&mut self, x: &[f64], c: &mut [f64]) {
+        c[0] = x[1] * x[1] - x[0];
+    }
+    fn jacobian_pattern(&self) -> &SparsePattern {
+        &self.jacobian
+    }
+    fn jacobian(&mut self, x: &[f64], values: &mut [f64]) {
+        values.copy_from_slice(&[-1.0, 2.0 * x[1]]);
+    }
+    fn hessian_pattern(&self) -> &SparsePattern {
+        &self.hessian
+    }
+    fn hessian(&mut self, _: &[f64], sigma: f64, lambda: &[f64], values: &mut [f64]) {
+        values[0] = if self.curved { -2.0 * sigma } else { 0.0 };
+        values[1] = 2.0 * lambda[0];
+    }
+}
+
+fn fall(curved: bool, memory: Option<usize>) {
+    let (mut jacobian, mut hessian) = (SparsePattern::default(), SparsePattern::default());
+    for j in 0..2 {
+        jacobian.push(0, j);
+        hessian.push(j, j);
+    }
+    let mut problem = Falling {
+        jacobian,
+        hessian,
+        curved,
+    };
+    let mut kkt = SparseKkt::new(&problem);
+    let settings = Settings {
+        divergence: 1e10,
+        ..Settings::default()
+    };
+    let found = solve(
+        &mut problem,
+        &mut kkt,
+        &[1.0, 0.0],
+        memory,
+        &settings,
+        &mut |_, _| ControlFlow::Continue(()),
+    );
+    let lines: Vec<String> = found.log.iter().map(Iteration::line).collect();
+    let told = format!("{curved} {memory:?}\n{}", lines.join("\n"));
+    assert_eq!(found.status, Status::Unbounded, "{told}");
+    assert!(found.objective < -1e10, "the best point is kept: {told}");
+}
+
+#[test]
+fn an_unbounded_direction_is_called_so() {
+    fall(false, None);
+    fall(true, None);
+}
+
+#[test]
+fn an_unbounded_direction_is_called_so_without_second_derivatives() {
+    fall(true, Some(20));
+}

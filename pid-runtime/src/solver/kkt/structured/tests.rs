@@ -1,6 +1,8 @@
 use super::*;
+use crate::nlp::SparsePattern;
 use crate::solver::kkt::layout::Layout;
 use crate::solver::kkt::ldl::SparseLdl;
+use crate::solver::kkt::sparse::SparseKkt;
 
 /// Deterministic numbers in [-1, 1).
 struct Numbers(u64);
@@ -44,6 +46,46 @@ fn layout(
             .flat_map(|r| (0..=r).map(move |c| (r, c)))
             .collect(),
     }
+}
+
+/// `‖b − K s‖∞ / (‖K‖∞ ‖s‖∞ + ‖b‖∞)` for a solution s of the system with right-hand side b (J. L. Rigal, J. Gaches, J. ACM 14 (1967)).
+fn backward_error(
+    (hessian, jacobian): &(SparsePattern, SparsePattern),
+    values: KktValues<'_>,
+    fixed: &[bool],
+    (rx, rc): (&[f64], &[f64]),
+    (dx, dl): (&[f64], &[f64]),
+) -> f64 {
+    let (n, m) = (rx.len(), rc.len());
+    let (mut top, mut bottom) = (vec![0.0; n], vec![0.0; m]);
+    hessian.symmetric_multiply_add(values.hessian, dx, &mut top);
+    jacobian.transpose_multiply_add(values.jacobian, dl, &mut top);
+    jacobian.multiply_add(values.jacobian, dx, &mut bottom);
+    // Row sums of absolute values.
+    let mut sums: Vec<f64> = values.sigma.to_vec();
+    sums.resize(n + m, 0.0);
+    for ((&i, &j), a) in hessian.rows.iter().zip(&hessian.cols).zip(values.hessian) {
+        sums[i as usize] += a.abs();
+        if i != j {
+            sums[j as usize] += a.abs();
+        }
+    }
+    for ((&i, &j), a) in jacobian
+        .rows
+        .iter()
+        .zip(&jacobian.cols)
+        .zip(values.jacobian)
+    {
+        sums[n + i as usize] += a.abs();
+        sums[j as usize] += a.abs();
+    }
+    let free = (0..n).filter(|i| !fixed[*i]);
+    let rows = free.map(|i| rx[i] - top[i] - values.sigma[i] * dx[i]);
+    let rows = rows.chain((0..m).map(|i| rc[i] - bottom[i]));
+    let residual = rows.fold(0.0_f64, |a, r| a.max(r.abs()));
+    let largest = |v: &[f64]| v.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+    let size = largest(dx).max(largest(dl));
+    residual / (largest(&sums) * size + largest(rx).max(largest(rc)))
 }
 
 /// Solves random systems of the structure and holds the solution against the matrix itself.
@@ -138,6 +180,25 @@ fn check(
     let (mut dx, mut dl) = (vec![0.0; n], vec![0.0; m]);
     let relative = kkt.solve(&rx, &rc, &mut dx, &mut dl);
     assert!(relative < 1e-11, "residual {relative:e}");
+
+    // The whole matrix by another factorization: both solutions are exact for a matrix near the given one.
+    let fixed: Vec<bool> = (0..n).map(held_var).collect();
+    let patterns = (layout.hessian_pattern(), layout.jacobian_pattern());
+    let mut whole = SparseKkt::of(n, m, &patterns.0, &patterns.1, &fixed);
+    let values = KktValues {
+        hessian: &hessian,
+        jacobian: &jacobian,
+        sigma: &sigma,
+    };
+    let info = whole.factorise(values).expect("factorises");
+    assert_eq!((info.delta_x, info.delta_c), (0.0, 0.0));
+    let (mut other_x, mut other_l) = (vec![0.0; n], vec![0.0; m]);
+    whole.solve(&rx, &rc, &mut other_x, &mut other_l);
+    for (name, x, l) in [("structured", &dx, &dl), ("sparse", &other_x, &other_l)] {
+        let error = backward_error(&patterns, values, &fixed, (&rx, &rc), (x, l));
+        assert!(error < 1e-12, "{name}: backward error {error:e}");
+    }
+
     for i in 0..n {
         assert!(
             (dx[i] - truth[i]).abs() < tolerance,
