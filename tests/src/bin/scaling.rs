@@ -5,7 +5,7 @@
 //! scaling [--two-link N,N,…] [--arm N,N,…] [--limit SECONDS]
 //! ```
 //!
-//! The two-link robot moves under sums of sines at 50 Hz, the six-axis arm (84 parameters) under position control at 100 Hz;
+//! The two-link robot moves under sums of sines at 50 Hz, the six-axis arm (84 parameters) under inverse-dynamics control at 100 Hz;
 //! the record grows with N. Starts are the true values times 0.8. Seconds are of the processor, all threads together;
 //! memory is the largest of the process so far, so numbers of samples shall grow.
 #![allow(clippy::print_stdout, reason = "a command that prints a table")]
@@ -19,7 +19,7 @@ use pid_models::{Arm6, TwoLink};
 use pid_runtime::data::{
     Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
 };
-use pid_runtime::dynamics::{Hessian, JointInfo};
+use pid_runtime::dynamics::{At, Dynamics, Hessian, JointInfo};
 use pid_runtime::ident::{Settings, Weighting, identify};
 use pid_runtime::integrate::{self, Drive, Simulator};
 use pid_runtime::solver;
@@ -152,27 +152,39 @@ fn sines(t: f64, _: &[f64], _: &[f64], _: &[f64]) -> Vec<f64> {
     PARTS.iter().map(sum).collect()
 }
 
-/// Where axis `j` of the arm shall be, and how fast.
-fn reference(t: f64, j: usize) -> (f64, f64) {
+/// Where axis `j` of the arm shall be, how fast, and its acceleration.
+fn reference(t: f64, j: usize) -> [f64; 3] {
     let centre = [0.0, -0.8, 1.2, -0.6, 0.4, 0.0][j];
-    let (mut q, mut v) = (centre, 0.0);
+    let [mut q, mut v, mut a_to] = [centre, 0.0, 0.0];
     for (a, f, phase) in [(0.45, 0.11, 0.9), (0.25, 0.37, 2.3), (0.08, 0.97, 4.1)] {
         let (f, phase) = (f * (1.0 + 0.13 * j as f64), phase * (1 + j) as f64);
         let angle = TAU * f * t + phase;
         q += a * angle.sin();
         v += a * TAU * f * angle.cos();
+        a_to -= a * (TAU * f).powi(2) * angle.sin();
     }
-    (q, v)
+    [q, v, a_to]
 }
 
-/// The arm under position control, loops of 20 rad/s with critical damping.
+/// The arm under control by its inverse dynamics, loops of 20 rad/s with critical damping.
 fn follow(t: f64, q: &[f64], v: &[f64], gains: &[f64]) -> Vec<f64> {
-    const INERTIA: [f64; 6] = [2.0, 3.0, 1.0, 0.3, 0.1, 0.05];
     let one = |j: usize| {
-        let (to_q, to_v) = reference(t, j);
-        INERTIA[j] * (400.0 * (to_q - q[j]) + 40.0 * (to_v - v[j])) / gains[j]
+        let [to_q, to_v, to_a] = reference(t, j);
+        to_a + 400.0 * (to_q - q[j]) + 40.0 * (to_v - v[j])
     };
-    (0..6).map(one).collect()
+    let a: Vec<f64> = (0..6).map(one).collect();
+    let p: Vec<f64> = Arm6.params().iter().map(|p| p.nominal).collect();
+    let mut force = [0.0; 6];
+    let at = At {
+        q,
+        v,
+        a: &a,
+        u: &[0.0; 6],
+        p: &p,
+    };
+    // Without input the residual is the force that the drives must bring.
+    Arm6.residual(&at, &mut force);
+    force.iter().zip(gains).map(|(f, gain)| f / gain).collect()
 }
 
 /// Stribeck friction at a joint, which the model does not know of: a share of its dry friction that fades with speed.
@@ -211,7 +223,7 @@ fn record(
     };
     let (mut q, mut v) = (vec![0.0; nq], vec![0.0; nq]);
     if nq == 6 {
-        (0..nq).for_each(|j| (q[j], v[j]) = reference(0.0, j));
+        (0..nq).for_each(|j| [q[j], v[j], _] = reference(0.0, j));
     } else {
         q.copy_from_slice(&[0.3, 2.2]);
     }
