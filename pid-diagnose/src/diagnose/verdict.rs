@@ -25,8 +25,8 @@ const SPREAD: f64 = 1.4;
 /// on the gap that is then allowed.
 const CALM: (f64, f64) = (1.1, 2.0);
 
-/// Share of right verdicts among drawn cases: effects named with stated and with estimated noise, `none` likewise, `unknown`
-/// with no effect and with some effect taken. The odds among the candidates know nothing of causes outside the list, nor of what
+/// Share of right verdicts: effects named with stated and with estimated noise, `none` likewise, both rounded from drawn cases;
+/// `unknown` with no effect and with some effect taken, an estimate, since few such cases were drawn. The odds among the candidates know nothing of causes outside the list, nor of what
 /// is too faint to be seen.
 const NAMED: (f64, f64) = (0.985, 0.96);
 const NOTHING_ELSE: (f64, f64) = (0.8, 0.72);
