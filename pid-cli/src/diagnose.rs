@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pid_diagnose::diagnose::{Diagnosis, Settings};
-use pid_diagnose::report::Report;
+use pid_diagnose::report::{Report, Share};
 use pid_runtime::dynamics::Hessian;
 use rayon::prelude::*;
 
@@ -17,6 +17,9 @@ pub(crate) struct DiagnoseArgs {
     /// Folders with dataset.toml, nominal.toml and CSV files.
     #[arg(required = true)]
     folders: Vec<PathBuf>,
+    /// Nominal description of the robot, in place of the nominal.toml of each folder.
+    #[arg(long, value_name = "FILE", conflicts_with = "model")]
+    nominal: Option<PathBuf>,
     /// Folder for the results: diagnosis.json, or one folder per data folder if several are given.
     #[arg(long, short, value_name = "FOLDER", default_value = "pid-diagnosis")]
     out: PathBuf,
@@ -87,9 +90,10 @@ fn one(
         refit_all: args.refit_all,
         ..Settings::default()
     };
-    let report = match model {
-        Some(model) => Report::of_model(model, folder, &settings, args.next)?,
-        None => Report::of_folder(folder, &settings, args.next)?,
+    let report = match (model, &args.nominal) {
+        (Some(model), _) => Report::of_model(model, folder, &settings, args.next)?,
+        (None, Some(file)) => Report::of_files(folder, file, &settings, args.next)?,
+        (None, None) => Report::of_folder(folder, &settings, args.next)?,
     };
     report.write(out)?;
     Ok(report.found.diagnosis)
@@ -117,6 +121,15 @@ fn summary(d: &Diagnosis) -> String {
         }
         text.push('\n');
     }
+    if let Some(left) = &d.remainder {
+        text.push_str(&format!(
+            "  these explain {:.0} % of the squared gap beyond the floor; the rest is unknown\n",
+            100.0 * left.explained
+        ));
+        for m in left.missing_force.iter().filter(|m| m.share > 0.1) {
+            text.push_str(&force("left", m));
+        }
+    }
     if !d.confusion_set.is_empty() {
         text.push_str(&format!(
             "  not told apart from: {}\n",
@@ -124,14 +137,7 @@ fn summary(d: &Diagnosis) -> String {
         ));
     }
     for m in d.missing_force.iter().filter(|m| m.share > 0.1) {
-        text.push_str(&format!(
-            "  missing force: {:.0} % at joint {}, rms {:.4}; goes with {} ({:.2})\n",
-            100.0 * m.share,
-            m.joint,
-            m.rms,
-            m.regime,
-            m.explained
-        ));
+        text.push_str(&force("missing force", m));
     }
     if let Some(n) = &d.next_experiment {
         text.push_str(&format!(
@@ -140,4 +146,16 @@ fn summary(d: &Diagnosis) -> String {
         ));
     }
     text
+}
+
+/// A line on where a force lives.
+fn force(what: &str, m: &Share) -> String {
+    format!(
+        "  {what}: {:.0} % at joint {}, rms {:.4}; goes with {} ({:.2})\n",
+        100.0 * m.share,
+        m.joint,
+        m.rms,
+        m.regime,
+        m.explained
+    )
 }

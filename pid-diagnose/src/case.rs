@@ -8,6 +8,7 @@ use pid_runtime::signal;
 use crate::effect::Unit;
 use crate::nominal::{Nominal, NominalError};
 use crate::plant::{PER_JOINT, Plant};
+use crate::regular;
 use crate::rigid::{Surroundings, Workspace, mass_and_bias};
 
 /// A folder that cannot be diagnosed.
@@ -185,35 +186,53 @@ impl Case {
                     needed: SHORTEST,
                 });
             }
-            let h = e.sample_time();
             let column =
                 |x: &[f64], j: usize| x.iter().skip(j).step_by(n).copied().collect::<Vec<f64>>();
+            let equal = regular::needed(&e.t);
+            let t = equal.as_deref().unwrap_or(&e.t);
+            let h = if equal.is_some() {
+                t[1] - t[0]
+            } else {
+                e.sample_time()
+            };
+            let linear = dataset.input_hold == InputHold::Linear;
+            let reading = |x: Vec<f64>| match &equal {
+                Some(at) => regular::readings(&e.t, &x, at),
+                None => x,
+            };
+            let input = |mut u: Vec<f64>| {
+                signal::fill_missing(&e.t, &mut u);
+                match &equal {
+                    Some(at) if linear => regular::readings(&e.t, &u, at),
+                    Some(at) => regular::held(&e.t, &u, at),
+                    None => u,
+                }
+            };
             let mut record = Record {
                 name: e.name.clone(),
                 role: e.role,
                 h,
-                q: (0..n).map(|j| column(&e.q, j)).collect(),
+                q: (0..n).map(|j| reading(column(&e.q, j))).collect(),
                 v: (0..n)
                     .map(|j| {
                         e.v.as_deref()
-                            .map_or_else(|| vec![f64::NAN; e.len()], |v| column(v, j))
+                            .map_or_else(|| vec![f64::NAN; t.len()], |v| reading(column(v, j)))
                     })
                     .collect(),
-                u: (0..n).map(|j| column(&e.u, j)).collect(),
+                u: (0..n).map(|j| input(column(&e.u, j))).collect(),
                 smooth_q: Vec::new(),
                 smooth_v: Vec::new(),
             };
             for j in 0..n {
-                signal::fill_missing(&e.t, &mut record.u[j]);
                 let mut q = record.q[j].clone();
-                signal::fill_missing(&e.t, &mut q);
+                signal::fill_missing(t, &mut q);
                 let rate = 1.0 / h;
                 if let Ok(filter) =
                     signal::Butterworth::low_pass(3, (30.0_f64).min(0.4 * rate), rate)
                 {
                     q = filter.both_ways(&q);
                 }
-                record.smooth_v.push(signal::central_differences(&e.t, &q));
+                record.smooth_v.push(signal::central_differences(t, &q));
                 record.smooth_q.push(q);
             }
             records.push(record);

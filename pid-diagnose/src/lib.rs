@@ -48,7 +48,7 @@
 //!
 //! let mut settings = Settings::default();
 //! settings.effects.push(Arc::new(HardeningSpring));
-//! assert_eq!(settings.effects.len(), 26);
+//! assert_eq!(settings.effects.len(), 27);
 //! ```
 
 pub mod case;
@@ -59,6 +59,7 @@ pub mod effects;
 pub mod fit;
 pub mod gap;
 mod kernels;
+mod levels;
 pub mod locate;
 pub mod next;
 pub mod noise;
@@ -68,6 +69,7 @@ mod page;
 pub mod plant;
 mod plot;
 pub mod predict;
+pub mod regular;
 pub mod report;
 pub mod rigid;
 pub mod scalar;

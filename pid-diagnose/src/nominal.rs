@@ -125,7 +125,15 @@ impl Nominal {
     /// # Errors
     /// If it is absent, malformed, holds values that cannot be meant, or branches.
     pub fn read(folder: &Path) -> Result<Self, NominalError> {
-        Self::new(description::Nominal::read(folder.join("nominal.toml"))?)
+        Self::read_file(&folder.join("nominal.toml"))
+    }
+
+    /// Reads a description.
+    ///
+    /// # Errors
+    /// As [`Nominal::read`].
+    pub fn read_file(path: &Path) -> Result<Self, NominalError> {
+        Self::new(description::Nominal::read(path)?)
     }
 
     /// Of a declared robot: nominal values and tolerances are those of its parameters. What is known of the measurement may stand in a

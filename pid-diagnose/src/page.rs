@@ -47,6 +47,7 @@ pub(crate) fn page(report: &Report) -> String {
                     p { "These records do not tell it apart from: " (d.confusion_set.join(", ")) "." }
                 }
                 @for e in &d.effects { section { (effect(e)) } }
+                section { (remainder(d)) }
                 section {
                     h2 { "How far" }
                     p class="quiet" { "Free-run error on records that were not fitted, relative to the motion; the floor is what noise alone leaves. Intervals of 95 % from the windows of the records." }
@@ -181,13 +182,60 @@ fn place(effect: &str, joint: Option<usize>) -> String {
 fn verdict(d: &Diagnosis) -> String {
     match d.effect.as_str() {
         "none" => "No effect is missing beyond parameters within their tolerances.".to_owned(),
-        "unknown" => "Something is missing, but no effect of the library explains it.".to_owned(),
-        _ => d
-            .effects
-            .iter()
-            .map(|e| place(&e.effect, e.joint))
-            .collect::<Vec<_>>()
-            .join(" and "),
+        "unknown" if d.effects.is_empty() => {
+            "Something is missing, but no effect of the library explains it.".to_owned()
+        }
+        "unknown" => format!(
+            "Something is missing that no effect of the library explains; {} of it goes with {}.",
+            d.remainder
+                .as_ref()
+                .map_or_else(String::new, |r| format!("{:.0} %", 100.0 * r.explained)),
+            all(d)
+        ),
+        _ => match &d.remainder {
+            Some(r) => format!(
+                "{}, which explain {:.0} % of the gap; the rest is unknown.",
+                all(d),
+                100.0 * r.explained
+            ),
+            None => all(d),
+        },
+    }
+}
+
+/// All named effects.
+fn all(d: &Diagnosis) -> String {
+    d.effects
+        .iter()
+        .map(|e| place(&e.effect, e.joint))
+        .collect::<Vec<_>>()
+        .join(" and ")
+}
+
+/// What is left beside the named effects.
+fn remainder(d: &Diagnosis) -> Markup {
+    let Some(r) = &d.remainder else {
+        return html! {};
+    };
+    html! {
+        h2 { "What is left" }
+        p {
+            "The named effects explain " (format!("{:.0} %", 100.0 * r.explained))
+            " of the squared gap beyond the floor on motions that were never fitted. Intervals and scores count the model's own error, "
+            "correlated as it is, in place of sensor noise."
+        }
+        table {
+            tr { th { "joint" } th class="n" { "share" } th class="n" { "rms of the force still missing" } th { "goes with" } th class="n" { "how far" } }
+            @for m in &r.missing_force {
+                tr {
+                    td { (m.joint) }
+                    td class="n" { (format!("{:.0} %", 100.0 * m.share)) }
+                    td class="n" { (format!("{:.4}", m.rms)) }
+                    td { (m.regime) }
+                    td class="n" { (format!("{:.2}", m.explained)) }
+                }
+            }
+        }
     }
 }
 

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::case::{Case, CaseError};
 use crate::diagnose::{Diagnosis, Found, Settings, investigate};
 use crate::fit::Fit;
-use crate::locate::{Place, locate};
+use crate::locate::{Place, locate, rest};
 use crate::next::{Experiment, separate};
 use crate::nominal::Nominal;
 
@@ -71,6 +71,20 @@ impl Report {
         Self::new(Nominal::read(folder)?, &dataset, settings, next)
     }
 
+    /// The same with the description in a file of its own.
+    ///
+    /// # Errors
+    /// As [`Case::read`].
+    pub fn of_files(
+        folder: &Path,
+        nominal: &Path,
+        settings: &Settings,
+        next: bool,
+    ) -> Result<Self, CaseError> {
+        let dataset = Dataset::read(folder)?;
+        Self::new(Nominal::read_file(nominal)?, &dataset, settings, next)
+    }
+
     /// Diagnoses the records of a folder with a declared robot in place of `nominal.toml`.
     ///
     /// # Errors
@@ -107,6 +121,9 @@ impl Report {
         let next = rivals(&found, next).and_then(|(a, b)| separate(&found.case, a, b));
         if let Ok(place) = &place {
             found.diagnosis.missing_force = shares(place);
+        }
+        if let Some(left) = &mut found.diagnosis.remainder {
+            left.missing_force = shares(&rest(&found.case, &found.fit));
         }
         found.diagnosis.next_experiment = next.as_ref().map(|e| Next {
             rivals: e.rivals.clone(),

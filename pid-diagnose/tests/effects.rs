@@ -408,7 +408,7 @@ fn a_force_counts_only_inside_its_windows() {
 #[test]
 fn descriptions_are_complete() {
     let ids: Vec<&str> = effects::all().iter().map(|e| e.info().id).collect();
-    assert_eq!(ids.len(), 25);
+    assert_eq!(ids.len(), 26);
     for effect in effects::all() {
         let info = effect.info();
         assert!(

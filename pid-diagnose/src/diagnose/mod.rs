@@ -6,6 +6,7 @@
 
 mod magnitude;
 mod refit;
+mod remainder;
 mod residue;
 mod verdict;
 
@@ -122,6 +123,23 @@ pub struct Ranked {
     pub probability: f64,
 }
 
+impl Ranked {
+    /// `effect` or `effect:joint`.
+    pub fn label(&self) -> String {
+        self.joint
+            .map_or(self.effect.clone(), |j| format!("{}:{j}", self.effect))
+    }
+}
+
+/// What is left beside the named effects where no verdict explains the records down to their noise.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Remainder {
+    /// Share of the squared gap beyond the floor that the named effects explain on the test records.
+    pub explained: f64,
+    /// Where the force lives that is still missing beside them; empty if it was not looked for.
+    pub missing_force: Vec<Share>,
+}
+
 /// The verdict and what it rests on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
@@ -154,6 +172,9 @@ pub struct Diagnosis {
     /// The motion that would separate the rivals that are left, if there are any and it was looked for.
     #[serde(default)]
     pub next_experiment: Option<Next>,
+    /// What is left beside the named effects; absent where the records are explained down to their noise.
+    #[serde(default)]
+    pub remainder: Option<Remainder>,
     /// Candidates, best first.
     pub ranking: Vec<Ranked>,
     /// Stated probability that the verdict is right.
@@ -376,7 +397,19 @@ fn once(case: &Case, settings: &Settings) -> Found {
         refits,
         clock,
     };
-    let (diagnosis, fit) = parts.verdict(current);
+    let (mut diagnosis, fit) = parts.verdict(current);
+    if diagnosis.effect == "unknown" {
+        let partial = remainder::partial(&case, settings, &base);
+        partial.describe(&mut diagnosis);
+        diagnosis.seconds = clock.elapsed().as_secs_f64();
+        return Found {
+            diagnosis,
+            base: partial.base,
+            fit: partial.fit,
+            rivals: partial.ranking.into_iter().map(|r| r.fit).collect(),
+            case: partial.case,
+        };
+    }
     Found {
         diagnosis,
         base,

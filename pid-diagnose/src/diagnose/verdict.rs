@@ -214,6 +214,7 @@ impl Parts<'_> {
             gap_joints: after.joints,
             gap_joints_before: before.joints.clone(),
             missing_force: Vec::new(),
+            remainder: None,
             next_experiment: None,
             ranking: lines,
             confidence,

@@ -16,6 +16,7 @@ mod input_delay;
 mod joint_coupling;
 mod joint_elasticity;
 mod load_dependent_friction;
+mod motor_coupling;
 mod payload;
 mod presliding_hysteresis;
 mod quadratic_drag;
@@ -42,6 +43,7 @@ pub use input_delay::InputDelay;
 pub use joint_coupling::JointCoupling;
 pub use joint_elasticity::JointElasticity;
 pub use load_dependent_friction::LoadDependentFriction;
+pub use motor_coupling::MotorCoupling;
 pub use payload::Payload;
 pub use presliding_hysteresis::PreslidingHysteresis;
 pub use quadratic_drag::QuadraticDrag;
@@ -70,6 +72,7 @@ pub fn all() -> Vec<Arc<dyn Effect>> {
         Arc::new(Backlash),
         Arc::new(UnmodelledRotorInertia),
         Arc::new(JointCoupling),
+        Arc::new(MotorCoupling),
         Arc::new(ActuatorLag),
         Arc::new(InputDelay),
         Arc::new(TorqueSaturation),

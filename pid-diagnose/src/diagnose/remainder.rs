@@ -1,0 +1,311 @@
+//! Effects that pay although something is left that none of them explains.
+//!
+//! Where the verdict is `unknown`, the innovations are the model's errors and no measure of noise. The nominal parameters are then
+//! fitted again to slow predictions (see [`levels`](crate::levels)), and effects are taken one after the other, each judged by
+//!
+//! ```text
+//! score = Σ over joints, channels, roles  N′ ln(S₀/S₁)  −  k ln N′  −  2 ln(candidates)
+//! ```
+//!
+//! with the sums of squares S without and with it and the number N′ of independent samples of what it leaves: twice the gain in
+//! profile likelihood with the level unknown (L. Ljung, System Identification, 1999, section 7.4). It must also shrink the
+//! free-run gap on motions never fitted by more than the scatter between their windows.
+
+use pid_runtime::data::Role;
+use rayon::prelude::*;
+
+use super::magnitude::name;
+use super::refit::{Refit, refit};
+use super::{Diagnosis, Ranked, Remainder, Settings, TOUCH, listed, measured};
+use crate::case::Case;
+use crate::fit::{Basis, Effort, Fit, basis, fit, ranges};
+use crate::gap::Gap;
+use crate::levels::{errors, left, settle, slow};
+use crate::screen::screen;
+
+/// Most effects taken.
+const MOST: usize = 4;
+/// Candidates refitted in each round.
+const REFITS: usize = 9;
+/// Fewest windows with a scatter of their own.
+const FEW: usize = 4;
+/// Mean decrease over the windows, in its standard errors (one-sided 5 %).
+const CERTAIN: f64 = 1.645;
+/// Gain on motions never fitted, in margins, with which an effect is taken if only the gap does not grow.
+const BEYOND_DOUBT: f64 = 10.0;
+/// Turns of fit and levels at the start.
+const TURNS: usize = 3;
+
+/// What the library explains, and what it is judged against.
+pub(super) struct Partial {
+    /// The case with the levels of the model's errors.
+    pub(super) case: Case,
+    /// The nominal structure, tuned.
+    pub(super) base: Fit,
+    /// Its gap.
+    pub(super) before: Gap,
+    /// With the effects that pay.
+    pub(super) fit: Fit,
+    /// Its gap.
+    pub(super) after: Gap,
+    /// Candidates of all rounds, best first; those taken lead.
+    pub(super) ranking: Vec<Refit>,
+    /// How many of them are taken.
+    pub(super) taken: usize,
+    /// Refits made.
+    pub(super) refits: usize,
+}
+
+/// Tunes the nominal structure and takes the effects that pay.
+pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit) -> Partial {
+    let sensors: Vec<(f64, f64)> = case.noise.iter().map(|n| (n.q, n.v)).collect();
+    let mut case = case.clone();
+    slow(&mut case);
+    let mut base = nominal.clone();
+    let mut directions = basis(&case);
+    for _ in 0..TURNS {
+        base = fit(
+            &case,
+            &directions,
+            &base.hypothesis,
+            base.point.clone(),
+            Effort::full(settings.steps),
+        );
+        (base, directions) = renewed(&mut case, &base, &sensors);
+    }
+    let before = measured(&case, &base);
+    let mut current = base.clone();
+    let mut gap = before.clone();
+    let mut ranking: Vec<Refit> = Vec::new();
+    let (mut taken, mut refits) = (0, 0);
+    let few = Settings {
+        refits: REFITS,
+        ..settings.clone()
+    };
+    while taken < MOST {
+        let list = listed(&case, &directions, settings, &current);
+        let (best, slopes) = screen(&case, &directions, &current, &list);
+        let mut tried = refit(
+            &case,
+            &directions,
+            &few,
+            &current,
+            (&best, &slopes),
+            list.len(),
+        );
+        refits += tried.len();
+        let unseen = judge(&case, &current, &mut tried, list.len());
+        let gaps: Vec<Gap> = tried.par_iter().map(|r| measured(&case, &r.fit)).collect();
+        let pays = (0..tried.len()).filter(|&i| {
+            let (own, held_out) = (&gaps[i], unseen(&tried[i]));
+            let shrinks = own.total < (1.0 - 0.5 * settings.least_shrink) * gap.total
+                && certainty(&gap, own) > CERTAIN;
+            // What few windows or another joint hide: the slow predictions of motions never fitted are beyond doubt.
+            let beyond_doubt = held_out > BEYOND_DOUBT * settings.margin && own.total < gap.total;
+            tried[i].score > settings.margin && held_out > 0.0 && (shrinks || beyond_doubt)
+        });
+        let taken_now = pays.into_iter().find_map(|i| {
+            let mut case = case.clone();
+            let (next, directions) = renewed(&mut case, &tried[i].fit, &sensors);
+            let after = measured(&case, &next);
+            (after.total < gap.total && !at_an_end(&case, &next))
+                .then_some((i, case, next, directions, after))
+        });
+        let Some((i, itself, next, ways, after)) = taken_now else {
+            if taken == 0 {
+                ranking = tried;
+            }
+            break;
+        };
+        let first = tried.remove(i);
+        if taken == 0 {
+            ranking = tried;
+        }
+        ranking.insert(taken, first);
+        taken += 1;
+        (case, current, directions, gap) = (itself, next, ways, after);
+    }
+    Partial {
+        case,
+        base,
+        before,
+        fit: current,
+        after: gap,
+        ranking,
+        taken,
+        refits,
+    }
+}
+
+/// Whether an amplitude of the last effect ended at the end of its range: the effect then stands for something else.
+fn at_an_end(case: &Case, fit: &Fit) -> bool {
+    let Some(term) = fit.hypothesis.terms.last() else {
+        return false;
+    };
+    let info = term.effect.info();
+    let first = fit.point.e.len() - info.parameters.len();
+    let ranges = ranges(case, &fit.hypothesis);
+    info.amplitudes.iter().any(|&a| {
+        let (low, high) = ranges[first + a];
+        let x = fit.point.e[first + a];
+        let edge = 1e-3 * (high - low);
+        // Zero is where the effect is absent.
+        (x < low + edge && low != 0.0) || x > high - edge
+    })
+}
+
+/// Levels that a fit leaves, and the fit under them with the directions they determine.
+fn renewed(case: &mut Case, at: &Fit, sensors: &[(f64, f64)]) -> (Fit, Basis) {
+    settle(case, at, sensors);
+    let directions = basis(case);
+    let next = fit(
+        case,
+        &directions,
+        &at.hypothesis,
+        at.point.clone(),
+        Effort::full(TOUCH),
+    );
+    (next, directions)
+}
+
+/// Sums of squares of every joint and channel under a fit, and numbers of independent samples, on the records of a role.
+fn sums(case: &Case, fit: &Fit, role: Role) -> Vec<(f64, f64)> {
+    left(&errors(case, fit, role))
+        .iter()
+        .flatten()
+        .filter(|l| l.number > 0.0)
+        .map(|l| (l.square.max(1e-300), l.independent))
+        .collect()
+}
+
+/// Scores the refits and orders them; returns what a refit gains on the records never fitted.
+fn judge(
+    case: &Case,
+    current: &Fit,
+    tried: &mut [Refit],
+    candidates: usize,
+) -> impl Fn(&Refit) -> f64 + use<> {
+    let old = [Role::Train, Role::Test].map(|role| sums(case, current, role));
+    let mut unseen: Vec<(String, f64)> = Vec::new();
+    for r in tried.iter_mut() {
+        let mut gains = [0.0; 2];
+        let mut number = 0.0;
+        for ((role, old), gain) in [Role::Train, Role::Test].iter().zip(&old).zip(&mut gains) {
+            for ((s1, independent), (s0, _)) in sums(case, &r.fit, *role).iter().zip(old) {
+                *gain += independent * (s0 / s1).ln();
+                number += independent;
+            }
+        }
+        let k = r.term.effect.info().parameters.len() as f64;
+        r.score = gains[0] + gains[1] - k * number.max(2.0).ln() - 2.0 * (candidates as f64).ln();
+        unseen.push((r.term.label(), gains[1]));
+    }
+    tried.sort_by(|a, b| b.score.total_cmp(&a.score));
+    move |r: &Refit| {
+        let label = r.term.label();
+        unseen.iter().find(|u| u.0 == label).map_or(0.0, |u| u.1)
+    }
+}
+
+/// Mean decrease of the logarithm of the squared error from window to window, in its standard errors: each window counts alike,
+/// however lively its motion.
+fn certainty(before: &Gap, after: &Gap) -> f64 {
+    let d: Vec<f64> = before
+        .windows
+        .iter()
+        .zip(&after.windows)
+        .filter(|(a, b)| **a > 0.0 && **b > 0.0)
+        .map(|(a, b)| (a / b).ln())
+        .collect();
+    let n = d.len() as f64;
+    let mean = d.iter().sum::<f64>() / n.max(1.0);
+    if d.len() < FEW {
+        // Too few windows for a scatter: the gap itself decides.
+        return if mean > 0.0 { f64::INFINITY } else { 0.0 };
+    }
+    let variance = d.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    mean / (variance / n).sqrt().max(1e-300)
+}
+
+/// Probability below which a candidate is no longer mentioned as one that explains the same.
+const MENTIONED: f64 = 0.05;
+/// Share of the gap's square beyond the floor that makes effects the verdict.
+const MAJORITY: f64 = 0.7;
+/// Confidence in a verdict beside which something is left, at most; and in `unknown`.
+const HIGHEST: f64 = 0.9;
+
+impl Partial {
+    /// Says in a diagnosis what the effects explain and what is left.
+    pub(super) fn describe(&self, diagnosis: &mut Diagnosis) {
+        let (before, after) = (self.before.total, self.after.total);
+        let floor = diagnosis.gap_floor;
+        let possible = before * before - floor * floor;
+        let explained = if possible > 0.0 {
+            ((before * before - after * after) / possible).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        diagnosis.effects = name(&self.case, &self.fit);
+        (diagnosis.gap_before, diagnosis.gap_after) = (before, after);
+        diagnosis.gap_intervals = (self.before.interval(), self.after.interval());
+        diagnosis.gap_joints = self.after.joints.clone();
+        diagnosis.gap_joints_before = self.before.joints.clone();
+        diagnosis.ranking = self.lines();
+        diagnosis.refits += self.refits;
+        diagnosis.confusion_set = diagnosis
+            .ranking
+            .iter()
+            .skip(self.taken)
+            .filter(|l| l.probability > MENTIONED)
+            .map(Ranked::label)
+            .collect();
+        diagnosis.remainder = Some(Remainder {
+            explained,
+            missing_force: Vec::new(),
+        });
+        if explained > MAJORITY
+            && let Some(first) = diagnosis.effects.first()
+        {
+            diagnosis.effect = first.effect.clone();
+            diagnosis.joint = first.joint;
+            diagnosis.regime = first.regime.clone();
+            diagnosis.confidence = diagnosis.ranking[0].probability.min(HIGHEST);
+        }
+    }
+
+    /// The ranking with odds: those of the first round among each other, the later ones in their own.
+    fn lines(&self) -> Vec<Ranked> {
+        let own = |i: usize| i == 0 || i >= self.taken;
+        // A candidate that scored more but did not pay on motions never fitted counts as an equal, not as better.
+        let most = if self.taken > 0 {
+            self.ranking[0].score
+        } else {
+            f64::INFINITY
+        };
+        let score = |i: usize| self.ranking[i].score.min(most);
+        let best = (0..self.ranking.len())
+            .filter(|&i| own(i))
+            .map(score)
+            .fold(0.0, f64::max);
+        let weight = |score: f64| (0.5 * (score - best)).exp();
+        let sum: f64 = weight(0.0)
+            + (0..self.ranking.len())
+                .filter(|&i| own(i))
+                .map(|i| weight(score(i)))
+                .sum::<f64>();
+        self.ranking
+            .iter()
+            .enumerate()
+            .map(|(i, r)| Ranked {
+                effect: r.term.effect.info().id.to_owned(),
+                joint: r.term.shown_joint(),
+                score: r.score,
+                probability: if own(i) {
+                    weight(score(i)) / sum
+                } else {
+                    1.0 - weight(0.0).min(1.0)
+                },
+            })
+            .collect()
+    }
+}
