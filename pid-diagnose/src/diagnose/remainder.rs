@@ -48,6 +48,8 @@ pub(super) struct Partial {
     pub(super) fit: Fit,
     /// Its gap.
     pub(super) after: Gap,
+    /// The gap with the first of them alone.
+    pub(super) first: f64,
     /// Candidates of all rounds, best first; those taken lead.
     pub(super) ranking: Vec<Refit>,
     /// How many of them are taken.
@@ -78,6 +80,7 @@ pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit) -> Partia
     let mut gap = before.clone();
     let mut ranking: Vec<Refit> = Vec::new();
     let (mut taken, mut refits) = (0, 0);
+    let mut alone = before.total;
     let few = Settings {
         refits: REFITS,
         ..settings.clone()
@@ -120,6 +123,7 @@ pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit) -> Partia
         let first = tried.remove(i);
         if taken == 0 {
             ranking = tried;
+            alone = after.total;
         }
         ranking.insert(taken, first);
         taken += 1;
@@ -131,6 +135,7 @@ pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit) -> Partia
         before,
         fit: current,
         after: gap,
+        first: alone,
         ranking,
         taken,
         refits,
@@ -229,7 +234,7 @@ fn certainty(before: &Gap, after: &Gap) -> f64 {
 
 /// Probability below which a candidate is no longer mentioned as one that explains the same.
 const MENTIONED: f64 = 0.05;
-/// Share of the gap's square beyond the floor that makes effects the verdict.
+/// Share of the gap's square beyond the floor that makes the first effect the verdict.
 const MAJORITY: f64 = 0.7;
 /// Confidence in a verdict beside which something is left, at most; and in `unknown`.
 const HIGHEST: f64 = 0.9;
@@ -240,11 +245,14 @@ impl Partial {
         let (before, after) = (self.before.total, self.after.total);
         let floor = diagnosis.gap_floor;
         let possible = before * before - floor * floor;
-        let explained = if possible > 0.0 {
-            ((before * before - after * after) / possible).clamp(0.0, 1.0)
-        } else {
-            0.0
+        let share = |gap: f64| {
+            if possible > 0.0 {
+                ((before * before - gap * gap) / possible).clamp(0.0, 1.0)
+            } else {
+                0.0
+            }
         };
+        let explained = share(after);
         diagnosis.effects = name(&self.case, &self.fit);
         (diagnosis.gap_before, diagnosis.gap_after) = (before, after);
         diagnosis.gap_intervals = (self.before.interval(), self.after.interval());
@@ -263,7 +271,7 @@ impl Partial {
             explained,
             missing_force: Vec::new(),
         });
-        if explained > MAJORITY
+        if share(self.first) > MAJORITY
             && let Some(first) = diagnosis.effects.first()
         {
             diagnosis.effect = first.effect.clone();
