@@ -233,7 +233,8 @@ const UNSEEN: f64 = 1.5;
 pub fn investigate(case: &Case, settings: &Settings) -> Found {
     let found = once(case, settings);
     let d = &found.diagnosis;
-    let followed = d.effects.is_empty() && d.misfit.1 < settings.largest_misfit;
+    let unexplained = d.effects.is_empty() || d.remainder.is_some();
+    let followed = unexplained && d.misfit.1 < settings.largest_misfit;
     if !followed || d.residue.unseen < UNSEEN {
         return found;
     }
