@@ -253,7 +253,7 @@ impl Partial {
             }
         };
         let explained = share(after);
-        diagnosis.effects = name(&self.case, &basis(&self.case), &self.fit);
+        diagnosis.effects = name(&self.case, &self.fit);
         (diagnosis.gap_before, diagnosis.gap_after) = (before, after);
         diagnosis.gap_intervals = (self.before.interval(), self.after.interval());
         diagnosis.gap_joints = self.after.joints.clone();
