@@ -122,10 +122,13 @@ fn summary(d: &Diagnosis) -> String {
         text.push('\n');
     }
     if let Some(left) = &d.remainder {
-        text.push_str(&format!(
-            "  these explain {:.0} % of the squared gap beyond the floor; the rest is unknown\n",
-            100.0 * left.explained
-        ));
+        match d.effects.is_empty() {
+            true => text.push_str("  no effect of the library pays on the records never fitted\n"),
+            false => text.push_str(&format!(
+                "  explained: {:.0} % of the squared gap beyond the floor; the rest is unknown\n",
+                100.0 * left.explained
+            )),
+        }
         for m in left.missing_force.iter().filter(|m| m.share > 0.1) {
             text.push_str(&force("left", m));
         }

@@ -194,7 +194,7 @@ fn verdict(d: &Diagnosis) -> String {
         ),
         _ => match &d.remainder {
             Some(r) => format!(
-                "{}, which explain {:.0} % of the gap; the rest is unknown.",
+                "{}: {:.0} % of the squared gap; the rest is unknown.",
                 all(d),
                 100.0 * r.explained
             ),
@@ -220,8 +220,13 @@ fn remainder(d: &Diagnosis) -> Markup {
     html! {
         h2 { "What is left" }
         p {
-            "The named effects explain " (format!("{:.0} %", 100.0 * r.explained))
-            " of the squared gap beyond the floor on motions that were never fitted. Intervals and scores count the model's own error, "
+            @if d.effects.is_empty() {
+                "No effect of the library pays on motions that were never fitted."
+            } @else {
+                "The named effects explain " (format!("{:.0} %", 100.0 * r.explained))
+                " of the squared gap beyond the floor on motions that were never fitted."
+            }
+            " Intervals and scores count the model's own error, "
             "correlated as it is, in place of sensor noise."
         }
         table {
