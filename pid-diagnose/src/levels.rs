@@ -72,8 +72,8 @@ pub(crate) fn shared(x: &[f64]) -> f64 {
     if n < 4 || square <= 0.0 {
         return 1.0;
     }
-    let mut sum = 1.0;
-    // Far lags in steps that grow: the correlation is smooth there.
+    // By the trapezoidal rule from ρ(0) = 1 on, which is that sum. Far lags in steps that grow: the correlation is smooth there.
+    let mut sum = 0.0;
     let (mut lag, mut last) = (1_usize, (0_usize, 1.0));
     while lag < n / 2 {
         let product: f64 = x[lag..].iter().zip(x).map(|(a, b)| a * b).sum();
