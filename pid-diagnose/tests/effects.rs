@@ -142,6 +142,7 @@ fn point(id: &str) -> Vec<f64> {
         "backlash" => vec![0.02, 0.001, 0.0004],
         "unmodelled_rotor_inertia" => vec![0.07],
         "joint_coupling" => vec![3.0, -0.7, 0.4],
+        "motor_coupling" => vec![0.4, 0.3, 0.8, 0.5],
         "actuator_lag" => vec![0.013],
         "input_delay" => vec![0.0137],
         "torque_saturation" => vec![0.06],
