@@ -41,6 +41,29 @@ pub struct Robot {
 }
 
 impl Robot {
+    /// A robot without parts; its derivatives of first and second order are asked for.
+    pub fn new(name: impl Into<String>, gravity: [Expr; 3]) -> Self {
+        Self {
+            name: name.into(),
+            docs: Vec::new(),
+            gravity,
+            params: Vec::new(),
+            inputs: Vec::new(),
+            links: Vec::new(),
+            joints: Vec::new(),
+            order: Vec::new(),
+            motors: Vec::new(),
+            potential: None,
+            lagrangian: None,
+            blanks: Vec::new(),
+            emit: Emit {
+                first_derivatives: true,
+                second_derivatives: true,
+                ..Emit::default()
+            },
+        }
+    }
+
     /// Number of coordinates: of joints that move on their own.
     pub fn nq(&self) -> usize {
         self.joints.iter().filter(|j| j.coord.is_some()).count()
@@ -134,6 +157,20 @@ pub struct Tensor {
     pub xz: Expr,
     /// Iyz.
     pub yz: Expr,
+}
+
+impl From<[Expr; 6]> for Tensor {
+    /// Of the entries xx, yy, zz, xy, xz, yz.
+    fn from([xx, yy, zz, xy, xz, yz]: [Expr; 6]) -> Self {
+        Self {
+            xx,
+            yy,
+            zz,
+            xy,
+            xz,
+            yz,
+        }
+    }
 }
 
 impl Default for Tensor {

@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use pid_runtime::data::Role;
 use rayon::prelude::*;
 
-use crate::case::{Case, Velocity};
+use crate::case::{Case, Record, Velocity};
 use crate::effect::{LANES, Wide};
 use crate::observer::Gain;
 use crate::plant::PER_JOINT;
@@ -87,6 +87,16 @@ pub struct Linear {
 pub struct Basis {
     /// 14 n × r, orthonormal.
     pub columns: DMatrix<f64>,
+}
+
+impl Basis {
+    /// The directions, one by one.
+    pub fn directions(&self) -> Vec<Vec<f64>> {
+        self.columns
+            .column_iter()
+            .map(|c| c.iter().copied().collect())
+            .collect()
+    }
 }
 
 /// A direction in which to differentiate.
@@ -443,6 +453,32 @@ impl Effort<'_> {
     }
 }
 
+impl Fit {
+    /// Innovations on the train records with derivatives at the point of the fit, along a basis and then in the effects' parameters.
+    pub fn linearised(&self, case: &Case, basis: &Basis) -> Linear {
+        let columns = basis.directions();
+        slopes(
+            case,
+            &self.hypothesis,
+            &self.point,
+            &self.gains,
+            &columns,
+            None,
+        )
+    }
+
+    /// The fitted model, to be run along a record.
+    pub fn runner<'a>(&'a self, case: &'a Case, record: &'a Record) -> Runner<'a, 'a, f64> {
+        Runner::new(
+            case,
+            record,
+            &self.hypothesis,
+            &self.point.theta,
+            &self.point.e,
+        )
+    }
+}
+
 /// Decrease below which a fit has come to rest: absolute, and relative to the objective.
 const REST: (f64, f64) = (0.05, 1e-4);
 /// Share of the predicted decrease that borrowed derivatives must bring to be kept.
@@ -489,11 +525,7 @@ pub fn fit(
     for (e, (low, high)) in at.e.iter_mut().zip(&bounds) {
         *e = e.clamp(*low, *high);
     }
-    let columns: Vec<Vec<f64>> = basis
-        .columns
-        .column_iter()
-        .map(|c| c.iter().copied().collect())
-        .collect();
+    let columns = basis.directions();
     let rank = columns.len();
     let mut gains = all_gains(case, hypothesis, &at);
     let mut now = value(case, hypothesis, &at, &gains, Role::Train);

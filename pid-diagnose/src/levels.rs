@@ -18,7 +18,6 @@ use rayon::prelude::*;
 
 use crate::case::{Case, Velocity};
 use crate::fit::Fit;
-use crate::predict::Runner;
 
 /// Horizon where none is stated, s.
 const HORIZON: f64 = 1.0;
@@ -39,14 +38,7 @@ pub(crate) fn errors(case: &Case, fit: &Fit, role: Role) -> Vec<Vec<[Vec<f64>; 2
         .map(|(record, gains)| {
             let mut out = vec![[Vec::new(), Vec::new()]; n];
             let mut before = vec![0.0; n];
-            Runner::<f64>::new(
-                case,
-                record,
-                &fit.hypothesis,
-                &fit.point.theta,
-                &fit.point.e,
-            )
-            .predict(
+            fit.runner(case, record).predict(
                 gains,
                 &mut |_, j, channel, x| {
                     let w = &gains[j].whiten;

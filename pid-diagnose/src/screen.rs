@@ -100,22 +100,7 @@ pub fn screen(
     fit: &Fit,
     candidates: &[(Term, Vec<Vec<f64>>)],
 ) -> (Vec<Candidate>, DMatrix<f64>) {
-    let columns: Vec<Vec<f64>> = basis
-        .columns
-        .column_iter()
-        .map(|c| c.iter().copied().collect())
-        .collect();
-    let ne = fit.point.e.len();
-    let mut directions: Vec<Direction<'_>> = columns.iter().map(|c| Direction::Theta(c)).collect();
-    directions.extend((0..ne).map(Direction::Effect));
-    let lin = linearise(
-        case,
-        &fit.hypothesis,
-        &fit.point,
-        &fit.gains,
-        Role::Train,
-        &directions,
-    );
+    let lin = fit.linearised(case, basis);
     let h = lin.j.transpose() * &lin.j;
     let reference = Reference {
         case,
@@ -130,7 +115,11 @@ pub fn screen(
     out.sort_by(|a, b| a.objective.total_cmp(&b.objective));
     let mut seen = std::collections::BTreeSet::new();
     out.retain(|c| seen.insert(c.term.label()));
-    let slopes = reference.lin.j.columns(0, columns.len()).into_owned();
+    let slopes = reference
+        .lin
+        .j
+        .columns(0, basis.columns.ncols())
+        .into_owned();
     (out, slopes)
 }
 

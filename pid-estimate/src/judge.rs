@@ -110,14 +110,7 @@ fn one(model: &dyn Hessian, p: &[f64], record: &Record, rest: Option<&[f64]>) ->
     let mut force = vec![0.0; record.t.len() * nq];
     let (idle, mut passive) = (vec![0.0; nu], vec![0.0; nq]);
     for (i, row) in force.chunks_exact_mut(nq).enumerate() {
-        let own = i * nq..(i + 1) * nq;
-        let at = At {
-            q: &record.q[own.clone()],
-            v: &record.v[own.clone()],
-            a: &record.a[own.clone()],
-            u: &record.u[own],
-            p,
-        };
+        let at = record.at(i, p);
         model.applied_force(&at, row);
         model.applied_force(&At { u: &idle, ..at }, &mut passive);
         row.iter_mut().zip(&passive).for_each(|(f, p)| *f -= p);

@@ -365,14 +365,7 @@ pub(crate) fn residuals_at(model: &dyn Hessian, record: &Record, p: &[f64]) -> V
     let nq = record.nq;
     let mut r = vec![0.0; record.t.len() * nq];
     for (i, row) in r.chunks_exact_mut(nq).enumerate() {
-        let own = i * nq..(i + 1) * nq;
-        let at = At {
-            q: &record.q[own.clone()],
-            v: &record.v[own.clone()],
-            a: &record.a[own.clone()],
-            u: &record.u[own],
-            p,
-        };
+        let at = record.at(i, p);
         model.residual(&at, row);
     }
     let r = record.parallel(r, nq);

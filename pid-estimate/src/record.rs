@@ -1,6 +1,7 @@
 //! Records made ready for a regression: filtered states, inputs as they act, the rule of decimation.
 
 use pid_runtime::data::{Dataset, Experiment, InputHold};
+use pid_runtime::dynamics::At;
 use pid_runtime::signal::{
     FilterError, SignalError, fill_missing, low_pass_channels, state_from_data,
 };
@@ -49,6 +50,18 @@ pub struct Record {
 }
 
 impl Record {
+    /// Arguments of a model at sample `i`.
+    pub(crate) fn at<'a>(&'a self, i: usize, p: &'a [f64]) -> At<'a> {
+        let own = i * self.nq..(i + 1) * self.nq;
+        At {
+            q: &self.q[own.clone()],
+            v: &self.v[own.clone()],
+            a: &self.a[own.clone()],
+            u: &self.u[own],
+            p,
+        }
+    }
+
     /// Filters an experiment: Butterworth of order 4 forward and backward for states and inputs, central differences, and
     /// a decimation for which residual and regressor pass the same filter (IDIM-LS, M. Gautier, IEEE ICRA 1997).
     ///

@@ -12,7 +12,7 @@
 //! # Example
 //! A pendulum, its rod 0.5 m long:
 //! ```
-//! use pid_derive::model::{Emit, Expr, Inertial, Joint, JointKind, Link, Param, Robot, Tensor};
+//! use pid_derive::model::{Expr, Inertial, Joint, JointKind, Link, Param, Robot, Tensor};
 //! use pid_interpret::Model;
 //! use pid_runtime::dynamics::{At, Dynamics};
 //!
@@ -30,19 +30,11 @@
 //!     child: 0, origin: zero(), rpy: zero(), follows: None, limits: None, armature: None, force: None,
 //! };
 //! let model = Model::new(&Robot {
-//!     name: "Pendulum".into(),
-//!     docs: vec![],
-//!     gravity: [0.0, 0.0, -9.81].map(Expr::Num),
 //!     params: vec![mass],
-//!     inputs: vec![],
 //!     links: vec![Link { name: "rod".into(), docs: vec![], inertial: rod }],
 //!     joints: vec![pivot],
 //!     order: vec![0],
-//!     motors: vec![],
-//!     potential: None,
-//!     lagrangian: None,
-//!     blanks: vec![],
-//!     emit: Emit { first_derivatives: true, second_derivatives: true, ..Emit::default() },
+//!     ..Robot::new("Pendulum", [0.0, 0.0, -9.81].map(Expr::Num))
 //! })?;
 //! // r = m l² a + m g l sin q.
 //! let mut r = [0.0];

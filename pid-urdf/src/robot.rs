@@ -11,7 +11,7 @@
 use std::collections::BTreeMap;
 
 use pid_derive::model::{
-    About, Affine, Emit, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
+    About, Affine, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
 };
 
 use crate::description::{self, Description, Motion, rotation, turned};
@@ -76,23 +76,11 @@ pub fn robot(description: &Description, options: &Options) -> Result<Robot, Urdf
         options,
         names: BTreeMap::new(),
         robot: Robot {
-            name: names::type_name(&description.name),
-            docs: Vec::new(),
-            gravity: options.gravity.map(Expr::Num),
-            params: Vec::new(),
-            inputs: Vec::new(),
-            links: Vec::new(),
-            joints: Vec::new(),
             order: (0..description.joints.len()).collect(),
-            motors: Vec::new(),
-            potential: None,
-            lagrangian: None,
-            blanks: Vec::new(),
-            emit: Emit {
-                first_derivatives: true,
-                second_derivatives: true,
-                ..Emit::default()
-            },
+            ..Robot::new(
+                names::type_name(&description.name),
+                options.gravity.map(Expr::Num),
+            )
         },
     };
     let free = free_links(description, options);
@@ -214,19 +202,12 @@ impl Builder<'_> {
             return Ok(Inertial::None);
         };
         if !free {
-            let [xx, yy, zz, xy, xz, yz] =
-                turned(rotation(inertial.rpy), inertial.inertia).map(Expr::Num);
             return Ok(Inertial::Body {
                 mass: Expr::Num(inertial.mass),
                 com: inertial.com.map(Expr::Num),
-                inertia: Tensor {
-                    xx,
-                    yy,
-                    zz,
-                    xy,
-                    xz,
-                    yz,
-                },
+                inertia: Tensor::from(
+                    turned(rotation(inertial.rpy), inertial.inertia).map(Expr::Num),
+                ),
                 about: About::Com,
             });
         }
@@ -258,14 +239,7 @@ impl Builder<'_> {
         Ok(Inertial::Linear {
             mass,
             first_moment: [mx, my, mz],
-            inertia: Tensor {
-                xx,
-                yy,
-                zz,
-                xy,
-                xz,
-                yz,
-            },
+            inertia: Tensor::from([xx, yy, zz, xy, xz, yz]),
         })
     }
 

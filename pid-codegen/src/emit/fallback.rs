@@ -73,9 +73,7 @@ pub fn nameless(ast: &Ast) -> Robot {
 fn skeleton(ast: &Ast, symbols: &Symbols<'_>) -> Robot {
     let zero = || [0, 1, 2].map(|_| pid_derive::model::Expr::Num(0.0));
     Robot {
-        name: ast.name.to_string(),
         docs: ast.docs.clone(),
-        gravity: zero(),
         params: symbols
             .params
             .iter()
@@ -102,7 +100,6 @@ fn skeleton(ast: &Ast, symbols: &Symbols<'_>) -> Robot {
                 coord: None,
             })
             .collect(),
-        links: Vec::new(),
         joints: symbols
             .joints
             .iter()
@@ -121,11 +118,6 @@ fn skeleton(ast: &Ast, symbols: &Symbols<'_>) -> Robot {
                 force: None,
             })
             .collect(),
-        order: Vec::new(),
-        motors: Vec::new(),
-        potential: None,
-        lagrangian: None,
-        blanks: Vec::new(),
         emit: Emit {
             first_derivatives: true,
             second_derivatives: true,
@@ -133,6 +125,7 @@ fn skeleton(ast: &Ast, symbols: &Symbols<'_>) -> Robot {
             base_parameters: true,
             lanes: false,
         },
+        ..Robot::new(ast.name.to_string(), zero())
     }
 }
 

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test uses some of them")]
 
 use pid_derive::model::{
-    About, Blank, Emit, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
+    About, Blank, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
 };
 
 pub(crate) fn num(x: f64) -> Expr {
@@ -49,25 +49,7 @@ pub(crate) struct Builder(Robot);
 
 impl Builder {
     pub(crate) fn new(name: &str) -> Self {
-        Self(Robot {
-            name: name.to_owned(),
-            docs: Vec::new(),
-            gravity: nums([0.0, 0.0, -9.81]),
-            params: Vec::new(),
-            inputs: Vec::new(),
-            links: Vec::new(),
-            joints: Vec::new(),
-            order: Vec::new(),
-            motors: Vec::new(),
-            potential: None,
-            lagrangian: None,
-            blanks: Vec::new(),
-            emit: Emit {
-                first_derivatives: true,
-                second_derivatives: true,
-                ..Emit::default()
-            },
-        })
+        Self(Robot::new(name, nums([0.0, 0.0, -9.81])))
     }
 
     pub(crate) fn param(

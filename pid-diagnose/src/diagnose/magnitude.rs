@@ -5,7 +5,7 @@ use pid_runtime::data::Role;
 
 use super::{Magnitude, Named};
 use crate::case::{Case, Velocity};
-use crate::fit::{Basis, Direction, Fit, PRIOR, Quadratic, linearise};
+use crate::fit::{Basis, Fit, PRIOR, Quadratic};
 use crate::plant::{GAIN, PER_JOINT};
 use crate::predict::rows;
 
@@ -87,23 +87,9 @@ const BLOCK: f64 = 0.35;
 /// effect, and beside it all that tolerances leave of its size.
 fn covariances(case: &Case, fit: &Fit) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
     let basis = &every_direction(case);
-    let columns: Vec<Vec<f64>> = basis
-        .columns
-        .column_iter()
-        .map(|c| c.iter().copied().collect())
-        .collect();
     let (size, rank) = basis.columns.shape();
     let ne = fit.point.e.len();
-    let mut directions: Vec<Direction<'_>> = columns.iter().map(|c| Direction::Theta(c)).collect();
-    directions.extend((0..ne).map(Direction::Effect));
-    let lin = linearise(
-        case,
-        &fit.hypothesis,
-        &fit.point,
-        &fit.gains,
-        Role::Train,
-        &directions,
-    );
+    let lin = fit.linearised(case, basis);
     let quadratic = Quadratic::new(basis, &lin, &fit.point);
     let mut h = quadratic.h;
     for i in 0..size + ne {

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::magnitude::name;
 use super::refit::{Refit, refit};
-use super::{Diagnosis, Ranked, Remainder, Settings, TOUCH, listed, measured};
+use super::{Diagnosis, Magnitude, Ranked, Remainder, Settings, TOUCH, listed, measured};
 use crate::case::Case;
 use crate::fit::{Basis, Effort, Fit, basis, fit, ranges};
 use crate::gap::Gap;
@@ -111,7 +111,7 @@ pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit) -> Partia
             let mut case = case.clone();
             let (next, directions) = renewed(&mut case, &tried[i].fit, &sensors);
             let after = measured(&case, &next);
-            (after.total < gap.total && !at_an_end(&case, &next))
+            (after.total < gap.total && !at_an_end(&case, &next) && determined(&case, &next))
                 .then_some((i, case, next, directions, after))
         });
         let Some((i, itself, next, ways, after)) = taken_now else {
@@ -156,6 +156,14 @@ fn at_an_end(case: &Case, fit: &Fit) -> bool {
         let edge = 1e-3 * (high - low);
         // Zero is where the effect is absent.
         (x < low + edge && low != 0.0) || x > high - edge
+    })
+}
+
+/// Whether the last effect has a magnitude that is larger than its standard deviation.
+fn determined(case: &Case, fit: &Fit) -> bool {
+    name(case, fit).last().is_some_and(|effect| {
+        let larger = |p: &Magnitude| p.std.is_some_and(|std| p.value.abs() > std);
+        effect.parameters.iter().any(larger)
     })
 }
 

@@ -16,7 +16,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::case::Case;
 use crate::fit::Fit;
-use crate::predict::Runner;
 
 /// Length of a window, s.
 const WINDOW: f64 = 0.04;
@@ -47,14 +46,7 @@ fn series(case: &Case, fit: &Fit) -> Vec<(usize, bool, f64, Vec<Vec<f64>>)> {
         .enumerate()
         .map(|(i, (record, gains))| {
             let mut all = vec![Vec::with_capacity(record.len()); 2 * case.n()];
-            Runner::<f64>::new(
-                case,
-                record,
-                &fit.hypothesis,
-                &fit.point.theta,
-                &fit.point.e,
-            )
-            .predict(
+            fit.runner(case, record).predict(
                 gains,
                 &mut |_, j, c, x| all[2 * j + c].push(if x.is_finite() { x } else { 0.0 }),
                 &mut |_, _| {},

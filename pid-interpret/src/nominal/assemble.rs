@@ -1,8 +1,6 @@
 //! From checked values to the nominal structure: links, joints, drives, and the parameter of every value.
 
-use pid_derive::model::{
-    About, Emit, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
-};
+use pid_derive::model::{About, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot};
 
 use super::{Measurement, Nominal, Ranges, Role, Tolerance};
 
@@ -47,27 +45,8 @@ pub(super) struct Assembly {
 
 impl Assembly {
     pub(super) fn new(name: String, gravity: [f64; 3]) -> Self {
-        let robot = Robot {
-            name,
-            docs: Vec::new(),
-            gravity: gravity.map(Expr::Num),
-            params: Vec::new(),
-            inputs: Vec::new(),
-            links: Vec::new(),
-            joints: Vec::new(),
-            order: Vec::new(),
-            motors: Vec::new(),
-            potential: None,
-            lagrangian: None,
-            blanks: Vec::new(),
-            emit: Emit {
-                first_derivatives: true,
-                second_derivatives: true,
-                ..Emit::default()
-            },
-        };
         Self {
-            robot,
+            robot: Robot::new(name, gravity.map(Expr::Num)),
             tolerances: Vec::new(),
         }
     }
@@ -194,7 +173,7 @@ impl Assembly {
                 values.com[k],
             )
         });
-        let [xx, yy, zz, xy, xz, yz] = std::array::from_fn(|k| {
+        let entries: [Expr; 6] = std::array::from_fn(|k| {
             let entry = ["xx", "yy", "zz", "xy", "xz", "yz"][k];
             let doc = "Inertia about the centre of mass, in the axes of the link.";
             self.param(
@@ -208,14 +187,7 @@ impl Assembly {
         Inertial::Body {
             mass,
             com,
-            inertia: Tensor {
-                xx,
-                yy,
-                zz,
-                xy,
-                xz,
-                yz,
-            },
+            inertia: entries.into(),
             about: About::Com,
         }
     }
