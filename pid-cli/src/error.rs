@@ -14,6 +14,7 @@ use pid_estimate::extend::ExtendError;
 use pid_estimate::lag::LagError;
 use pid_estimate::private::PrivateError;
 use pid_estimate::regress::RegressError;
+use pid_interpret::kinematics::KinematicsError;
 use pid_interpret::nominal::NominalError;
 use pid_models::UnknownModel;
 use pid_runtime::data::DataError;
@@ -25,7 +26,7 @@ use pid_runtime::integrate::SimulateError;
 use pid_runtime::report::ReportError;
 use pid_urdf::UrdfError;
 
-use crate::excite::LimitsError;
+use crate::limits::LimitsError;
 use crate::parameters::ParameterFileError;
 
 /// An error of the command line.
@@ -129,6 +130,8 @@ pub(crate) enum CliError {
     },
     #[error(transparent)]
     Excite(#[from] ExciteError),
+    #[error(transparent)]
+    Kinematics(#[from] KinematicsError),
     #[error(transparent)]
     Limits(#[from] LimitsError),
     #[error("{}: cannot be read: {error}", path.display())]

@@ -3,14 +3,17 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use pid_interpret::Kinematics;
 use pid_runtime::dynamics::{At, Hessian};
-use pid_runtime::excite::{self, Criterion, Excitation, ExciteError, Limits, Settings, Without};
-use serde::{Deserialize, Serialize};
+use pid_runtime::excite::{self, Criterion, Excitation, ExciteError, Settings, Without};
+use pid_runtime::kinematics::ForwardKinematics;
+use serde::Serialize;
 
 use crate::error::{CliError, make_folder, write};
+use crate::limits::LimitFile;
 use crate::progress::{Interrupt, Progress};
 use crate::{output, parameters};
 
@@ -25,8 +28,10 @@ pub(crate) struct ExciteArgs {
     /// Parameters: a fit.json, or a TOML file of lines `name = value`; nominal ones if absent.
     #[arg(long, value_name = "FILE")]
     pub(crate) parameters: Option<PathBuf>,
-    /// Limits per joint: a TOML file with `[JOINT]` tables of `position = [low, high]`, `velocity`, `acceleration`, `force`, in
-    /// rad or m, s, N·m or N. What a joint does not name comes from the options below, positions from the model's declaration.
+    /// Limits: a TOML file with `[JOINT]` tables of `position = [low, high]`, `velocity`, `acceleration`, `force`, in rad or m, s,
+    /// N·m or N. What a joint does not name comes from the options below, positions from the model's declaration. Tables
+    /// `[[workspace]]` keep points of links in boxes: `link = "forearm"`, `point = [0, 0, 0.3]` in the link's frame (its origin if
+    /// absent), `x`, `y`, `z` = `[low, high]` in the base frame, m, an end `inf` where it is open.
     #[arg(long, value_name = "FILE")]
     pub(crate) limits: Option<PathBuf>,
     /// Largest velocity of joints without their own limit, rad/s or m/s.
@@ -70,30 +75,6 @@ pub(crate) enum CriterionArg {
     SmallestEigenvalue,
 }
 
-/// `[JOINT]` of the file of limits.
-#[derive(Debug, Clone, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct JointLimits {
-    position: Option<(f64, f64)>,
-    velocity: Option<f64>,
-    acceleration: Option<f64>,
-    force: Option<f64>,
-}
-
-/// A file of limits that cannot be used.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub(crate) enum LimitsError {
-    #[error("{file}: {message}\n  help: write `[joint]` and below it `velocity = 2.0`")]
-    Toml { file: String, message: String },
-    #[error("{file}: the model has no joint `{name}`; it has {found}")]
-    Unknown {
-        file: String,
-        name: String,
-        found: String,
-    },
-}
-
 /// Runs the command; the exit code.
 pub(crate) fn run(args: &ExciteArgs) -> Result<u8, CliError> {
     let model: &dyn Hessian = crate::models::by_name(&args.model)?.model;
@@ -108,7 +89,9 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<u8, CliError> {
             help: "give a positive number of samples per second",
         }));
     }
-    let limits = limits(args, model)?;
+    let asked = LimitFile::read(args.limits.as_deref(), model)?;
+    let kinematics = asked.kinematics(model)?;
+    let limits = asked.limits(args, model, kinematics.as_ref());
     let settings = Settings {
         period: args.period,
         harmonics: args.harmonics,
@@ -144,7 +127,10 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<u8, CliError> {
         args.out.join("excitation.csv"),
         args.out.join("excitation.json"),
     );
-    write(&csv, &table(model, &p, &found, args.rate))?;
+    write(
+        &csv,
+        &table(model, &p, &found, args.rate, kinematics.as_ref()),
+    )?;
     let record = Record::new(model, &found, &settings, seconds);
     let text = serde_json::to_string_pretty(&record).map_err(CliError::Json)?;
     write(&json, &text)?;
@@ -157,62 +143,14 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<u8, CliError> {
     Ok(if interrupt.requested() { 130 } else { 0 })
 }
 
-fn limits(args: &ExciteArgs, model: &dyn Hessian) -> Result<Limits, CliError> {
-    let given = match &args.limits {
-        Some(file) => read_limits(file, model)?,
-        None => BTreeMap::new(),
-    };
-    let mut limits = Limits {
-        q: Vec::new(),
-        v: Vec::new(),
-        a: Vec::new(),
-        force: Vec::new(),
-    };
-    for joint in model.joints() {
-        let own = given.get(joint.name.as_ref()).cloned().unwrap_or_default();
-        limits.q.push(own.position.or(joint.limits));
-        limits.v.push(own.velocity.unwrap_or(args.velocity));
-        limits.a.push(own.acceleration.unwrap_or(args.acceleration));
-        limits
-            .force
-            .push(own.force.or(args.force).unwrap_or(f64::INFINITY));
-    }
-    Ok(limits)
-}
-
-fn read_limits(
-    path: &Path,
+/// One period: time, positions, velocities, accelerations, the force they need and where the limited points are.
+fn table(
     model: &dyn Hessian,
-) -> Result<BTreeMap<String, JointLimits>, CliError> {
-    let text = std::fs::read_to_string(path).map_err(|error| CliError::Read {
-        path: path.to_owned(),
-        error,
-    })?;
-    let file = path.display().to_string();
-    let all: BTreeMap<String, JointLimits> =
-        toml::from_str(&text).map_err(|e| LimitsError::Toml {
-            file: file.clone(),
-            message: e.to_string(),
-        })?;
-    for name in all.keys() {
-        if !model.joints().iter().any(|j| j.name == name.as_str()) {
-            let found: Vec<String> = model
-                .joints()
-                .iter()
-                .map(|j| format!("`{}`", j.name))
-                .collect();
-            return Err(CliError::Limits(LimitsError::Unknown {
-                file,
-                name: name.clone(),
-                found: found.join(", "),
-            }));
-        }
-    }
-    Ok(all)
-}
-
-/// One period: time, positions, velocities, accelerations and the force they need.
-fn table(model: &dyn Hessian, p: &[f64], found: &Excitation, rate: f64) -> String {
+    p: &[f64],
+    found: &Excitation,
+    rate: f64,
+    points: Option<&Kinematics>,
+) -> String {
     let dims = model.dims();
     let nq = dims.nq;
     let mut text = String::from("t");
@@ -221,6 +159,11 @@ fn table(model: &dyn Hessian, p: &[f64], found: &Excitation, rate: f64) -> Strin
             let _ = write!(text, ",{kind}_{}", joint.name);
         }
     }
+    let names = points.map_or(&[][..], Kinematics::points);
+    for name in names {
+        let _ = write!(text, ",x_{name},y_{name},z_{name}");
+    }
+    let mut places = vec![0.0; 3 * names.len()];
     text.push('\n');
     let u = vec![0.0; dims.nu];
     let mut parts = vec![vec![0.0; nq]; 4];
@@ -233,7 +176,10 @@ fn table(model: &dyn Hessian, p: &[f64], found: &Excitation, rate: f64) -> Strin
         found.motion.at(t, q, v, a);
         model.residual(&At { q, v, a, u: &u, p }, force);
         let _ = write!(text, "{t:.6}");
-        for value in parts.iter().flatten() {
+        if let Some(points) = points {
+            points.positions(&parts[0], p, &mut places);
+        }
+        for value in parts.iter().flatten().chain(&places) {
             let _ = write!(text, ",{value:.9}");
         }
         text.push('\n');
@@ -356,45 +302,4 @@ fn summary(model: &dyn Hessian, found: &Excitation, seconds: f64) -> String {
         let _ = writeln!(text, "\n  {why}: {}", names.join(", "));
     }
     text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::args::{Cli, Command};
-    use clap::Parser;
-
-    fn args(line: &str) -> ExciteArgs {
-        match Cli::try_parse_from(line.split(' ')).unwrap().command {
-            Some(Command::Excite(args)) => args,
-            other => panic!("{other:?}"),
-        }
-    }
-
-    #[test]
-    fn limits_of_a_file_come_first_and_unknown_joints_are_named() {
-        let model: &dyn Hessian = pid_models::by_name("two_link").unwrap();
-        let folder = std::env::temp_dir().join(format!("pid-excite-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let file = folder.join("limits.toml");
-        let line = format!(
-            "pid excite two_link --velocity 3 --limits {}",
-            file.display()
-        );
-        std::fs::write(&file, "[elbow]\nvelocity = 1.5\nposition = [-1, 1]\n").unwrap();
-        let found = limits(&args(&line), model).unwrap();
-        assert_eq!((found.v, found.q[1]), (vec![3.0, 1.5], Some((-1.0, 1.0))));
-        for (text, message) in [
-            (
-                "[wrist]\nvelocity = 1",
-                "no joint `wrist`; it has `shoulder`, `elbow`",
-            ),
-            ("[elbow]\nspeed = 1", "unknown field `speed`"),
-        ] {
-            std::fs::write(&file, text).unwrap();
-            let error = limits(&args(&line), model).unwrap_err().to_string();
-            assert!(error.contains(message), "{error}");
-        }
-        std::fs::remove_dir_all(&folder).unwrap();
-    }
 }

@@ -44,6 +44,7 @@ mod excite;
 mod findings;
 mod horizon;
 mod identify;
+mod limits;
 mod models;
 mod output;
 mod paper;

@@ -84,11 +84,16 @@ pub struct Rotor {
     pub armature: Id,
 }
 
+/// A link's frame: the body it is part of, `None` for the base, and its place in that body.
+type Carried = (Option<usize>, Frame);
+
 /// Moving bodies, parents before children, and gravity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tree {
     /// The bodies.
     pub bodies: Vec<Body>,
+    /// Each link's frame; `None` for a link that no joint carries.
+    links: Vec<Option<Carried>>,
     /// Drives that move several joints.
     pub rotors: Vec<Rotor>,
     /// Gravity in the base frame.
@@ -100,7 +105,7 @@ impl Tree {
     pub fn new(g: &mut Graph, robot: &Robot, symbols: &Symbols) -> Self {
         let mut bodies: Vec<Body> = Vec::new();
         // The body that carries each link, with the link's frame in it; `None` before its joint was visited.
-        let mut carrier: Vec<Option<(Option<usize>, Frame)>> = vec![None; robot.links.len()];
+        let mut carrier: Vec<Option<Carried>> = vec![None; robot.links.len()];
         let base = Frame::identity(g);
         for &index in &robot.order {
             let joint = &robot.joints[index];
@@ -177,8 +182,19 @@ impl Tree {
             .collect();
         Self {
             bodies,
+            links: carrier,
             rotors,
             gravity: symbols.vector(g, &robot.gravity),
         }
+    }
+
+    /// The frame of a link in the base frame, a function of the coordinates; `None` for a link that no joint carries.
+    pub fn link_frame(&self, g: &mut Graph, link: usize) -> Option<Frame> {
+        let (mut body, mut frame) = *self.links.get(link)?.as_ref()?;
+        while let Some(index) = body {
+            frame = self.bodies[index].frame.then(g, &frame);
+            body = self.bodies[index].parent;
+        }
+        Some(frame)
     }
 }

@@ -27,10 +27,21 @@ pub(crate) struct Function {
 }
 
 impl Function {
+    /// Of a model: one multiplier per equation.
     pub(crate) fn new(g: &Graph, dims: Dims, outputs: &[Id]) -> Self {
+        Self::with_multipliers(g, dims, dims.nq, outputs)
+    }
+
+    /// With so many multipliers, numbered after z.
+    pub(crate) fn with_multipliers(
+        g: &Graph,
+        dims: Dims,
+        multipliers: usize,
+        outputs: &[Id],
+    ) -> Self {
         let program = Program::new(g, outputs);
         let mut next = 0;
-        let parts = [dims.nq, dims.nq, dims.nq, dims.nu, dims.np, dims.nq].map(|len| {
+        let parts = [dims.nq, dims.nq, dims.nq, dims.nu, dims.np, multipliers].map(|len| {
             let range = next..next + len;
             next += len;
             program.reads(range.clone()).then_some(range)

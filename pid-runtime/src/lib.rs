@@ -7,6 +7,7 @@ pub mod gap;
 pub mod generic;
 pub mod ident;
 pub mod integrate;
+pub mod kinematics;
 pub mod lanes;
 pub mod nlp;
 pub mod report;

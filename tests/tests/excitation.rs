@@ -3,30 +3,46 @@
 use std::ops::ControlFlow;
 
 use nalgebra::DMatrix;
+use pid_interpret::Kinematics;
+use pid_interpret::kinematics::Point;
 use pid_models::{Arm6, TwoLink};
 use pid_runtime::dynamics::{At, Hessian};
-use pid_runtime::excite::{Criterion, ExciteError, Limits, Settings, excite, program};
+use pid_runtime::excite::{Criterion, ExciteError, Limits, Settings, Workspace, excite, program};
+use pid_runtime::kinematics::ForwardKinematics;
 use pid_runtime::nlp::Nlp;
 
 fn nominal(model: &dyn Hessian) -> Vec<f64> {
     model.params().iter().map(|p| p.nominal).collect()
 }
 
-fn limits(nq: usize, v: f64, a: f64, force: f64) -> Limits {
+fn limits(nq: usize, v: f64, a: f64, force: f64) -> Limits<'static> {
     Limits {
         q: vec![Some((-1.5, 1.5)); nq],
         v: vec![v; nq],
         a: vec![a; nq],
         force: vec![force; nq],
+        workspace: None,
     }
 }
+
+/// Where points of a declared model are.
+fn points(model: &dyn Hessian, points: &[(&str, [f64; 3])]) -> Kinematics {
+    let point = |(link, at): &(&str, [f64; 3])| Point {
+        link: (*link).to_owned(),
+        at: *at,
+    };
+    let points: Vec<Point> = points.iter().map(point).collect();
+    Kinematics::of_declared(model, &points).expect("declared")
+}
+
+const ANYWHERE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 
 fn go(_: usize, _: &pid_runtime::solver::Iteration) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
 /// Gradient, Jacobian and Hessian against differences of the fourth order.
-fn derivatives_agree(model: &dyn Hessian, criterion: Criterion) {
+fn derivatives_agree(model: &dyn Hessian, criterion: Criterion, places: &Kinematics) {
     let nq = model.dims().nq;
     let settings = Settings {
         criterion,
@@ -35,7 +51,17 @@ fn derivatives_agree(model: &dyn Hessian, criterion: Criterion) {
         ..Settings::default()
     };
     let p = nominal(model);
-    let mut program = program(model, &p, &limits(nq, 2.0, 6.0, 400.0), &settings).expect("sound");
+    let limits = Limits {
+        workspace: Some(Workspace {
+            points: places,
+            boxes: vec![
+                [(-0.5, 0.8), ANYWHERE, (0.1, f64::INFINITY)],
+                [(f64::NEG_INFINITY, 0.7), (-0.4, 0.4), ANYWHERE],
+            ],
+        }),
+        ..limits(nq, 2.0, 6.0, 400.0)
+    };
+    let mut program = program(model, &p, &limits, &settings).expect("sound");
     let (n, m) = (program.n(), program.m());
     let x: Vec<f64> = (0..n).map(|k| (1.3 * k as f64 + 0.4).sin()).collect();
     let lambda: Vec<f64> = (0..m).map(|k| (0.7 * k as f64).cos()).collect();
@@ -104,10 +130,88 @@ fn derivatives_agree(model: &dyn Hessian, criterion: Criterion) {
 
 #[test]
 fn derivatives_agree_with_differences() {
+    let two = points(
+        &TwoLink,
+        &[("upper", [0.2, 0.0, 0.1]), ("fore", [0.0, 0.0, 0.5])],
+    );
     for criterion in [Criterion::Determinant, Criterion::SmallestEigenvalue] {
-        derivatives_agree(&TwoLink, criterion);
+        derivatives_agree(&TwoLink, criterion, &two);
     }
-    derivatives_agree(&Arm6, Criterion::Determinant);
+    let six = points(&Arm6, &[("l3", [0.0, 0.0, 0.5]), ("l6", [0.0; 3])]);
+    derivatives_agree(&Arm6, Criterion::Determinant, &six);
+}
+
+/// The tip of the second link is at `l (sin q₂ cos q₁, sin q₂ sin q₁, cos q₂)`.
+#[test]
+fn points_stay_in_their_boxes() {
+    let model: &dyn Hessian = &TwoLink;
+    let p = nominal(model);
+    let tip = points(model, &[("fore", [0.0, 0.0, 0.5])]);
+    let free = limits(2, 2.0, 8.0, 60.0);
+    let boxed = |boxes: [(f64, f64); 3]| Limits {
+        workspace: Some(Workspace {
+            points: &tip,
+            boxes: vec![boxes],
+        }),
+        ..free.clone()
+    };
+    let settings = Settings {
+        starts: 2,
+        ..Settings::default()
+    };
+    let limited = boxed([(-0.1, f64::INFINITY), (-0.15, 0.2), ANYWHERE]);
+    let reach = |limits: &Limits<'_>| {
+        let found = excite(model, &p, limits, &settings, &mut go).expect("sound");
+        assert!(found.largest_use <= 1.0, "{}", found.largest_use);
+        let (mut q, mut v, mut a) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        let mut ends = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+        for i in 0..1000 {
+            found.motion.at(0.01 * f64::from(i), &mut q, &mut v, &mut a);
+            let radius = 0.5 * q[1].sin();
+            let (x, y) = (radius * q[0].cos(), radius * q[0].sin());
+            ends = [ends[0].min(x), ends[1].min(y), ends[2].max(y)];
+        }
+        (ends, found.information.value)
+    };
+    let (anywhere, more) = reach(&free);
+    let (within, less) = reach(&limited);
+    assert!(
+        anywhere[0] < -0.1 && anywhere[1] < -0.15 && anywhere[2] > 0.2,
+        "{anywhere:?}"
+    );
+    assert!(
+        within[0] >= -0.1 && within[1] >= -0.15 && within[2] <= 0.2,
+        "{within:?}"
+    );
+    // What is forbidden costs information, and the motion goes to a wall.
+    assert!(less > more, "{less} {more}");
+    assert!(within[1] < -0.14, "{within:?}");
+    assert_eq!(tip.points(), ["fore"]);
+
+    let far = excite(
+        model,
+        &p,
+        &boxed([(0.6, 0.9), ANYWHERE, ANYWHERE]),
+        &settings,
+        &mut go,
+    );
+    let far = far.expect_err("out of reach").to_string();
+    assert!(
+        far.contains("in the best one `fore` is at x = 0.")
+            && far.contains("its range is 0.6 to 0.9"),
+        "{far}"
+    );
+    let empty = excite(
+        model,
+        &p,
+        &boxed([(0.2, 0.1), ANYWHERE, ANYWHERE]),
+        &settings,
+        &mut go,
+    );
+    assert_eq!(
+        empty.expect_err("empty").to_string(),
+        "point `fore`: the range of x is from 0.2 to 0.1\n  help: give the lower end first"
+    );
 }
 
 #[test]
@@ -179,7 +283,7 @@ fn wrong_limits_are_named() {
     let model: &dyn Hessian = &TwoLink;
     let p = nominal(model);
     let sound = limits(2, 2.0, 8.0, 60.0);
-    let said = |limits: &Limits, settings: &Settings| -> String {
+    let said = |limits: &Limits<'_>, settings: &Settings| -> String {
         excite(model, &p, limits, settings, &mut go)
             .expect_err("wrong")
             .to_string()

@@ -40,7 +40,7 @@ pub(super) struct Columns {
 }
 
 /// A pose within the limits: q, v, a.
-fn pose(limits: &Limits, rng: &mut ChaCha8Rng, z: &mut [f64]) {
+fn pose(limits: &Limits<'_>, rng: &mut ChaCha8Rng, z: &mut [f64]) {
     let nq = limits.v.len();
     for j in 0..nq {
         let (low, high) = limits.range(j);
@@ -74,7 +74,7 @@ fn polynomial(model: &dyn Hessian, p: &[f64], k: usize, z: &[f64], u: &[f64]) ->
 pub(super) fn choose(
     model: &dyn Hessian,
     p: &[f64],
-    limits: &Limits,
+    limits: &Limits<'_>,
     deviations: &[f64],
     seed: u64,
 ) -> Result<Columns, ExciteError> {

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! minimise   Φ( 1/N Σ_i Y_iᵀ W Y_i )        Y_i: regressor of the parameters a motion determines, at sample i
-//! subject to limits on q, v, a and on the force of every joint at every sample; at rest where a period begins
+//! subject to limits on q, v, a and on the force of every joint, and on the places of points, at every sample;
+//!            at rest where a period begins
 //! ```
 //!
 //! over the coefficients of a finite Fourier series (J. Swevers, C. Ganseman, D. Tükel, J. De Schutter, H. Van Brussel, IEEE
@@ -16,10 +17,12 @@ mod criterion;
 mod fourier;
 mod program;
 mod sensitivity;
+mod workspace;
 
 pub use columns::Without;
 pub use criterion::Criterion;
 pub use fourier::Fourier;
+pub use workspace::Workspace;
 
 use crate::dynamics::Hessian;
 use crate::nlp::Nlp;
@@ -27,7 +30,7 @@ use crate::solver::kkt::sparse::SparseKkt;
 use crate::solver::{self, Iteration, Status, ip};
 use columns::{Columns, choose};
 use criterion::measure;
-use program::Program;
+use program::{Binding, Program};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sensitivity::Sensitivity;
@@ -41,8 +44,8 @@ const FINER: usize = 10;
 const SHRINKS: usize = 500;
 
 /// What a motion may use, one entry per joint.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Limits {
+#[derive(Debug, Clone)]
+pub struct Limits<'a> {
     /// Range of the position, rad or m; `None`: any.
     pub q: Vec<Option<(f64, f64)>>,
     /// Largest |velocity|, rad/s or m/s.
@@ -51,9 +54,11 @@ pub struct Limits {
     pub a: Vec<f64>,
     /// Largest |force| the motion may need, N·m or N; infinite: any.
     pub force: Vec<f64>,
+    /// Boxes in which points of the robot stay; `None`: anywhere.
+    pub workspace: Option<Workspace<'a>>,
 }
 
-impl Limits {
+impl Limits<'_> {
     /// Range from which positions are drawn: a turn or two metres where there is no limit.
     fn range(&self, joint: usize) -> (f64, f64) {
         self.q[joint].unwrap_or((-std::f64::consts::PI, std::f64::consts::PI))
@@ -94,7 +99,7 @@ impl Limits {
                 return bad("force", self.force[j]);
             }
         }
-        Ok(())
+        self.workspace.as_ref().map_or(Ok(()), Workspace::check)
     }
 }
 
@@ -201,6 +206,44 @@ pub enum ExciteError {
         /// Its value.
         value: f64,
     },
+    /// Not one box per point.
+    #[error("{boxes} boxes for {points} points")]
+    Boxes {
+        /// Boxes given.
+        boxes: usize,
+        /// Points.
+        points: usize,
+    },
+    /// An empty box.
+    #[error(
+        "point `{point}`: the range of {axis} is from {low} to {high}\n  help: give the lower end first"
+    )]
+    Box {
+        /// Name of the point.
+        point: String,
+        /// Which direction.
+        axis: char,
+        /// Lower end, m.
+        low: f64,
+        /// Upper end, m.
+        high: f64,
+    },
+    /// No pose has the points in their boxes.
+    #[error(
+        "no pose was found with all points in their boxes, in {TRIES} tries: in the best one `{point}` is at {axis} = {value:.4} m, its range is {low} to {high}\n  help: widen the box or the ranges of the positions"
+    )]
+    OutOfReach {
+        /// Name of the point.
+        point: String,
+        /// Which direction.
+        axis: char,
+        /// Its coordinate in the best pose, m.
+        value: f64,
+        /// Lower end, m.
+        low: f64,
+        /// Upper end, m.
+        high: f64,
+    },
     /// Settings that make no motion.
     #[error("{what} is {value}\n  help: {help}")]
     Setting {
@@ -285,7 +328,7 @@ fn check(settings: &Settings, nq: usize) -> Result<(), ExciteError> {
 pub fn excite(
     model: &dyn Hessian,
     p: &[f64],
-    limits: &Limits,
+    limits: &Limits<'_>,
     settings: &Settings,
     callback: &mut dyn FnMut(usize, &Iteration) -> ControlFlow<()>,
 ) -> Result<Excitation, ExciteError> {
@@ -317,9 +360,7 @@ pub fn excite(
                 flow
             },
         );
-        let mut c = vec![0.0; program.m()];
-        program.constraints(&solution.x, &mut c);
-        let within = c.iter().all(|c| c.abs() <= 1.0);
+        let within = program.largest_use(&solution.x) <= 1.0;
         let (value, x) = match within && solution.objective.is_finite() {
             true => (program.objective(&solution.x), solution.x),
             false => (program.objective(&x0), x0),
@@ -353,7 +394,7 @@ pub fn excite(
 pub fn program<'a>(
     model: &'a dyn Hessian,
     p: &[f64],
-    limits: &Limits,
+    limits: &Limits<'a>,
     settings: &Settings,
 ) -> Result<impl Nlp + use<'a>, ExciteError> {
     let nq = model.dims().nq;
@@ -372,11 +413,12 @@ fn deviations(settings: &Settings, nq: usize) -> Vec<f64> {
     }
 }
 
-/// Shrinks a motion about its middle until it keeps its limits on a fine grid; the largest use of a limit there.
+/// Shrinks a motion about its middle until it keeps its limits on a fine grid; the largest use of a limit there. Where shrinking
+/// does not help, because the middle itself is outside a box, the motion that passes its limits least.
 fn fit(
     model: &dyn Hessian,
     p: &[f64],
-    limits: &Limits,
+    limits: &Limits<'_>,
     settings: &Settings,
     motion: &mut Fourier,
 ) -> f64 {
@@ -393,42 +435,39 @@ fn fit(
     let mut program = Program::new(Sensitivity::new(model, p, &none, &ones), limits, &fine);
     let width = motion.width();
     let mut used = program.largest_use(&motion.coefficients);
+    let mut smaller = motion.coefficients.clone();
     for _ in 0..SHRINKS {
         if used <= 1.0 {
             break;
         }
-        let amplitudes = motion.coefficients.iter_mut().enumerate();
+        let amplitudes = smaller.iter_mut().enumerate();
         amplitudes
             .filter(|(k, _)| k % width != 0)
             .for_each(|(_, x)| *x *= 0.998);
-        used = program.largest_use(&motion.coefficients);
+        let now = program.largest_use(&smaller);
+        if now < used {
+            used = now;
+            motion.coefficients.copy_from_slice(&smaller);
+        }
     }
     used
-}
-
-impl Program<'_> {
-    /// Largest |constraint| of the samples: 1 at a limit.
-    fn largest_use(&mut self, x: &[f64]) -> f64 {
-        let mut c = vec![0.0; self.m()];
-        self.constraints(x, &mut c);
-        c.iter().fold(0.0, |a: f64, c| a.max(c.abs()))
-    }
 }
 
 /// A random multisine at rest where its period begins, as large as the limits allow.
 fn multisine(
     model: &dyn Hessian,
     program: &mut Program<'_>,
-    limits: &Limits,
+    limits: &Limits<'_>,
     settings: &Settings,
     rng: &mut ChaCha8Rng,
 ) -> Result<Vec<f64>, ExciteError> {
     let (nq, width) = (limits.v.len(), 2 * settings.harmonics + 1);
-    let mut weakest = None::<(f64, usize)>;
+    let ranges: Vec<(f64, f64)> = (0..nq).map(|j| limits.range(j)).collect();
+    let mut nearest = None::<(f64, Binding)>;
     for _ in 0..TRIES {
         let mut x = vec![0.0; nq * width];
         for (j, x) in x.chunks_exact_mut(width).enumerate() {
-            let (low, high) = limits.range(j);
+            let (low, high) = ranges[j];
             x[0] = rng.random_range(low + 0.25 * (high - low)..=high - 0.25 * (high - low));
             for k in 1..width {
                 x[k] = limits.v[j] * rng.random_range(-1.0..=1.0);
@@ -439,15 +478,23 @@ fn multisine(
                 x[2 * last] = -(1..last).map(|k| k as f64 * x[2 * k]).sum::<f64>() / last as f64;
             }
         }
+        if let Some(places) = program.places() {
+            let mut pose: Vec<f64> = x.iter().step_by(width).copied().collect();
+            places.bring_inside(&mut pose, &ranges);
+            x.iter_mut()
+                .step_by(width)
+                .zip(pose)
+                .for_each(|(x, q)| *x = q);
+        }
         let scaled = |s: f64| -> Vec<f64> {
             let shrink = |(k, x): (usize, &f64)| if k % width == 0 { *x } else { s * x };
             x.iter().enumerate().map(shrink).collect()
         };
         let within = 1.0 - settings.margin;
-        if program.largest_use(&scaled(0.0)) > 0.9 * within {
-            let (need, joint) = program.worst_force(&scaled(0.0));
-            if weakest.is_none_or(|w| need < w.0) {
-                weakest = Some((need, joint));
+        let at_rest = program.binding(&scaled(0.0));
+        if at_rest.0 > 0.9 * within {
+            if nearest.is_none_or(|n| at_rest.0 < n.0) {
+                nearest = Some(at_rest);
             }
             continue;
         }
@@ -462,11 +509,24 @@ fn multisine(
         }
         return Ok(scaled(low));
     }
-    let (share, joint) = weakest.unwrap_or((0.0, 0));
-    Err(ExciteError::TooWeak {
-        joint: model.joints()[joint].name.to_string(),
-        needed: share * limits.force[joint],
-        limit: limits.force[joint],
+    Err(match nearest {
+        Some((_, Binding::Place(at, value))) => {
+            let named = program.places().map(|places| places.named(at));
+            let (point, axis, (low, high)) = named.unwrap_or_default();
+            ExciteError::OutOfReach {
+                point,
+                axis,
+                value,
+                low,
+                high,
+            }
+        }
+        Some((share, Binding::Force(joint))) => ExciteError::TooWeak {
+            joint: model.joints()[joint].name.to_string(),
+            needed: share * limits.force[joint],
+            limit: limits.force[joint],
+        },
+        _ => ExciteError::NothingToDetermine,
     })
 }
 

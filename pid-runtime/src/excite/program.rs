@@ -3,6 +3,7 @@
 use super::criterion::{Criterion, Measured, measure};
 use super::fourier::{basis, evaluate};
 use super::sensitivity::Sensitivity;
+use super::workspace::{Places, Side};
 use super::{Limits, Settings};
 use crate::nlp::{Nlp, SparsePattern};
 use nalgebra::DMatrix;
@@ -14,11 +15,36 @@ enum Row {
     Motion { z: usize, scale: f64, middle: f64 },
     /// Force of a joint over its limit.
     Force { joint: usize, scale: f64 },
+    /// Coordinate of a point in its box.
+    Place(Side),
+}
+
+impl Row {
+    /// How much of the limit a value of the row uses; a value that is not finite passes any.
+    fn used(&self, value: f64) -> f64 {
+        match self {
+            _ if value.is_nan() => f64::INFINITY,
+            Self::Place(side) if side.open => value,
+            _ => value.abs(),
+        }
+    }
+}
+
+/// What limits a motion most.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Binding {
+    /// A joint's position, velocity or acceleration.
+    Motion,
+    /// The force of a joint.
+    Force(usize),
+    /// A coordinate of a point, and its value.
+    Place(usize, f64),
 }
 
 /// Minimises a criterion of the information over Fourier coefficients, samples within limits, at rest where a period begins.
 pub(super) struct Program<'a> {
     sensitivity: Sensitivity<'a>,
+    places: Option<Places<'a>>,
     criterion: Criterion,
     nq: usize,
     /// Coefficients of one joint.
@@ -46,13 +72,23 @@ struct Scratch {
     /// ∂A/∂x, nx matrices nb × nb.
     da: Vec<f64>,
     lambda: Vec<f64>,
+    /// Multipliers of the points' coordinates.
+    pull: Vec<f64>,
     row: Vec<f64>,
     turned: DMatrix<f64>,
 }
 
 impl<'a> Program<'a> {
-    pub(super) fn new(sensitivity: Sensitivity<'a>, limits: &Limits, settings: &Settings) -> Self {
+    pub(super) fn new(
+        sensitivity: Sensitivity<'a>,
+        limits: &Limits<'a>,
+        settings: &Settings,
+    ) -> Self {
         let nq = limits.v.len();
+        let places = limits
+            .workspace
+            .as_ref()
+            .map(|workspace| Places::new(workspace, sensitivity.p(), nq));
         let width = 2 * settings.harmonics + 1;
         let (nx, nb) = (nq * width, sensitivity.nb());
         let mut bases = vec![0.0; settings.samples * 3 * width];
@@ -83,13 +119,15 @@ impl<'a> Program<'a> {
                 });
             }
         }
+        let sides = places.as_ref().map_or_else(Vec::new, Places::sides);
+        rows.extend(sides.into_iter().map(Row::Place));
         let mut jacobian = SparsePattern::default();
         let mut m = 0;
         for _ in 0..settings.samples {
             for row in &rows {
                 let columns = match row {
                     Row::Motion { z, .. } => (z % nq) * width..(z % nq + 1) * width,
-                    Row::Force { .. } => 0..nx,
+                    Row::Force { .. } | Row::Place(_) => 0..nx,
                 };
                 columns.for_each(|c| jacobian.push(m, c));
                 m += 1;
@@ -121,10 +159,12 @@ impl<'a> Program<'a> {
                 dense: vec![0.0; nx * nx],
                 da: vec![0.0; nx * nb * nb],
                 lambda: vec![0.0; nq],
+                pull: vec![0.0; places.as_ref().map_or(0, |p| p.x.len())],
                 row: vec![0.0; 3 * nq],
                 turned: DMatrix::zeros(nb, nb),
             },
             sensitivity,
+            places,
         }
     }
 
@@ -324,7 +364,12 @@ impl Nlp for Program<'_> {
 
     fn constraint_bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
         let limited = self.samples * self.rows.len();
-        lower[..limited].fill(-self.within);
+        for (row, lower) in self.rows.iter().cycle().zip(&mut lower[..limited]) {
+            *lower = match row {
+                Row::Place(side) if side.open => f64::NEG_INFINITY,
+                _ => -self.within,
+            };
+        }
         upper[..limited].fill(self.within);
         lower[limited..].fill(0.0);
         upper[limited..].fill(0.0);
@@ -354,10 +399,17 @@ impl Nlp for Program<'_> {
         for i in 0..self.samples {
             self.place(x, i);
             self.sensitivity.force(&self.scratch.motion);
+            if let Some(places) = &mut self.places {
+                places.place(&self.scratch.motion[..self.nq]);
+            }
             for (c, row) in c[i * per..(i + 1) * per].iter_mut().zip(&self.rows) {
                 *c = match *row {
                     Row::Motion { z, scale, middle } => scale * (self.scratch.motion[z] - middle),
                     Row::Force { joint, scale } => scale * self.sensitivity.force[joint],
+                    Row::Place(side) => {
+                        let x = self.places.as_ref().map_or(0.0, |p| p.x[side.at]);
+                        side.scale * (x - side.middle)
+                    }
                 };
             }
         }
@@ -377,6 +429,9 @@ impl Nlp for Program<'_> {
         for i in 0..self.samples {
             self.place(x, i);
             self.sensitivity.first(&self.scratch.motion);
+            if let Some(places) = &mut self.places {
+                places.slope(&self.scratch.motion[..nq]);
+            }
             let basis = &self.bases[i * 3 * width..(i + 1) * 3 * width];
             for row in &self.rows {
                 match *row {
@@ -393,6 +448,17 @@ impl Nlp for Program<'_> {
                         let slope = &self.sensitivity.slope[joint * 3 * nq..(joint + 1) * 3 * nq];
                         self.scratch.row.copy_from_slice(slope);
                         self.scratch.row.iter_mut().for_each(|s| *s *= scale);
+                        Self::spread(width, nq, basis, &self.scratch.row, out);
+                    }
+                    Row::Place(side) => {
+                        let (out, tail) = rest.split_at_mut(nq * width);
+                        rest = tail;
+                        out.fill(0.0);
+                        self.scratch.row.fill(0.0);
+                        let slope = self.places.as_ref().map_or(&[][..], |p| p.row(side.at));
+                        for (row, slope) in self.scratch.row.iter_mut().zip(slope) {
+                            *row = side.scale * slope;
+                        }
                         Self::spread(width, nq, basis, &self.scratch.row, out);
                     }
                 }
@@ -419,24 +485,36 @@ impl Nlp for Program<'_> {
         let per = self.rows.len();
         for i in 0..self.samples {
             self.scratch.lambda.fill(0.0);
+            self.scratch.pull.fill(0.0);
             for (row, l) in self.rows.iter().zip(&lambda[i * per..]) {
-                if let Row::Force { joint, scale } = row {
-                    self.scratch.lambda[*joint] = scale * l;
+                match row {
+                    Row::Force { joint, scale } => self.scratch.lambda[*joint] = scale * l,
+                    Row::Place(side) => self.scratch.pull[side.at] = side.scale * l,
+                    Row::Motion { .. } => {}
                 }
-            }
-            if self.scratch.lambda.iter().all(|l| *l == 0.0) {
-                continue;
             }
             self.place(x, i);
             self.scratch.square.fill(0.0);
             let Scratch {
                 motion,
                 lambda,
+                pull,
                 square,
                 ..
             } = &mut self.scratch;
-            self.sensitivity.add_force_curvature(motion, lambda, square);
-            self.spread_square(i);
+            let (forced, pulled) = (
+                lambda.iter().any(|l| *l != 0.0),
+                pull.iter().any(|l| *l != 0.0),
+            );
+            if forced {
+                self.sensitivity.add_force_curvature(motion, lambda, square);
+            }
+            if let Some(places) = self.places.as_mut().filter(|_| pulled) {
+                places.add_curvature(&motion[..self.nq], pull, 3 * self.nq, square);
+            }
+            if forced || pulled {
+                self.spread_square(i);
+            }
         }
         let nx = self.nq * self.width;
         let mut values = values.iter_mut();
@@ -450,22 +528,38 @@ impl Nlp for Program<'_> {
     }
 }
 
-impl Program<'_> {
-    /// Largest share of a limit of force over the samples, and its joint.
-    pub(super) fn worst_force(&mut self, x: &[f64]) -> (f64, usize) {
-        let mut worst = (0.0, 0);
-        for i in 0..self.samples {
-            self.place(x, i);
-            self.sensitivity.force(&self.scratch.motion);
-            for row in &self.rows {
-                if let Row::Force { joint, scale } = *row {
-                    let share = (scale * self.sensitivity.force[joint]).abs();
-                    if share > worst.0 {
-                        worst = (share, joint);
-                    }
-                }
+impl<'a> Program<'a> {
+    /// Largest use of a limit over the samples: 1 at a limit.
+    pub(super) fn largest_use(&mut self, x: &[f64]) -> f64 {
+        self.binding(x).0
+    }
+
+    /// Largest use of a limit over the samples, and which limit.
+    pub(super) fn binding(&mut self, x: &[f64]) -> (f64, Binding) {
+        let mut c = vec![0.0; self.m()];
+        self.constraints(x, &mut c);
+        let mut worst = (0.0, Binding::Motion);
+        for (row, &c) in self
+            .rows
+            .iter()
+            .cycle()
+            .zip(&c[..self.samples * self.rows.len()])
+        {
+            let used = row.used(c);
+            if used > worst.0 {
+                let what = match row {
+                    Row::Motion { .. } => Binding::Motion,
+                    Row::Force { joint, .. } => Binding::Force(*joint),
+                    Row::Place(side) => Binding::Place(side.at, c / side.scale + side.middle),
+                };
+                worst = (used, what);
             }
         }
         worst
+    }
+
+    /// The points in their boxes, if there are any.
+    pub(super) fn places(&mut self) -> Option<&mut Places<'a>> {
+        self.places.as_mut()
     }
 }

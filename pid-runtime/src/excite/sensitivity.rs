@@ -109,6 +109,11 @@ impl<'a> Sensitivity<'a> {
         }
     }
 
+    /// The parameters.
+    pub(super) fn p(&self) -> &[f64] {
+        &self.p
+    }
+
     /// Number of chosen parameters.
     pub(super) fn nb(&self) -> usize {
         self.params.len()
