@@ -145,12 +145,14 @@ fn explained(bins: &[ForceBin]) -> f64 {
     }
 }
 
-/// How the error on unseen records compares with that on fitted ones, at the longest horizon below the whole record.
+/// How the error on unseen records compares with that on fitted ones, at the longest horizon below the whole record. All test
+/// records together stand before the single ones.
 fn generalisation(free_run: &[FreeRunScore]) -> Option<String> {
-    let test = free_run
+    let mut tests = free_run
         .iter()
-        .rev()
-        .find(|s| s.role == Role::Test && s.horizon != Horizon::Record)?;
+        .filter(|s| s.role == Role::Test && s.horizon != Horizon::Record);
+    let longest = tests.clone().next_back()?.horizon;
+    let test = tests.find(|s| s.horizon == longest)?;
     let train = free_run
         .iter()
         .find(|s| s.role == Role::Train && s.horizon == test.horizon)?;
@@ -177,6 +179,7 @@ fn generalisation(free_run: &[FreeRunScore]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pid_runtime::gap::metrics::{ChannelError, JointError};
 
     fn force(by_velocity: Vec<ForceBin>, by_position: Vec<ForceBin>, share: f64) -> MissingForce {
         MissingForce {
@@ -226,5 +229,44 @@ mod tests {
         assert!(text.contains("follows the position"), "{text}");
         let text = findings(&[force(flat.clone(), flat, 0.005)], &[], &[]).join("\n");
         assert!(text.contains("below 1 %"), "{text}");
+    }
+
+    fn score(experiments: &[&str], role: Role, seconds: f64, rms: f64) -> FreeRunScore {
+        FreeRunScore {
+            experiments: experiments.iter().map(|s| (*s).to_owned()).collect(),
+            role,
+            horizon: Horizon::Seconds(seconds),
+            joints: vec![JointError {
+                joint: "servo".into(),
+                q: Some(ChannelError {
+                    rms,
+                    mae: rms,
+                    max: rms,
+                    count: 100,
+                }),
+                v: None,
+            }],
+            objective: Some(rms * rms),
+            windows: 1,
+            diverged: 0,
+            skipped: 0,
+        }
+    }
+
+    #[test]
+    fn all_test_records_together_are_held_against_the_fitted_ones() {
+        let scores = [
+            score(&["a", "b"], Role::Train, 0.1, 0.01),
+            score(&["c", "d"], Role::Test, 0.1, 0.01),
+            score(&["a", "b"], Role::Train, 1.0, 0.02),
+            score(&["c", "d"], Role::Test, 1.0, 0.06),
+            score(&["c"], Role::Test, 1.0, 0.02),
+            score(&["d"], Role::Test, 1.0, 0.08),
+        ];
+        let text = findings(&[], &scores, &[]).join("\n");
+        assert!(
+            text.contains("restarted every 1 s: RMS servo 6.000e-2 (rad or m); 3.0 times"),
+            "{text}"
+        );
     }
 }
