@@ -3,7 +3,7 @@
 use pid_runtime::data::{Dataset, Experiment, InputHold};
 use pid_runtime::dynamics::At;
 use pid_runtime::signal::{
-    FilterError, SignalError, fill_missing, low_pass_channels, state_from_data,
+    FilterError, SignalError, acting_inputs, low_pass_channels, state_from_data,
 };
 
 /// Share of the rate after decimation at which the decimation filter cuts off.
@@ -151,21 +151,4 @@ impl Record {
             ),
         }
     }
-}
-
-/// Inputs as they act around each sample: under zero-order hold the mean of the values before and after it.
-fn acting_inputs(experiment: &Experiment, hold: InputHold) -> Vec<f64> {
-    let (n, nq) = (experiment.len(), experiment.nq);
-    let mut u = experiment.u.clone();
-    for j in 0..nq {
-        let mut channel: Vec<f64> = (0..n).map(|i| u[i * nq + j]).collect();
-        fill_missing(&experiment.t, &mut channel);
-        for i in 0..n {
-            u[i * nq + j] = match hold {
-                InputHold::ZeroOrder if i > 0 => 0.5 * (channel[i - 1] + channel[i]),
-                _ => channel[i],
-            };
-        }
-    }
-    u
 }

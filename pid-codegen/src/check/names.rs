@@ -489,7 +489,7 @@ impl<'a> Symbols<'a> {
 
     fn declare_per_joint(&mut self, diag: &mut Diagnostics) {
         for b in 0..self.blocks.len() {
-            let (block, joints) = self.blocks[b].clone();
+            let (block, joints) = &self.blocks[b].clone();
             let mut own: Vec<&Ident> = Vec::new();
             let mut fresh = |name: &'a Ident, diag: &mut Diagnostics| {
                 if let Some(first) = own.iter().find(|i| **i == name) {
@@ -499,42 +499,20 @@ impl<'a> Symbols<'a> {
                 own.push(name);
                 declarable(name, diag)
             };
-            for decl in block
-                .inputs
-                .iter()
-                .filter(|d| fresh(&d.name, diag))
-                .collect::<Vec<_>>()
-            {
-                for (nth, &joint) in joints.iter().enumerate() {
-                    if self.is_held(joint) {
-                        continue;
-                    }
-                    let Some(field) = self.generated(&decl.name, joint, nth, diag) else {
-                        self.refused.push(decl.name.to_string());
-                        break;
-                    };
-                    self.inputs.push(InputSymbol {
+            let inputs = block.inputs.iter().filter(|d| fresh(&d.name, diag));
+            for decl in inputs.collect::<Vec<_>>() {
+                self.per_joint(&decl.name, joints, diag, |symbols, field, joint, _| {
+                    symbols.inputs.push(InputSymbol {
                         field,
                         decl,
                         joint: Some(joint),
                     });
-                }
+                });
             }
-            for decl in block
-                .params
-                .iter()
-                .filter(|d| fresh(&d.name, diag))
-                .collect::<Vec<_>>()
-            {
-                for (nth, &joint) in joints.iter().enumerate() {
-                    if self.is_held(joint) {
-                        continue;
-                    }
-                    let Some(field) = self.generated(&decl.name, joint, nth, diag) else {
-                        self.refused.push(decl.name.to_string());
-                        break;
-                    };
-                    self.params.push(ParamSymbol {
+            let params = block.params.iter().filter(|d| fresh(&d.name, diag));
+            for decl in params.collect::<Vec<_>>() {
+                self.per_joint(&decl.name, joints, diag, |symbols, field, joint, nth| {
+                    symbols.params.push(ParamSymbol {
                         field,
                         decl: decl.name.span(),
                         origin: Origin::PerJoint {
@@ -544,8 +522,28 @@ impl<'a> Symbols<'a> {
                             nth,
                         },
                     });
-                }
+                });
             }
+        }
+    }
+
+    /// Adds the fields of a name for each joint of its block that is not held.
+    fn per_joint(
+        &mut self,
+        name: &Ident,
+        joints: &[usize],
+        diag: &mut Diagnostics,
+        add: impl Fn(&mut Self, Ident, usize, usize),
+    ) {
+        for (nth, &joint) in joints.iter().enumerate() {
+            if self.is_held(joint) {
+                continue;
+            }
+            let Some(field) = self.generated(name, joint, nth, diag) else {
+                self.refused.push(name.to_string());
+                break;
+            };
+            add(self, field, joint, nth);
         }
     }
 

@@ -51,6 +51,13 @@ pub(super) struct Sensitivity<'a> {
     pub(super) dy: Vec<f64>,
 }
 
+/// The point of a motion (q, v, a).
+fn at<'a>(motion: &'a [f64], u: &'a [f64], p: &'a [f64]) -> At<'a> {
+    let (q, rest) = motion.split_at(motion.len() / 3);
+    let (v, a) = rest.split_at(q.len());
+    At { q, v, a, u, p }
+}
+
 impl<'a> Sensitivity<'a> {
     /// `deviations`: standard deviation of the force of each joint.
     pub(super) fn new(
@@ -122,13 +129,7 @@ impl<'a> Sensitivity<'a> {
     /// Force, its slope and the regressor at `motion` = (q, v, a).
     pub(super) fn first(&mut self, motion: &[f64]) {
         let nq = self.dims.nq;
-        let at = At {
-            q: &motion[..nq],
-            v: &motion[nq..2 * nq],
-            a: &motion[2 * nq..],
-            u: &self.u,
-            p: &self.p,
-        };
+        let at = at(motion, &self.u, &self.p);
         self.model
             .residual_jacobian(&at, &mut self.force, &mut self.jacobian);
         self.slope.fill(0.0);
@@ -145,26 +146,13 @@ impl<'a> Sensitivity<'a> {
 
     /// The force alone.
     pub(super) fn force(&mut self, motion: &[f64]) {
-        let nq = self.dims.nq;
-        let at = At {
-            q: &motion[..nq],
-            v: &motion[nq..2 * nq],
-            a: &motion[2 * nq..],
-            u: &self.u,
-            p: &self.p,
-        };
+        let at = at(motion, &self.u, &self.p);
         self.model.residual(&at, &mut self.force);
     }
 
     fn curvature(&mut self, motion: &[f64], lambda: &[f64], shifted: bool) {
-        let nq = self.dims.nq;
-        let at = At {
-            q: &motion[..nq],
-            v: &motion[nq..2 * nq],
-            a: &motion[2 * nq..],
-            u: &self.u,
-            p: if shifted { &self.shifted } else { &self.p },
-        };
+        let p = if shifted { &self.shifted } else { &self.p };
+        let at = at(motion, &self.u, p);
         self.model.residual_hessian(&at, lambda, &mut self.hessian);
     }
 

@@ -10,10 +10,10 @@
 
 use super::uncertainty::{self, Solved, Spread};
 use super::{Callback, ForceError, IdentError, Identification, Progress, Run, Settings};
-use crate::data::{Dataset, Experiment, InputHold, Role};
+use crate::data::{Dataset, Experiment, Role};
 use crate::dynamics::{At, Hessian};
 use crate::nlp::{Nlp, SparsePattern, check_point};
-use crate::signal::{fill_missing, low_pass_channels, state_from_data};
+use crate::signal::{acting_inputs, low_pass_channels, state_from_data};
 use crate::solver::ip;
 use crate::solver::kkt::sparse::SparseKkt;
 use crate::transcribe::Loss;
@@ -570,20 +570,4 @@ fn deviations(fit: &mut Fit<'_>, run: &Run, fixed: &[bool]) -> Spread {
         unknowns: free.len(),
         scores: None,
     })
-}
-/// Inputs as they act around each sample.
-fn acting_inputs(experiment: &Experiment, hold: InputHold) -> Vec<f64> {
-    let (n, nq) = (experiment.len(), experiment.nq);
-    let mut u = experiment.u.clone();
-    for j in 0..nq {
-        let mut channel: Vec<f64> = (0..n).map(|i| u[i * nq + j]).collect();
-        fill_missing(&experiment.t, &mut channel);
-        for i in 0..n {
-            u[i * nq + j] = match hold {
-                InputHold::ZeroOrder if i > 0 => 0.5 * (channel[i - 1] + channel[i]),
-                _ => channel[i],
-            };
-        }
-    }
-    u
 }

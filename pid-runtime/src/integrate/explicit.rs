@@ -6,7 +6,7 @@ use super::{Fault, Interval, Settings, scaled_norm};
 /// Nodes of the Dormand-Prince pair.
 const C: [f64; 7] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];
 /// Its stages; the last row is the solution of order 5.
-const A: [&[f64]; 7] = [
+pub(crate) const A: [&[f64]; 7] = [
     &[],
     &[1.0 / 5.0],
     &[3.0 / 40.0, 9.0 / 40.0],

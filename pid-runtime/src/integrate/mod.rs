@@ -21,6 +21,7 @@ mod simulator;
 #[cfg(test)]
 pub(crate) mod test_models;
 
+pub(crate) use explicit::A as DORMAND_PRINCE;
 pub use forward::ForwardDynamics;
 pub use simulator::Simulator;
 

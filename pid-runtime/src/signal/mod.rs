@@ -13,7 +13,7 @@ pub use butterworth::{Biquad, Butterworth, FilterError};
 pub use derivative::central_differences;
 pub use noise::{choose_cutoff, noise_level, noise_level_without_jumps};
 pub use resample::{Interpolation, decimate, fill_missing, resample, uniform_times};
-pub use state::{SignalError, StateEstimate, low_pass_channels, state_from_data};
+pub use state::{SignalError, StateEstimate, acting_inputs, low_pass_channels, state_from_data};
 
 /// One channel of row-by-row data.
 pub(crate) fn column(x: &[f64], columns: usize, j: usize) -> Vec<f64> {

@@ -4,7 +4,7 @@ use super::{
     Butterworth, FilterError, Interpolation, central_differences, choose_cutoff, column,
     fill_missing, map_columns, resample, uniform_times,
 };
-use crate::data::Experiment;
+use crate::data::{Experiment, InputHold};
 
 /// Order of the low-pass filter.
 const ORDER: usize = 4;
@@ -213,6 +213,24 @@ impl Grid {
             resample(&self.times, &y, t, Interpolation::Cubic)
         }
     }
+}
+
+/// Inputs as they act around each sample, N × inputs: under zero-order hold the mean of the values before and after it. Missing values
+/// are filled.
+pub fn acting_inputs(experiment: &Experiment, hold: InputHold) -> Vec<f64> {
+    let (n, nq) = (experiment.len(), experiment.nq);
+    let mut u = experiment.u.clone();
+    for j in 0..nq {
+        let mut channel: Vec<f64> = (0..n).map(|i| u[i * nq + j]).collect();
+        fill_missing(&experiment.t, &mut channel);
+        for i in 0..n {
+            u[i * nq + j] = match hold {
+                InputHold::ZeroOrder if i > 0 => 0.5 * (channel[i - 1] + channel[i]),
+                _ => channel[i],
+            };
+        }
+    }
+    u
 }
 
 #[cfg(test)]

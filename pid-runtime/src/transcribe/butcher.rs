@@ -7,6 +7,8 @@
 //! Collocation coefficients follow from their nodes: the roots of shifted Legendre polynomials (Gauss), of `P_s − P_{s−1}`
 //! (Radau IIA) (E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, section IV.5).
 
+use crate::integrate::DORMAND_PRINCE;
+
 /// A method with s stages.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Butcher {
@@ -85,35 +87,8 @@ impl Butcher {
 
     /// The weights of order 5; the seventh stage, which they do not use, is left out.
     pub(super) fn dormand_prince() -> Self {
-        Self::of(
-            &[
-                &[],
-                &[1.0 / 5.0],
-                &[3.0 / 40.0, 9.0 / 40.0],
-                &[44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0],
-                &[
-                    19372.0 / 6561.0,
-                    -25360.0 / 2187.0,
-                    64448.0 / 6561.0,
-                    -212.0 / 729.0,
-                ],
-                &[
-                    9017.0 / 3168.0,
-                    -355.0 / 33.0,
-                    46732.0 / 5247.0,
-                    49.0 / 176.0,
-                    -5103.0 / 18656.0,
-                ],
-            ],
-            &[
-                35.0 / 384.0,
-                0.0,
-                500.0 / 1113.0,
-                125.0 / 192.0,
-                -2187.0 / 6784.0,
-                11.0 / 84.0,
-            ],
-        )
+        let [stages @ .., weights] = &DORMAND_PRINCE;
+        Self::of(stages, weights)
     }
 
     pub(super) fn trapezoidal() -> Self {
