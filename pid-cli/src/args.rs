@@ -227,6 +227,10 @@ pub(crate) struct IdentifyArgs {
     /// positive definite mass matrix in every pose. Prints what that costs and what it mends.
     #[arg(long, conflicts_with_all = ["profile", "bootstrap"])]
     pub(crate) consistent: bool,
+    /// Look for the effect that the model lacks as well, with the nominal values and ranges of its declaration, as `pid diagnose
+    /// --model` does; its report goes to the folder `diagnosis` in that of the results. Done without asking on the embedded data.
+    #[arg(long)]
+    pub(crate) diagnose: bool,
     /// Draws of the block bootstrap over windows: intervals of 95 % by as many further fits.
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub(crate) bootstrap: usize,

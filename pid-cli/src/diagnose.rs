@@ -100,7 +100,7 @@ fn one(
 }
 
 /// A few lines for the terminal.
-fn summary(d: &Diagnosis) -> String {
+pub(crate) fn summary(d: &Diagnosis) -> String {
     let mut text = format!("{}: ", d.case);
     text.push_str(&d.effect);
     if let Some(j) = d.joint {

@@ -17,6 +17,7 @@ use crate::args::{
     HessianArg, HorizonArg, IdentifyArgs, InitialArg, MethodArg, SamplingArg, SolverArg, WeightsArg,
 };
 use crate::assemble::{Fit, assemble};
+use crate::cause::Cause;
 use crate::error::CliError;
 use crate::progress::{Interrupt, Progress};
 use crate::{assume, consistent, horizon, output, parameters, source};
@@ -173,8 +174,22 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     {
         report.findings.insert(0, sentence);
     }
+    let wanted = args.diagnose || args.source.embedded();
+    let cause = match wanted && !interrupt.requested() {
+        true => {
+            progress.step("looking for the effect that the model lacks".to_owned());
+            Some(Cause::find(&entry, &dataset)?)
+        }
+        false => None,
+    };
+    if let Some(cause) = &cause {
+        report.findings.insert(0, cause.sentence.clone());
+    }
     drop(progress);
     source::deliver(&report, &args.source.out)?;
+    if let Some(cause) = &cause {
+        cause.deliver(&args.source.out)?;
+    }
     entry.write_urdf(&best.parameters, &args.source.out)?;
     Ok(match (verdict, best.status) {
         (_, Status::Interrupted) => 130,

@@ -34,6 +34,7 @@
 mod args;
 mod assemble;
 mod assume;
+mod cause;
 mod consistent;
 mod coverage;
 mod demo;

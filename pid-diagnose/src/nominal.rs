@@ -137,14 +137,15 @@ impl Nominal {
     }
 
     /// Of a declared robot: nominal values and tolerances are those of its parameters. What is known of the measurement may stand in a
-    /// `measurement.toml` of the folder.
+    /// `measurement.toml` of the folder of the records, if there is one.
     ///
     /// # Errors
     /// As [`description::Nominal::of_declared`], and if it branches.
-    pub fn of_declared(model: &dyn Dynamics, folder: &Path) -> Result<Self, NominalError> {
+    pub fn of_declared(model: &dyn Dynamics, folder: Option<&Path>) -> Result<Self, NominalError> {
+        let measurement = folder.map(|folder| folder.join("measurement.toml"));
         Self::new(description::Nominal::of_declared(
             model,
-            folder.join("measurement.toml"),
+            measurement.as_deref(),
         )?)
     }
 

@@ -97,11 +97,24 @@ impl Report {
     ) -> Result<Self, CaseError> {
         let dataset = Dataset::read(folder)?;
         Self::new(
-            Nominal::of_declared(model, folder)?,
+            Nominal::of_declared(model, Some(folder))?,
             &dataset,
             settings,
             next,
         )
+    }
+
+    /// Diagnoses records with a declared robot; nothing is known of the measurement.
+    ///
+    /// # Errors
+    /// As [`Nominal::of_declared`] and [`Case::new`].
+    pub fn of_dataset(
+        model: &dyn Dynamics,
+        dataset: &Dataset,
+        settings: &Settings,
+        next: bool,
+    ) -> Result<Self, CaseError> {
+        Self::new(Nominal::of_declared(model, None)?, dataset, settings, next)
     }
 
     /// Diagnoses a data set of a nominal robot.

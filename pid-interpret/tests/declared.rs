@@ -1,6 +1,5 @@
 //! Nominal descriptions of declared robots: the same dynamics as the declaration, tolerances from its ranges, and messages.
 
-use std::path::Path;
 
 use pid_interpret::Model;
 use pid_interpret::nominal::{
@@ -76,13 +75,8 @@ mod long {
     }
 }
 
-/// What no record says: there is no such file.
-fn unmeasured() -> &'static Path {
-    Path::new("no-such-folder/measurement.toml")
-}
-
 fn describe(model: &dyn Dynamics) -> Result<Nominal, NominalError> {
-    Nominal::of_declared(model, unmeasured())
+    Nominal::of_declared(model, None)
 }
 
 /// A value between −1 and 1 that depends on `k` in no simple way.
@@ -274,7 +268,7 @@ fn what_is_known_of_the_measurement() {
     let file = folder.join("measurement.toml");
     let read = |text: &str| {
         std::fs::write(&file, text).unwrap();
-        Nominal::of_declared(&Arm, &file)
+        Nominal::of_declared(&Arm, Some(&file))
     };
     let nominal = read(
         "[robot]\ninput_noise = 0.01\nhorizon_s = 2.0\nencoder_side = \"motor\"\n\

@@ -21,15 +21,15 @@ use super::law::{At, Drive, Law};
 use super::measured::{self, Driven};
 
 impl Nominal {
-    /// Of a declared robot. `measurement` is a file as `docs/nominal-format.md` describes; if it does not exist, nothing is
-    /// known of the measurement.
+    /// Of a declared robot. `measurement` is a file as `docs/nominal-format.md` describes; without one, or if it does not exist,
+    /// nothing is known of the measurement.
     ///
     /// # Errors
     /// If the model is no declared robot, its structure is not that of a nominal description (see
     /// [`DeclaredError`]), or the file is malformed.
     pub fn of_declared(
         model: &dyn Dynamics,
-        measurement: impl AsRef<Path>,
+        measurement: Option<&Path>,
     ) -> Result<Self, NominalError> {
         let robot = declaration(model)?;
         let chain = Chain::new(&robot)?;
@@ -41,7 +41,7 @@ impl Nominal {
                 gain: joint.gain.nominal,
             })
             .collect();
-        let measurement = measured::of_declared(measurement.as_ref(), driven)?;
+        let measurement = measured::of_declared(measurement, driven)?;
         let mut assembly = Assembly::new(robot.name.clone(), chain.gravity());
         for (mut joint, channel) in values.into_iter().zip(&measurement.channels) {
             if joint.sharpness.is_infinite() {

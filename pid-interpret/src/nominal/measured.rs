@@ -112,21 +112,23 @@ pub(super) fn of_file(source: &Source<'_>, raw: &RawFile) -> Result<Measurement,
 }
 
 /// Measurement of a declared robot: what the file says; without a file nothing is known.
-pub(super) fn of_declared(path: &Path, joints: Vec<Driven>) -> Result<Measurement, NominalError> {
-    let text = match fs::read_to_string(path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-        Err(error) => {
+pub(super) fn of_declared(
+    path: Option<&Path>,
+    joints: Vec<Driven>,
+) -> Result<Measurement, NominalError> {
+    let file = path.unwrap_or(Path::new(""));
+    let text = match path.map(fs::read_to_string) {
+        None => String::new(),
+        Some(Ok(text)) => text,
+        Some(Err(error)) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+        Some(Err(error)) => {
             return Err(NominalError::Unreadable {
-                file: path.to_owned(),
+                file: file.to_owned(),
                 error,
             });
         }
     };
-    let source = Source {
-        file: path,
-        text: &text,
-    };
+    let source = Source { file, text: &text };
     let raw: RawMeasurement = source.parse()?;
     for joint in &raw.joint {
         let name = joint.name.get_ref();
