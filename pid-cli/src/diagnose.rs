@@ -36,6 +36,10 @@ pub(crate) struct DiagnoseArgs {
     /// Refit every candidate to its end instead of those that screening puts first: slow, to judge the screening by.
     #[arg(long)]
     refit_all: bool,
+    /// Length of the train records that is fitted, seconds times the number of joints; from longer ones the parts are taken that
+    /// decide. Test records are used whole.
+    #[arg(long, value_name = "SECONDS", default_value_t = Settings::default().joint_seconds, value_parser = crate::args::positive)]
+    joint_seconds: f64,
 }
 
 /// Diagnoses all folders, several at a time; those that cannot be read are named and do not stop the others.
@@ -88,6 +92,7 @@ fn one(
 ) -> Result<Diagnosis, CliError> {
     let settings = Settings {
         refit_all: args.refit_all,
+        joint_seconds: args.joint_seconds,
         ..Settings::default()
     };
     let report = match (model, &args.nominal) {

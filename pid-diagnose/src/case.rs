@@ -65,6 +65,8 @@ pub struct Record {
     pub role: Role,
     /// Sample time, s.
     pub h: f64,
+    /// Time of the first sample since the start of what was recorded, s; zero unless it is a part of a record.
+    pub begin: f64,
     /// Readings of the positions; NaN where missing.
     pub q: Vec<Vec<f64>>,
     /// Readings of the velocities; NaN where missing.
@@ -112,6 +114,8 @@ pub struct Noise {
     pub v: f64,
     /// Of the applied torque, white from sample to sample.
     pub torque: f64,
+    /// Of what the drive noise of the other joints does to this one through the mass matrix, as a torque at it.
+    pub passed: f64,
     /// Whether the torque noise was stated.
     pub stated: bool,
 }
@@ -137,6 +141,11 @@ pub struct Case {
     pub tip: (f64, f64),
     /// Factor on the number of substeps; 1 unless a fit is finished with finer ones.
     pub refined: usize,
+    /// Whether fits look for the states at the start that no sensor reads.
+    pub unread: bool,
+    /// Torque at joint j that accelerates it as a unit torque at joint i does, `(M⁻¹)_ji / (M⁻¹)_jj`: root mean square over the
+    /// motion, zero for i = j.
+    pub passing: Vec<Vec<f64>>,
 }
 
 impl Case {
@@ -212,6 +221,7 @@ impl Case {
                 name: e.name.clone(),
                 role: e.role,
                 h,
+                begin: 0.0,
                 q: (0..n).map(|j| reading(column(&e.q, j))).collect(),
                 v: (0..n)
                     .map(|j| {
@@ -245,6 +255,8 @@ impl Case {
             noise: Vec::new(),
             tip: (1.0, 1.0),
             refined: 1,
+            unread: false,
+            passing: Vec::new(),
             nominal,
             records,
         };
@@ -260,7 +272,8 @@ impl Case {
     /// Typical sizes and noise levels.
     fn measure(&mut self) {
         let n = self.n();
-        let inertia = self.inertia();
+        let (inertia, passing) = self.inertia();
+        self.passing = passing;
         for j in 0..n {
             let joint = &self.nominal.joints[j];
             let all = |f: &dyn Fn(&Record) -> &Vec<f64>| -> Vec<f64> {
@@ -314,9 +327,11 @@ impl Case {
                     Some(x) => (x * joint.gain().abs()).max(1e-6 * torque),
                     None => FIRST_GUESS * torque,
                 },
+                passed: 0.0,
                 stated: joint.input_noise.is_some(),
             });
         }
+        self.pass_on();
         let reach: f64 = self.nominal.joints[1..]
             .iter()
             .map(|j| norm(j.hinge.origin))
@@ -329,8 +344,20 @@ impl Case {
         );
     }
 
-    /// Inertia of each joint with the others free, median over the records.
-    fn inertia(&self) -> Vec<f64> {
+    /// Brings [`Noise::passed`] in line with the drive noise of all joints.
+    pub fn pass_on(&mut self) {
+        for j in 0..self.n() {
+            let sum: f64 = self.passing[j]
+                .iter()
+                .zip(&self.noise)
+                .map(|(share, noise)| (share * noise.torque).powi(2))
+                .sum();
+            self.noise[j].passed = sum.sqrt();
+        }
+    }
+
+    /// Inertia of each joint with the others free, median over the records, and [`Case::passing`].
+    fn inertia(&self) -> (Vec<f64>, Vec<Vec<f64>>) {
         let n = self.n();
         let plant = Plant::<f64>::new(&self.nominal, &vec![0.0; n * PER_JOINT]);
         let around = Surroundings {
@@ -340,6 +367,7 @@ impl Case {
         };
         let (mut work, mut mass, mut bias) = (Workspace::new(n), vec![0.0; n * n], vec![0.0; n]);
         let mut seen = vec![Vec::new(); n];
+        let (mut passing, mut count) = (vec![vec![0.0; n]; n], 0.0_f64);
         for r in &self.records {
             for k in (0..r.len()).step_by((r.len() / 20).max(1)) {
                 let q: Vec<f64> = (0..n).map(|j| r.smooth_q[j][k]).collect();
@@ -357,18 +385,27 @@ impl Case {
                     m[(j, j)] += plant.rotor[j];
                 }
                 if let Some(inverse) = m.try_inverse() {
+                    count += 1.0;
                     for j in 0..n {
                         seen[j].push(1.0 / inverse[(j, j)]);
+                        for i in (0..n).filter(|&i| i != j) {
+                            passing[j][i] += (inverse[(j, i)] / inverse[(j, j)]).powi(2);
+                        }
                     }
                 }
             }
         }
-        seen.into_iter()
+        for share in passing.iter_mut().flatten() {
+            *share = (*share / count.max(1.0)).sqrt();
+        }
+        let inertia = seen
+            .into_iter()
             .map(|mut x| {
                 x.sort_by(f64::total_cmp);
                 x.get(x.len() / 2).copied().unwrap_or(1.0).max(1e-9)
             })
-            .collect()
+            .collect();
+        (inertia, passing)
     }
 
     /// Size of a unit at a joint, in SI.

@@ -308,6 +308,8 @@ pub trait Effect: Send + Sync {
     fn info(&self) -> &'static Info;
     /// Number of memory cells.
     fn memory(&self) -> usize;
+    /// Largest value of the first memory cell, if no reading tells its value at the start of a record.
+    fn largest_memory(&self) -> Option<f64>;
     /// Another joint the effect acts on.
     fn partner(&self, joint: usize) -> Option<usize>;
     /// Whether it cannot be at a joint without partner.
@@ -331,6 +333,10 @@ pub trait Model: Send + Sync {
     /// Number of memory cells.
     fn memory(&self) -> usize {
         0
+    }
+    /// Largest value of the first memory cell, if no reading tells its value at the start of a record.
+    fn largest_memory(&self) -> Option<f64> {
+        None
     }
     /// Another joint the effect acts on.
     fn partner(&self, _joint: usize) -> Option<usize> {
@@ -361,6 +367,9 @@ impl<T: Model + Law<f64> + Law<Wide> + Law<num_dual::Dual64>> Effect for T {
     }
     fn memory(&self) -> usize {
         Model::memory(self)
+    }
+    fn largest_memory(&self) -> Option<f64> {
+        Model::largest_memory(self)
     }
     fn partner(&self, joint: usize) -> Option<usize> {
         Model::partner(self, joint)

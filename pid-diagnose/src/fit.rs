@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use crate::case::{Case, Record, Velocity};
 use crate::effect::{LANES, Wide};
+use crate::hidden;
 use crate::observer::Gain;
 use crate::plant::PER_JOINT;
 use crate::predict::{Runner, gains, rows};
@@ -111,8 +112,14 @@ pub enum Direction<'a> {
 /// Gains for every record.
 pub fn all_gains(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<Vec<Gain>> {
     case.records
-        .iter()
-        .map(|r| gains(case, hypothesis, &at.theta, &at.e, r.h))
+        .par_iter()
+        .map(|r| {
+            let mut g = gains(case, hypothesis, &at.theta, &at.e, r.h);
+            if case.unread {
+                hidden::look(case, r, hypothesis, at, &mut g);
+            }
+            g
+        })
         .collect()
 }
 

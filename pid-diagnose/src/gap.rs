@@ -8,6 +8,7 @@
 use pid_runtime::data::Role;
 
 use crate::case::{Case, Record, Velocity};
+use crate::hidden;
 use crate::predict::{Runner, gains};
 use crate::simulate::{Hypothesis, State};
 
@@ -45,8 +46,11 @@ fn windows(
         .map_or(last, |s| ((s / record.h).round() as usize).clamp(1, last));
     let count = last / length;
     let mut starts = Vec::with_capacity(count);
-    let g = gains(case, hypothesis, theta, e, record.h);
-    Runner::<f64>::new(case, record, hypothesis, theta, e).predict(
+    let mut g = gains(case, hypothesis, theta, e, record.h);
+    let mut runner = Runner::<f64>::new(case, record, hypothesis, theta, e);
+    hidden::settle(&mut runner, &mut g);
+    runner.predict_over(
+        0..record.len(),
         &g,
         &mut |_, _, _, _| {},
         &mut |k, state| {

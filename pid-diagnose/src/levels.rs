@@ -115,12 +115,15 @@ pub(crate) fn left(errors: &[Vec<[Vec<f64>; 2]>]) -> Vec<[Left; 2]> {
 /// Sets the bandwidth to that of the horizon, at levels in proportion to the range and speed of the motion.
 pub(crate) fn slow(case: &mut Case) {
     let omega = bandwidth(case);
+    case.refined = 1;
+    case.unread = false;
     for j in 0..case.n() {
         let scale = case.scale[j].clone();
         let noise = &mut case.noise[j];
         noise.q = noise.q.max(0.05 * scale.range);
         noise.v = noise.v.max(omega * noise.q);
         noise.torque = scale.inertia * drive(omega, noise.q, noise.v);
+        noise.passed = 0.0;
         noise.stated = false;
     }
 }
@@ -172,6 +175,7 @@ pub(crate) fn quick(case: &Case, omega: f64) -> Case {
         let noise = &mut case.noise[j];
         noise.v = noise.v.max(omega * noise.q);
         noise.torque = inertia * omega * omega * noise.q;
+        noise.passed = 0.0;
     }
     case
 }

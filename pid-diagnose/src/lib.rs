@@ -51,6 +51,8 @@
 //! assert_eq!(settings.effects.len(), 27);
 //! ```
 
+#[cfg(test)]
+mod bench;
 pub mod case;
 pub mod channel;
 pub mod diagnose;
@@ -58,6 +60,7 @@ pub mod effect;
 pub mod effects;
 pub mod fit;
 pub mod gap;
+mod hidden;
 mod kernels;
 mod levels;
 pub mod locate;
@@ -76,4 +79,5 @@ pub mod scalar;
 pub mod screen;
 pub mod simulate;
 pub mod study;
+pub mod thin;
 pub mod windows;

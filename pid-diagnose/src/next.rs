@@ -295,6 +295,7 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
         name: "next".to_owned(),
         role: Role::Train,
         h,
+        begin: 0.0,
         q: constant(&first),
         v: constant(&vec![0.0; n]),
         u,

@@ -20,6 +20,8 @@ use crate::fit::{Fit, all_gains, value};
 const RANGE: (f64, f64) = (2e-4, 2e-2);
 /// Points of the ladder between them.
 const RUNGS: usize = 9;
+/// Sweeps where there are several joints: the noise of one drive moves the others too.
+const SWEEPS: usize = 2;
 
 /// Sets the drive noise of every joint whose figure is not stated to its most likely value under a fit; whether any was open.
 pub fn settle(case: &mut Case, fit: &Fit) -> bool {
@@ -29,20 +31,23 @@ pub fn settle(case: &mut Case, fit: &Fit) -> bool {
     }
     let ratio = (RANGE.1 / RANGE.0).ln() / (RUNGS - 1) as f64;
     let share = |rung: f64| RANGE.0 * (ratio * rung).exp();
-    // The joints hardly tell of each other's noise: all climb the ladder side by side.
-    let mut surprise = vec![[f64::INFINITY; RUNGS]; case.n()];
-    for rung in 0..RUNGS {
-        for &j in &open {
-            case.noise[j].torque = share(rung as f64) * case.scale[j].torque;
+    // What the joints pass on to each other is that of the sweep before: all climb the ladder side by side.
+    for _ in 0..if case.n() > 1 { SWEEPS } else { 1 } {
+        let mut surprise = vec![[f64::INFINITY; RUNGS]; case.n()];
+        for rung in 0..RUNGS {
+            for &j in &open {
+                case.noise[j].torque = share(rung as f64) * case.scale[j].torque;
+            }
+            let gains = all_gains(case, &fit.hypothesis, &fit.point);
+            let v = value(case, &fit.hypothesis, &fit.point, &gains, Role::Train);
+            for &j in &open {
+                surprise[j][rung] = v.chi[j][0] + v.chi[j][1] + v.log_det[j];
+            }
         }
-        let gains = all_gains(case, &fit.hypothesis, &fit.point);
-        let v = value(case, &fit.hypothesis, &fit.point, &gains, Role::Train);
         for &j in &open {
-            surprise[j][rung] = v.chi[j][0] + v.chi[j][1] + v.log_det[j];
+            case.noise[j].torque = share(lowest(&surprise[j])) * case.scale[j].torque;
         }
-    }
-    for &j in &open {
-        case.noise[j].torque = share(lowest(&surprise[j])) * case.scale[j].torque;
+        case.pass_on();
     }
     true
 }

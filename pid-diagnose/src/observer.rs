@@ -1,6 +1,7 @@
 //! Steady-state Kalman gains of one joint: how an innovation corrects the predicted state.
 //!
-//! Drive side alone, or rotor and link with a gear between them, `x = (q, v)` or `(q_m, v_m, q_l, v_l)`, linear:
+//! Drive side alone, or rotor and link with a gear between them, `x = (q, v)` or `(q_m, v_m, q_l, v_l)`, and behind a velocity
+//! reading that lags, `w⁺ = a w + (1 − a) v⁺`, that state too; linear:
 //!
 //! ```text
 //! x⁺ = A x + w,   w from torque noise held over a sample,   y = q (and v) + noise
@@ -23,21 +24,28 @@ pub struct Design {
     pub viscous: f64,
     /// Link inertia, stiffness and damping of the gear; encoder on the link side.
     pub gear: Option<(f64, f64, f64, bool)>,
-    /// Standard deviations of torque, position and (if it is read) velocity.
+    /// Standard deviation of the torque of its own drive.
     pub torque: f64,
+    /// Of the torque that the noise of the other drives amounts to, on the link.
+    pub passed: f64,
     /// Of a position reading.
     pub q: f64,
-    /// Of a velocity reading.
+    /// Of a velocity reading, if there is one.
     pub v: Option<f64>,
+    /// Time constant of a lag of the velocity reading.
+    pub lag: Option<f64>,
 }
 
 /// Gain of one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gain {
-    /// Corrections of `(q_m, v_m, q_l, v_l)` per unit of position innovation and velocity innovation.
-    pub rows: [[f64; 2]; 4],
+    /// Corrections of `(q_m, v_m, q_l, v_l)` and of the lagging velocity per unit of position innovation and velocity innovation.
+    pub rows: [[f64; 2]; 5],
     /// Inverse of the lower Cholesky factor of S: whitens (position, velocity) innovations.
     pub whiten: [[f64; 2]; 2],
+    /// How far the states that no sensor reads are from rest at the start: position and velocity of the side of the gear without
+    /// encoder, memory of a bristle. Zero unless they were looked for.
+    pub hidden: [f64; 3],
 }
 
 /// Gain by iterating the Riccati recursion to rest.
@@ -72,18 +80,34 @@ pub fn gain(d: &Design) -> Gain {
         q[(at + 1, at)] += pv;
         q[(at + 1, at + 1)] += vv;
     };
-    put(0, noise(d.inertia, d.torque));
     if let Some((link, ..)) = d.gear {
-        put(2, noise(link, 0.5 * d.torque));
+        put(0, noise(d.inertia, d.torque));
+        put(2, noise(link, (0.5 * d.torque).hypot(d.passed)));
+    } else {
+        put(0, noise(d.inertia, d.torque.hypot(d.passed)));
     }
     let at = if link_side { 2 } else { 0 };
     let outputs = if d.v.is_some() { 2 } else { 1 };
+    let (mut step, mut size) = (step, size);
+    let lagging = d.lag.filter(|t| *t > 0.0 && d.v.is_some());
+    if let Some(time) = lagging {
+        let fade = (-d.h / time).exp();
+        let mut wide = DMatrix::identity(size + 1, size + 1);
+        wide[(size, at + 1)] = 1.0 - fade;
+        wide[(size, size)] = fade;
+        // First the motion, then the reading that follows it.
+        step = &wide * step.resize(size + 1, size + 1, 0.0);
+        step[(size, size)] = fade;
+        wide[(size, size)] = 0.0;
+        q = &wide * q.resize(size + 1, size + 1, 0.0) * wide.transpose();
+        size += 1;
+    }
     let mut c = DMatrix::<f64>::zeros(outputs, size);
     c[(0, at)] = 1.0;
     let mut r = DMatrix::<f64>::zeros(outputs, outputs);
     r[(0, 0)] = d.q * d.q;
     if let Some(v) = d.v {
-        c[(1, at + 1)] = 1.0;
+        c[(1, if lagging.is_some() { size - 1 } else { at + 1 })] = 1.0;
         r[(1, 1)] = v * v;
     }
     let mut p = &q + DMatrix::from_diagonal(&q.diagonal()) * 10.0;
@@ -103,10 +127,15 @@ pub fn gain(d: &Design) -> Gain {
             break;
         }
     }
-    let mut rows = [[0.0; 2]; 4];
+    let mut rows = [[0.0; 2]; 5];
     for i in 0..size {
+        let row = if lagging.is_some() && i + 1 == size {
+            4
+        } else {
+            i
+        };
         for o in 0..outputs {
-            rows[i][o] = k[(i, o)];
+            rows[row][o] = k[(i, o)];
         }
     }
     let full = if outputs == 2 {
@@ -120,5 +149,73 @@ pub fn gain(d: &Design) -> Gain {
     Gain {
         rows,
         whiten: [[1.0 / l00, 0.0], [-l10 / (l00 * l11), 1.0 / l11]],
+        hidden: [0.0; 3],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::Draw;
+
+    /// A drive whose velocity reading lags, simulated: with the gain for it the whitened innovations have unit variance and no
+    /// memory; with the gain of a prompt reading they have.
+    #[test]
+    fn a_lagging_velocity_corrects_what_it_shows() {
+        let (h, time) = (2e-3, 0.02);
+        let design = Design {
+            h,
+            inertia: 0.1,
+            viscous: 0.3,
+            gear: None,
+            torque: 0.4,
+            passed: 0.3,
+            q: 1e-4,
+            v: Some(5e-3),
+            lag: Some(time),
+        };
+        let fade = (-h / time).exp();
+        let run = |g: &Gain| {
+            let mut draw = Draw::new(5);
+            let (mut q, mut v, mut w) = (0.0, 0.0, 0.0);
+            let (mut mq, mut mv, mut mw) = (0.0, 0.0, 0.0);
+            let mut seen: Vec<[f64; 2]> = Vec::new();
+            let a = (-3.0 * h).exp();
+            let travel = (1.0 - a) / 3.0;
+            for k in 0..60_000 {
+                let (eq, ev) = (q + 1e-4 * draw.next() - mq, w + 5e-3 * draw.next() - mw);
+                if k > 500 {
+                    seen.push([
+                        eq * g.whiten[0][0],
+                        eq * g.whiten[1][0] + ev * g.whiten[1][1],
+                    ]);
+                }
+                let fix = |row: usize| g.rows[row][0] * eq + g.rows[row][1] * ev;
+                (mq, mv, mw) = (mq + fix(0), mv + fix(1), mw + fix(4));
+                // Torque noise of 0.5 in all.
+                let kick = h * 0.5 / 0.1 * draw.next();
+                q += v * travel + 0.5 * h * kick;
+                v = a * v + kick;
+                w = fade * w + (1.0 - fade) * v;
+                mq += mv * travel;
+                mv *= a;
+                mw = fade * mw + (1.0 - fade) * mv;
+            }
+            let n = seen.len() as f64;
+            let mean = |f: &dyn Fn(usize) -> f64| (0..seen.len() - 1).map(f).sum::<f64>() / n;
+            let square = [0, 1].map(|c| mean(&|k| seen[k][c] * seen[k][c]));
+            let neighbour = [0, 1].map(|c| mean(&|k| seen[k][c] * seen[k + 1][c]) / square[c]);
+            (square, neighbour)
+        };
+        let (square, neighbour) = run(&gain(&design));
+        for c in 0..2 {
+            assert!((square[c] - 1.0).abs() < 0.05, "{square:?}");
+            assert!(neighbour[c].abs() < 0.03, "{neighbour:?}");
+        }
+        let (square, _) = run(&gain(&Design {
+            lag: None,
+            ..design
+        }));
+        assert!(square[0].max(square[1]) > 1.5, "{square:?}");
     }
 }

@@ -61,8 +61,10 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
                 viscous: machine.plant.viscous[j].max(0.0),
                 gear,
                 torque: noise.torque,
+                passed: noise.passed,
                 q: noise.q,
                 v: (case.velocity[j] == Velocity::Measured).then_some(noise.v),
+                lag: machine.velocity_lag(j),
             })
         })
         .collect()
@@ -89,9 +91,9 @@ fn earlier<D: Scalar>(history: &[(D, D)], delay: D, h: f64) -> (D, D) {
 
 /// The machine over one record.
 pub struct Runner<'a, 'h, D: Pick> {
-    case: &'a Case,
-    record: &'a Record,
-    machine: Machine<'h, D>,
+    pub(crate) case: &'a Case,
+    pub(crate) record: &'a Record,
+    pub(crate) machine: Machine<'h, D>,
     substeps: usize,
 }
 
@@ -105,7 +107,8 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         e: &[D],
     ) -> Self {
         debug_assert_eq!(theta.len(), case.n() * PER_JOINT);
-        let machine = Machine::new(Plant::new(&case.nominal, theta), hypothesis, e.to_vec());
+        let mut machine = Machine::new(Plant::new(&case.nominal, theta), hypothesis, e.to_vec());
+        machine.begin = record.begin;
         let geared = machine.gears.iter().any(Option::is_some);
         Runner {
             case,
@@ -157,6 +160,26 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         state
     }
 
+    /// Moves the states that no sensor reads to where they were found, [`Gain::hidden`].
+    fn unrest(&self, state: &mut State<D>, gains: &[Gain]) {
+        let on_link = self.case.nominal.encoder_side == EncoderSide::Joint;
+        for (j, g) in gains.iter().enumerate() {
+            if self.machine.gears[j].is_some() {
+                let (q, v) = if on_link {
+                    (&mut state.drive_q[j], &mut state.drive_v[j])
+                } else {
+                    (&mut state.q[j], &mut state.v[j])
+                };
+                *q += D::constant(g.hidden[0]);
+                *v += D::constant(g.hidden[1]);
+            }
+        }
+        for (cell, joint, most) in self.machine.unknown_cells() {
+            let moved = state.memory[cell] + gains[joint].hidden[2];
+            state.memory[cell] = moved.limit(D::constant(-most), D::constant(most));
+        }
+    }
+
     /// Smoothed reading of joint `j` at sample `k`, undone by the sensor effects.
     fn read_state(&self, j: usize, k: usize) -> (f64, f64) {
         let r = self.record;
@@ -205,10 +228,22 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         sink: &mut dyn FnMut(usize, usize, usize, D),
         seen: &mut dyn FnMut(usize, &State<D>),
     ) {
+        let first = (SETTLING / self.record.h) as usize;
+        self.predict_over(first..self.record.len(), gains, sink, seen);
+    }
+
+    /// [`Runner::predict`] up to the end of `counted`, the samples whose innovations `sink` gets.
+    pub(crate) fn predict_over(
+        &mut self,
+        counted: std::ops::Range<usize>,
+        gains: &[Gain],
+        sink: &mut dyn FnMut(usize, usize, usize, D),
+        seen: &mut dyn FnMut(usize, &State<D>),
+    ) {
         let n = self.case.n();
         let r = self.record;
-        let first = (SETTLING / r.h) as usize;
         let mut state = self.start(0);
+        self.unrest(&mut state, gains);
         let mut commands = Vec::with_capacity(n);
         let delays: Vec<Option<D>> = (0..n).map(|j| self.machine.reading_delay(j)).collect();
         let lags: Vec<Option<D>> = (0..n)
@@ -223,7 +258,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
             .map(|d| Vec::with_capacity(if d.is_some() { r.len() } else { 0 }))
             .collect();
         let mut lagged: Vec<D> = (0..n).map(|j| self.encoder(&state, j).1).collect();
-        for k in 0..r.len() {
+        for k in 0..counted.end {
             seen(k, &state);
             for j in 0..n {
                 let (mut q, mut v) = self.encoder(&state, j);
@@ -244,17 +279,16 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                 if self.case.velocity[j] == Velocity::Measured {
                     ev = take(&r.v[j]).map_or(D::nil(), |y| y - rv);
                 }
-                if k >= first {
+                if k >= counted.start {
                     sink(k, j, 0, eq * g.whiten[0][0]);
                     if self.case.velocity[j] == Velocity::Measured {
                         sink(k, j, 1, eq * g.whiten[1][0] + ev * g.whiten[1][1]);
                     }
                 }
-                // A lagging velocity does not correct as a prompt one would.
-                if lags[j].is_some() {
-                    ev = D::nil();
-                }
                 let fix = |row: usize| eq * g.rows[row][0] + ev * g.rows[row][1];
+                if lags[j].is_some() {
+                    lagged[j] += fix(4);
+                }
                 // What a late reading corrects is the state it shows; from there the correction moves on with its velocity.
                 let late = delays[j].map_or(D::nil(), |d| {
                     (d / r.h).limit(D::nil(), D::constant(k as f64))
@@ -287,7 +321,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                     entry.1 += fix(row + 1);
                 }
             }
-            if k + 1 < r.len() {
+            if k + 1 < counted.end {
                 self.sample(&mut state, k, &mut commands);
             }
         }

@@ -59,6 +59,8 @@ pub struct Machine<'h, D: Pick> {
     memory: usize,
     /// Gear of each joint.
     pub gears: Vec<Option<Gear<D>>>,
+    /// Time of the first command since the start of what was recorded, s: effects that depend on time count from there.
+    pub begin: f64,
     rotors: Vec<usize>,
     work: Workspace<D>,
     mass: Vec<D>,
@@ -110,6 +112,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             cells,
             memory,
             gears,
+            begin: 0.0,
             rotors,
             work: Workspace::new(n),
             mass: vec![zero; n * n],
@@ -161,7 +164,7 @@ impl<'h, D: Pick> Machine<'h, D> {
     /// Bias torque at rest at a position.
     fn rest_bias(&mut self, q: &[D]) {
         let zero = vec![D::nil(); self.n()];
-        let around = self.around(0.0, 1e-3);
+        let around = self.around(self.begin, 1e-3);
         D::rigid(
             &self.plant.hinges,
             &self.plant.bodies,
@@ -211,6 +214,14 @@ impl<'h, D: Pick> Machine<'h, D> {
         state
     }
 
+    /// Memory cells whose value at the start no reading tells, with their joint and their largest value.
+    pub fn unknown_cells(&self) -> Vec<(usize, usize, f64)> {
+        let terms = self.hypothesis.terms.iter().zip(&self.cells);
+        terms
+            .filter_map(|(term, &at)| Some((at, term.joint, term.effect.largest_memory()?)))
+            .collect()
+    }
+
     /// Reading of joint `j`: position and velocity as the encoder sees them.
     pub fn sense(&self, j: usize, q: D, v: D) -> (D, D) {
         let mut reading = (q, v);
@@ -252,7 +263,7 @@ impl<'h, D: Pick> Machine<'h, D> {
     pub fn step(&mut self, state: &mut State<D>, commands: &[Commands<'_>]) {
         let n = self.n();
         let m = n + self.rotors.len();
-        let (t, dt) = (commands[0].t, commands[0].dt);
+        let (t, dt) = (self.begin + commands[0].t, commands[0].dt);
         let half = 0.5 * dt;
         for j in 0..n {
             self.half_q[j] = state.q[j] + state.v[j] * half;

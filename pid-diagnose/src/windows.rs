@@ -4,11 +4,13 @@
 //! estimated from the linearised innovations with the nominal parameters free within their prior,
 //!
 //! ```text
-//! min over (z, f) |ε₀ + J_z z + Σ_b J_b f_b|² + |z / σ|²,      s_b = f_bᵀ Cov(f_b)⁻¹ f_b
+//! min over (z, f) |ε₀ + J_z z + Σ_{b on} J_b f_b|² + |z / σ|²,      s_b = f_bᵀ Cov(f_b)⁻¹ f_b
 //! ```
 //!
-//! Bins with a significant amplitude, joined where they are neighbours, are the windows to start from; their edges are
-//! parameters of the refit.
+//! Bins are switched on one after the other, each the one that gains most beside those that are on, until what it gains is not
+//! significant: a force that never ends is nearly a change of the nominal parameters, and only bins beside bins without a force tell
+//! the two apart. Bins that are on, joined where they are neighbours, are the windows to start from; their edges are parameters of
+//! the refit.
 
 use nalgebra::{DMatrix, DVector};
 use pid_runtime::data::Role;
@@ -18,17 +20,60 @@ use crate::case::Case;
 use crate::effect::{LANES, Term};
 use crate::fit::{Basis, Direction, Fit, PRIOR, linearise};
 
-/// Shortest bin, s.
-const SHORTEST: f64 = 0.4;
-/// Most bins.
-const MOST: usize = 18;
-/// Significance of a bin, and its share of the largest.
+/// Shortest bins, s, and the most of them: short bins tell windows apart that lie close to each other, long ones see a faint force.
+const BINS: [(f64, usize); 2] = [(0.4, 18), (0.2, 36)];
+/// Significance of a bin, in mean squared innovations that are left, and its share of the largest.
 const SIGNIFICANT: (f64, f64) = (25.0, 0.12);
 /// A time after every record, s.
 const NEVER: f64 = 2e5;
 
-/// Parameters of a timed effect from which a refit should start; `None` if it is not timed or shows in no bin.
-pub fn start(case: &Case, basis: &Basis, fit: &Fit, term: &Term) -> Option<Vec<f64>> {
+/// Parameters of a timed effect from which a refit should start, one set for each length of bins; none if it is not timed or shows
+/// in no bin.
+pub fn starts(case: &Case, basis: &Basis, fit: &Fit, term: &Term) -> Vec<Vec<f64>> {
+    BINS.iter()
+        .filter_map(|&bins| start(case, basis, fit, term, bins))
+        .collect()
+}
+
+/// Amplitudes in some bins, zero in the others.
+#[derive(Default)]
+struct Profile {
+    amplitudes: DVector<f64>,
+    /// Decrease of the sum of squares.
+    gain: f64,
+    /// Squared amplitude over its covariance, bin by bin.
+    strength: Vec<f64>,
+}
+
+impl Profile {
+    fn of(precision: &DMatrix<f64>, pull: &DVector<f64>, bins: &[usize], m: usize) -> Option<Self> {
+        let at: Vec<usize> = bins.iter().flat_map(|b| b * m..(b + 1) * m).collect();
+        let own = DMatrix::from_fn(at.len(), at.len(), |i, k| precision[(at[i], at[k])]);
+        let b = DVector::from_fn(at.len(), |i, _| pull[at[i]]);
+        let inverse = own.cholesky()?.inverse();
+        let amplitudes = &inverse * &b;
+        let strength = (0..bins.len())
+            .map(|i| {
+                let covariance = inverse.view((i * m, i * m), (m, m)).into_owned();
+                let f = amplitudes.rows(i * m, m);
+                covariance.cholesky().map_or(0.0, |c| f.dot(&c.solve(&f)))
+            })
+            .collect();
+        Some(Profile {
+            gain: amplitudes.dot(&b),
+            amplitudes,
+            strength,
+        })
+    }
+}
+
+fn start(
+    case: &Case,
+    basis: &Basis,
+    fit: &Fit,
+    term: &Term,
+    (shortest, most): (f64, usize),
+) -> Option<Vec<f64>> {
     let edges = term.effect.edges();
     let amplitudes = term.effect.info().amplitudes;
     let m = amplitudes.len();
@@ -39,9 +84,9 @@ pub fn start(case: &Case, basis: &Basis, fit: &Fit, term: &Term) -> Option<Vec<f
         .records
         .iter()
         .filter(|r| r.role == Role::Train)
-        .map(|r| r.len() as f64 * r.h)
+        .map(|r| r.begin + r.len() as f64 * r.h)
         .fold(0.0, f64::max);
-    let count = ((length / SHORTEST) as usize).clamp(1, MOST);
+    let count = ((length / shortest) as usize).clamp(1, most);
     let bin = length / count as f64;
     let at = |bins: (usize, usize)| {
         let mut e = vec![0.0; term.effect.info().parameters.len()];
@@ -111,20 +156,45 @@ pub fn start(case: &Case, basis: &Basis, fit: &Fit, term: &Term) -> Option<Vec<f
     }
     let inverse = h.cholesky()?.inverse();
     let x: DVector<f64> = -(&inverse * j.tr_mul(&plain.r));
-    let amplitude = |b: usize| x.rows(rank + b * m, m).into_owned();
+    // What the nominal parameters leave of the information on the amplitudes.
+    let covariance = inverse
+        .view((rank, rank), (count * m, count * m))
+        .into_owned();
+    let precision = covariance.cholesky()?.inverse();
+    let pull = &precision * x.rows(rank, count * m);
+    let left = |explained: f64| ((plain.r.norm_squared() - explained) / rows as f64).max(1.0);
+    let mut active: Vec<usize> = Vec::new();
+    let mut profile = Profile::default();
+    while active.len() < count {
+        let best = (0..count)
+            .filter(|b| !active.contains(b))
+            .filter_map(|b| {
+                let mut wider = active.clone();
+                wider.push(b);
+                Some((b, Profile::of(&precision, &pull, &wider, m)?))
+            })
+            .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
+        let Some((b, next)) = best else { break };
+        if next.gain - profile.gain < SIGNIFICANT.0 * left(next.gain) {
+            break;
+        }
+        active.push(b);
+        profile = next;
+    }
+    let place = |b: usize| active.iter().position(|a| *a == b);
+    let most = profile.strength.iter().copied().fold(0.0, f64::max);
     let strength: Vec<f64> = (0..count)
-        .map(|b| {
-            let k = rank + b * m;
-            let covariance = inverse.view((k, k), (m, m)).into_owned();
-            covariance
-                .cholesky()
-                .map_or(0.0, |c| amplitude(b).dot(&c.solve(&amplitude(b))))
-        })
+        .map(|b| place(b).map_or(0.0, |i| profile.strength[i]))
         .collect();
-    let most = strength.iter().copied().fold(0.0, f64::max);
+    let amplitude = |b: usize| {
+        place(b).map_or_else(
+            || DVector::zeros(m),
+            |i| profile.amplitudes.rows(i * m, m).into_owned(),
+        )
+    };
     let on: Vec<bool> = strength
         .iter()
-        .map(|s| *s > SIGNIFICANT.0 && *s > SIGNIFICANT.1 * most)
+        .map(|s| *s > 0.0 && *s > SIGNIFICANT.1 * most)
         .collect();
     let mut windows: Vec<(usize, usize, f64)> = Vec::new();
     for b in 0..count {

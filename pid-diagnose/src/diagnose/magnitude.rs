@@ -135,6 +135,30 @@ fn covariances(case: &Case, fit: &Fit) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
     Some((inverse * (misfit * SHARED), sandwich))
 }
 
+/// Whether every effect of a fit has an amplitude beyond its own standard deviation, `eᵀ C⁻¹ e > m` over its m amplitudes (A. Wald
+/// 1943), C the larger of the two [`covariances`]; an effect without an absent point is judged by its first parameter. Phases, rests
+/// and edges tell where an effect is, not that there is one.
+pub(super) fn determined(case: &Case, fit: &Fit) -> bool {
+    let Some((curved, blocks)) = covariances(case, fit) else {
+        return false;
+    };
+    let size = fit.point.theta.len();
+    let (starts, _) = fit.hypothesis.offsets();
+    fit.hypothesis.terms.iter().zip(starts).all(|(term, at)| {
+        let own = match term.effect.info().amplitudes {
+            [] => &[0][..],
+            amplitudes => amplitudes,
+        };
+        let m = own.len();
+        let e = DVector::from_fn(m, |i, _| fit.point.e[at + own[i]]);
+        [&curved, &blocks].iter().all(|c| {
+            let part = DMatrix::from_fn(m, m, |i, k| c[(size + at + own[i], size + at + own[k])]);
+            part.cholesky()
+                .is_some_and(|f| e.dot(&f.solve(&e)) > m as f64)
+        })
+    })
+}
+
 /// The effects of a fit with their magnitudes and standard deviations, the larger of the two that [`covariances`] gives.
 pub(super) fn name(case: &Case, fit: &Fit) -> Vec<Named> {
     let size = fit.point.theta.len();

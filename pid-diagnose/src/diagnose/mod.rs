@@ -4,6 +4,7 @@
 //! full and ranked by their objective with a penalty per parameter; a second effect is looked for on top of the first. An effect is
 //! named only if it gains more than chance and multiplicity allow, on the train records and on records never fitted.
 
+mod backward;
 mod magnitude;
 mod refit;
 mod remainder;
@@ -25,10 +26,13 @@ use crate::plant::PER_JOINT;
 use crate::report::{Next, Share};
 use crate::screen::{candidates, screen};
 use crate::simulate::Hypothesis;
+use crate::thin::thin;
 use crate::windows;
+use backward::backward;
 use magnitude::size_in_deviations;
 use refit::{Refit, refit};
 pub use residue::Residue;
+use residue::residue;
 use verdict::{Parts, lagging_velocity};
 
 /// Version of the JSON form.
@@ -67,6 +71,9 @@ pub struct Settings {
     pub unexplained: f64,
     /// Mean squared innovations beyond this figure are not explained.
     pub largest_misfit: f64,
+    /// Length of the train records that is fitted, s times the number of joints; the parts that decide are taken from longer ones
+    /// (see [`thin`](crate::thin)).
+    pub joint_seconds: f64,
 }
 
 impl Default for Settings {
@@ -82,6 +89,7 @@ impl Default for Settings {
             least_size: 3.0,
             unexplained: 1.9,
             largest_misfit: 1.6,
+            joint_seconds: 300.0,
         }
     }
 }
@@ -231,6 +239,7 @@ const UNSEEN: f64 = 1.5;
 /// train records. Where the nominal structure follows these and not the test records, the test record it follows least is fitted
 /// too, and the gap is that of the test records left; the verdict's regime says so.
 pub fn investigate(case: &Case, settings: &Settings) -> Found {
+    let case = &thin(case, settings.joint_seconds);
     let found = once(case, settings);
     let d = &found.diagnosis;
     let unexplained = d.effects.is_empty() || d.remainder.is_some();
@@ -375,14 +384,21 @@ fn once(case: &Case, settings: &Settings) -> Found {
         current = base.clone();
         accepted.clear();
     }
-    if accepted.iter().any(|t| t.effect.info().kind == Kind::State) {
-        // Contacts, resonances and bristles are stiff: the end of the fit has finer substeps, if the likelihood agrees.
+    // Contacts, resonances and bristles are stiff, and sticking within a step leaves an error of its own: the end of the fit has
+    // finer substeps, if the likelihood agrees.
+    let stiff = accepted.iter().any(|t| t.effect.info().kind == Kind::State);
+    let misfit = current.train.total() / current.train.number();
+    if stiff || (misfit < settings.largest_misfit && !verdict::white(&residue(&case, &current))) {
         case.refined = FINER;
+        case.unread = stiff;
         let finer = again(&case, &basis, &current);
         if finer.train.evidence() < current.train.evidence() {
             current = finer;
+            if accepted.is_empty() {
+                base = current.clone();
+            }
         } else {
-            case.refined = 1;
+            (case.refined, case.unread) = (1, false);
         }
     }
     base.train = value(&case, &nothing, &base.point, &base.gains, Role::Train);
@@ -429,7 +445,7 @@ fn listed(
 ) -> Vec<(Term, Vec<Vec<f64>>)> {
     let mut list = candidates(case, &settings.effects, &current.hypothesis);
     for (term, starts) in &mut list {
-        starts.extend(windows::start(case, basis, current, term));
+        starts.extend(windows::starts(case, basis, current, term));
     }
     list
 }
@@ -476,43 +492,6 @@ fn sketch(
     let first = tried.into_iter().next();
     let better = first.filter(|f| f.score > settings.margin).map(|f| f.fit);
     (better, short)
-}
-
-/// Backward check: drops the effect that the others have made superfluous. The fit without it and its place, if there is one
-/// whose removal costs less than an effect must gain.
-fn backward(
-    case: &Case,
-    basis: &Basis,
-    settings: &Settings,
-    current: &Fit,
-) -> Option<(Fit, usize)> {
-    let (starts, _) = current.hypothesis.offsets();
-    let last = current.hypothesis.terms.len() - 1;
-    let number = current.train.number();
-    let scale = (current.train.objective() / number).max(1.0);
-    let unseen = test_value(case, current);
-    (0..last)
-        .filter_map(|i| {
-            let mut hypothesis = current.hypothesis.clone();
-            let k = hypothesis.terms.remove(i).effect.info().parameters.len();
-            let mut point = current.point.clone();
-            point.e.drain(starts[i]..starts[i] + k);
-            let without = fit(
-                case,
-                basis,
-                &hypothesis,
-                point,
-                Effort::full(settings.steps),
-            );
-            let cost = (without.train.evidence() - current.train.evidence()
-                + test_value(case, &without)
-                - unseen)
-                / scale
-                - k as f64 * number.ln();
-            (cost < settings.margin).then_some((without, i, cost))
-        })
-        .min_by(|a, b| a.2.total_cmp(&b.2))
-        .map(|(fit, i, _)| (fit, i))
 }
 
 /// The gap that noise alone leaves on the test records.

@@ -14,9 +14,9 @@
 use pid_runtime::data::Role;
 use rayon::prelude::*;
 
-use super::magnitude::name;
+use super::magnitude::{determined, name};
 use super::refit::{Refit, refit};
-use super::{Diagnosis, Magnitude, Ranked, Remainder, Settings, TOUCH, listed, measured};
+use super::{Diagnosis, Ranked, Remainder, Settings, TOUCH, listed, measured};
 use crate::case::Case;
 use crate::fit::{Basis, Effort, Fit, basis, fit, ranges};
 use crate::gap::Gap;
@@ -156,14 +156,6 @@ fn at_an_end(case: &Case, fit: &Fit) -> bool {
         let edge = 1e-3 * (high - low);
         // Zero is where the effect is absent.
         (x < low + edge && low != 0.0) || x > high - edge
-    })
-}
-
-/// Whether the last effect has a magnitude that is larger than its standard deviation.
-fn determined(case: &Case, fit: &Fit) -> bool {
-    name(case, fit).last().is_some_and(|effect| {
-        let larger = |p: &Magnitude| p.std.is_some_and(|std| p.value.abs() > std);
-        effect.parameters.iter().any(larger)
     })
 }
 

@@ -2,7 +2,7 @@
 
 use super::magnitude::name;
 use super::refit::Refit;
-use super::residue::residue;
+use super::residue::{Residue, residue};
 use super::{Diagnosis, Magnitude, Named, Ranked, SCHEMA_VERSION, Settings, measured, noise_alone};
 use crate::case::Case;
 use crate::channel;
@@ -31,6 +31,11 @@ const CALM: (f64, f64) = (1.1, 2.0);
 const NAMED: (f64, f64) = (0.985, 0.96);
 const NOTHING_ELSE: (f64, f64) = (0.8, 0.72);
 const OUTSIDE: (f64, f64) = (0.92, 0.5);
+
+/// Whether what is left has neither lines nor bursts.
+pub(super) fn white(left: &Residue) -> bool {
+    left.line < NOISE.0 && left.burst < NOISE.1
+}
 
 /// What a verdict is made from.
 pub(super) struct Parts<'a> {
@@ -83,15 +88,20 @@ impl Parts<'_> {
         let noise = noise_alone(case, &fit);
         let floor = noise.typical;
         let stated = case.noise.iter().all(|n| n.stated);
+        let noise_like = misfit < CALM.0 && white(&left);
         let unexplained = if named.is_empty() {
             // Nothing that is named has to be excused: the nominal structure must leave no more than noise.
-            after.total > (NOTHING.0 * floor).max(NOTHING.2 * noise.largest)
+            let (typical, largest) = if noise_like && stated {
+                (settings.unexplained, SPREAD)
+            } else {
+                (NOTHING.0, NOTHING.2)
+            };
+            after.total > (typical * floor).max(largest * noise.largest)
                 || misfit > NOTHING.1
                 || left.line > NOISE.0
                 || left.burst > NOISE.1
         } else {
             // Free runs from uncertain starts drift; innovations that are noise speak for the model.
-            let noise_like = misfit < CALM.0 && left.line < NOISE.0 && left.burst < NOISE.1;
             let factor = if noise_like { CALM.1 } else { 1.0 };
             let allowed = (settings.unexplained * factor * floor).max(SPREAD * noise.largest);
             after.total > allowed

@@ -63,6 +63,9 @@ impl Model for PreslidingHysteresis {
     fn memory(&self) -> usize {
         1
     }
+    fn largest_memory(&self) -> Option<f64> {
+        Some(1.0)
+    }
 }
 
 impl<D: Scalar> Law<D> for PreslidingHysteresis {

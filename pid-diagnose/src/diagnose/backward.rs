@@ -1,0 +1,108 @@
+//! Backward check of forward selection (M. A. Efroymson 1960): an effect that was taken first may be superfluous beside a later one.
+
+use super::{Settings, test_value};
+use crate::case::Case;
+use crate::fit::{Basis, Effort, Fit, fit};
+
+/// Backward check: drops the effect that the others have made superfluous. The fit without it and its place, if there is one
+/// whose removal costs less than an effect must gain.
+pub(super) fn backward(
+    case: &Case,
+    basis: &Basis,
+    settings: &Settings,
+    current: &Fit,
+) -> Option<(Fit, usize)> {
+    let (starts, _) = current.hypothesis.offsets();
+    let last = current.hypothesis.terms.len() - 1;
+    let number = current.train.number();
+    let scale = (current.train.objective() / number).max(1.0);
+    let unseen = test_value(case, current);
+    (0..last)
+        .filter_map(|i| {
+            let mut hypothesis = current.hypothesis.clone();
+            let k = hypothesis.terms.remove(i).effect.info().parameters.len();
+            let mut point = current.point.clone();
+            point.e.drain(starts[i]..starts[i] + k);
+            let without = fit(
+                case,
+                basis,
+                &hypothesis,
+                point,
+                Effort::full(settings.steps),
+            );
+            let cost = (without.train.evidence() - current.train.evidence()
+                + test_value(case, &without)
+                - unseen)
+                / scale
+                - k as f64 * number.ln();
+            (cost < settings.margin).then_some((without, i, cost))
+        })
+        .min_by(|a, b| a.2.total_cmp(&b.2))
+        .map(|(fit, i, _)| (fit, i))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::pendulum;
+    use crate::effect::Term;
+    use crate::fit::{Point, basis};
+    use crate::plant::PER_JOINT;
+    use crate::simulate::Hypothesis;
+
+    fn hypothesis(ids: &[&str]) -> Hypothesis {
+        let terms = ids
+            .iter()
+            .map(|id| Term {
+                effect: crate::effects::all()
+                    .into_iter()
+                    .find(|e| e.info().id == *id)
+                    .expect("an effect"),
+                joint: 0,
+            })
+            .collect();
+        Hypothesis { terms }
+    }
+
+    /// Both effects fitted from a start to records of some, and what the check drops.
+    fn checked(
+        (hidden, e): (&[&str], &[f64]),
+        (both, start): (&[&str], &[f64]),
+    ) -> Option<(Fit, usize)> {
+        let case = pendulum(&hypothesis(hidden), e, 6.0, &|_| {});
+        let directions = basis(&case);
+        let settings = Settings::default();
+        let at = Point {
+            theta: vec![0.0; PER_JOINT],
+            e: start.to_vec(),
+        };
+        let current = fit(
+            &case,
+            &directions,
+            &hypothesis(both),
+            at,
+            Effort::full(settings.steps),
+        );
+        backward(&case, &directions, &settings, &current)
+    }
+
+    #[test]
+    fn an_effect_that_a_later_one_makes_superfluous_is_dropped() {
+        let (left, dropped) = checked(
+            (&["spring"], &[0.9, 0.2]),
+            (&["current_offset", "spring"], &[0.02, 0.5, 0.1]),
+        )
+        .expect("one too many");
+        assert_eq!(dropped, 0, "the offset, which was first");
+        assert_eq!(left.hypothesis.terms.len(), 1);
+        assert_eq!(left.hypothesis.terms[0].effect.info().id, "spring");
+        assert!((left.point.e[0] - 0.9).abs() < 0.09, "{:?}", left.point.e);
+    }
+
+    #[test]
+    fn an_effect_that_is_there_beside_a_later_one_stays() {
+        let both = ["quadratic_drag", "spring"];
+        let dropped = checked((&both, &[0.05, 0.9, 0.2]), (&both, &[0.02, 0.5, 0.1]));
+        assert!(dropped.is_none());
+    }
+}
