@@ -1,9 +1,11 @@
 //! Tests across the crates: oracles, end-to-end runs, published figures.
 //!
-//! What the tests share: the records beside the workspace, where there are any, and the starts of the paper's problem.
+//! What the tests share: the records beside the workspace, where there are any, the starts of the paper's problem, and
+//! simulated records that no model fits.
 
 pub mod derivatives;
 pub mod hock_schittkowski;
+pub mod mismatched;
 pub mod two_link;
 
 use std::path::{Path, PathBuf};

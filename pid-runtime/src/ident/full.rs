@@ -25,6 +25,9 @@ const SETTLED: f64 = 5e-2;
 /// Optimality error at which the preparing fit of the residual ends.
 const PREPARED: f64 = 1e-2;
 
+/// Halvings of the way to the parameters of that fit.
+const HALVINGS: usize = 10;
+
 /// Relative residual of a Newton step: on the two-link study no iteration more than with 1e-11, and two fifths of the solves less.
 const REFINED: f64 = 1e-9;
 /// Samples beyond which the tolerance grows with their number, as the objective does that the solver sees, and with it the rounding
@@ -279,7 +282,7 @@ fn solve(
         let prepared = ip::solve(&mut fit, &mut kkt, &x0[first..], &options, &mut news);
         iterations += prepared.log.len().saturating_sub(1);
         if prepared.objective.is_finite() {
-            x0[first..].copy_from_slice(&prepared.x);
+            approach_fit(problem, &mut x0, first, &prepared.x);
         }
     }
     let samples = problem.samples() as f64;
@@ -325,6 +328,24 @@ fn solve(
         log: solution.log.clone(),
     };
     (run, solution)
+}
+
+/// Takes over the parameters of the preparing fit, or as much of the way to them as leaves M positive definite: the fit knows of
+/// no inertia, and with noise those of a wrist come out negative. Motions then grow by 30 a step and more.
+fn approach_fit(problem: &mut FullDiscretization<'_>, x: &mut [f64], first: usize, fitted: &[f64]) {
+    let start = x[first..].to_vec();
+    let checked = problem.has_definite_mass(x);
+    let mut share = 1.0;
+    for _ in 0..HALVINGS {
+        for ((x, from), to) in x[first..].iter_mut().zip(&start).zip(fitted) {
+            *x = from + share * (to - from);
+        }
+        if !checked || problem.has_definite_mass(x) {
+            return;
+        }
+        share *= 0.5;
+    }
+    x[first..].copy_from_slice(&start);
 }
 
 /// Gauss-Newton iterations until the steps nearly hold: far from that the multipliers, and with them the exact curvature of the

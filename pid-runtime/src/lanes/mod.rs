@@ -41,6 +41,7 @@
 #[cfg(target_arch = "x86_64")]
 #[doc(hidden)]
 pub mod avx2;
+pub(crate) mod kernel;
 
 use std::cell::RefCell;
 

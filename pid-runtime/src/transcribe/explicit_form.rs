@@ -16,9 +16,15 @@ use std::cell::RefCell;
 
 /// The explicit form of a model, itself a model whose mass matrix is the identity.
 pub struct ExplicitForm<'m> {
-    model: &'m dyn Hessian,
+    pub(super) model: &'m dyn Hessian,
     /// Columns of z, accelerations excepted, that a* depends on.
-    active: Vec<usize>,
+    pub(super) active: Vec<usize>,
+    /// Place in ∂a*/∂y, nq × active, of the entries of the model's Jacobian and of the form's own, none for accelerations.
+    pub(super) slope_places: Vec<Option<u32>>,
+    pub(super) jacobian_places: Vec<Option<u32>>,
+    /// Place of each entry of the model's Hessian: among the pairs of active columns, among the products of accelerations with
+    /// active columns behind them, or behind both.
+    pub(super) second_places: Vec<u32>,
     /// Position of each column of z in `active`.
     place: Vec<Option<usize>>,
     jacobian_rows: Vec<u32>,
@@ -91,7 +97,7 @@ fn resize(v: &mut Vec<f64>, n: usize) {
 }
 
 /// Cholesky of a packed lower triangle in place; NaN on the diagonal if it is not positive definite.
-fn cholesky(m: &mut [f64], n: usize) {
+pub(super) fn cholesky(m: &mut [f64], n: usize) {
     for i in 0..n {
         for j in 0..=i {
             let mut sum = m[i * (i + 1) / 2 + j];
@@ -170,9 +176,37 @@ impl<'m> ExplicitForm<'m> {
                 hessian_cols.push(col as u32);
             }
         }
+        let width = active.len();
+        let at_slope = |row: u32, col: u32| {
+            let column = place[col as usize]?;
+            Some((row as usize * width + column) as u32)
+        };
+        let pattern = model.jacobian_pattern();
+        let pairs = pattern.rows.iter().zip(pattern.cols);
+        let slope_places = pairs.map(|(&row, &col)| at_slope(row, col)).collect();
+        let pairs = jacobian_rows.iter().zip(&jacobian_cols);
+        let jacobian_places = pairs.map(|(&row, &col)| at_slope(row, col)).collect();
+        let triangle = width * (width + 1) / 2;
+        let pattern = model.hessian_pattern();
+        let pairs = pattern.rows.iter().zip(pattern.cols);
+        let second_places = pairs
+            .map(|(&row, &col)| {
+                let (row, col) = (row as usize, col as usize);
+                let at = match (place[row], place[col]) {
+                    (Some(i), Some(j)) => i.max(j) * (i.max(j) + 1) / 2 + i.min(j),
+                    (Some(i), None) => triangle + (col - dims.a()) * width + i,
+                    (None, Some(j)) => triangle + (row - dims.a()) * width + j,
+                    (None, None) => triangle + dims.nq * width,
+                };
+                at as u32
+            })
+            .collect();
         Self {
             model,
             active,
+            slope_places,
+            jacobian_places,
+            second_places,
             place,
             jacobian_rows,
             jacobian_cols,

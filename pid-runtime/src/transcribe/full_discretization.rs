@@ -10,13 +10,15 @@
 //! the implicit residual times h / M_jj, so that all rows are changes of state: nothing is inverted, and the problem is
 //! affine in the inertial parameters.
 
-use super::explicit_form::ExplicitForm;
+use super::explicit_form::{ExplicitForm, cholesky};
 use super::fit::{Fit, FitScratch, Output};
 use super::loss::{Loss, Prior, prior_terms};
 use super::scheme::Scheme;
-use super::step::{Interval, Rule, Scratch};
+use super::step::{Interval, Rule};
+use super::step_lanes::{LaneScratch, Steps};
 use super::tableau::Tableau;
-use crate::dynamics::Hessian;
+use crate::dynamics::{At, Hessian};
+use crate::lanes::LANES;
 use crate::nlp::{Nlp, SparsePattern};
 use crate::solver::kkt::layout::Layout;
 use rayon::prelude::*;
@@ -122,7 +124,7 @@ pub struct FullDiscretization<'m> {
     parameters: Vec<f64>,
     /// Steps handled by one task.
     chunk: usize,
-    scratch: Vec<Scratch>,
+    scratch: Vec<LaneScratch>,
 }
 
 /// Steps below which everything runs on the calling thread.
@@ -232,13 +234,11 @@ impl<'m> FullDiscretization<'m> {
         let chunk = if steps.len() < PARALLEL_STEPS {
             steps.len().max(1)
         } else {
-            steps
-                .len()
-                .div_ceil(8 * rayon::current_num_threads())
-                .max(64)
+            let each = steps.len().div_ceil(8 * rayon::current_num_threads());
+            each.max(64).next_multiple_of(LANES)
         };
         let scratch = (0..steps.len().div_ceil(chunk))
-            .map(|_| rule.scratch())
+            .map(|_| rule.lane_scratch())
             .collect();
         Self {
             jacobian_pattern: layout.jacobian_pattern(),
@@ -328,6 +328,27 @@ impl<'m> FullDiscretization<'m> {
             .flat_map(|(&at, _)| &x[at..at + self.layout.nx])
             .copied()
             .collect()
+    }
+
+    /// Whether M is positive definite in every state of a point.
+    pub fn has_definite_mass(&mut self, x: &[f64]) -> bool {
+        self.load_parameters(x);
+        let model = self.rule.model();
+        let dims = model.dims();
+        let (nq, none) = (dims.nq, vec![0.0; dims.nq.max(dims.nu)]);
+        let mut mass = vec![0.0; dims.nm()];
+        self.nodes.iter().all(|&node| {
+            let at = At {
+                q: &x[node..node + nq],
+                v: &x[node + nq..node + 2 * nq],
+                a: &none[..nq],
+                u: &none[..dims.nu],
+                p: &self.parameters,
+            };
+            model.mass_matrix(&at, &mut mass);
+            cholesky(&mut mass, nq);
+            (0..nq).all(|i| mass[i * (i + 3) / 2] > 0.0)
+        })
     }
 
     /// Weighted residuals `√w (y − d)` sample by sample, and the number of channels; NaN where nothing was measured and in
@@ -523,19 +544,23 @@ struct Point<'a> {
 }
 
 impl Point<'_> {
-    /// States at the start and unknowns of a step, and its interval.
-    fn of(&self, step: &Step) -> (&[f64], &[f64], Interval<'_>) {
-        let u0 = &self.u[step.sample * self.nu..][..self.nu];
-        let u1 = &self.u[(step.sample + 1) * self.nu..][..self.nu];
-        let interval = Interval {
-            h: step.h,
-            u0,
-            u1,
-            from: step.from,
-            share: step.share,
-        };
-        let (x, y) = (&self.x[step.x..][..self.nx], &self.x[step.y..][..self.ny]);
-        (x, y, interval)
+    /// At most four steps: states at their starts, unknowns, intervals.
+    fn of(&self, steps: &[Step]) -> Steps<'_> {
+        let step = |l: usize| &steps[l.min(steps.len() - 1)];
+        let inputs = |sample: usize| &self.u[sample * self.nu..][..self.nu];
+        let lanes = [0, 1, 2, 3].map(step);
+        Steps {
+            x: lanes.map(|s| &self.x[s.x..][..self.nx]),
+            y: lanes.map(|s| &self.x[s.y..][..self.ny]),
+            interval: lanes.map(|s| Interval {
+                h: s.h,
+                u0: inputs(s.sample),
+                u1: inputs(s.sample + 1),
+                from: s.from,
+                share: s.share,
+            }),
+            count: steps.len(),
+        }
     }
 }
 
@@ -552,26 +577,22 @@ macro_rules! point {
     };
 }
 
-/// Calls `work` on every step with its slice of `out` (`size` values a step), in parallel for long problems.
+/// Calls `work` on the steps, four at a time with the position of the first and their slice of `out` (`size` values a step), in
+/// parallel for long problems.
 fn for_steps(
     steps: &[Step],
     chunk: usize,
-    scratch: &mut [Scratch],
+    scratch: &mut [LaneScratch],
     out: &mut [f64],
     size: usize,
-    work: impl Fn(usize, &Step, &mut Scratch, &mut [f64]) + Sync,
+    work: impl Fn(usize, &[Step], &mut LaneScratch, &mut [f64]) + Sync,
 ) {
-    let run = |first: usize, steps: &[Step], scratch: &mut Scratch, out: &mut [f64]| {
-        if size == 0 {
-            for (k, step) in steps.iter().enumerate() {
-                scratch.slot = k;
-                work(first + k, step, scratch, &mut []);
-            }
-            return;
-        }
-        for (k, (step, out)) in steps.iter().zip(out.chunks_exact_mut(size)).enumerate() {
+    let run = |first: usize, steps: &[Step], scratch: &mut LaneScratch, out: &mut [f64]| {
+        for (k, steps) in steps.chunks(LANES).enumerate() {
             scratch.slot = k;
-            work(first + k, step, scratch, out);
+            let from = LANES * k * size;
+            let out = &mut out[from..from + steps.len() * size];
+            work(first + LANES * k, steps, scratch, out);
         }
     };
     if scratch.len() == 1 || size == 0 {
@@ -661,10 +682,7 @@ impl Nlp for FullDiscretization<'_> {
             &mut self.scratch,
             c,
             self.layout.ny,
-            |_, step, s, c| {
-                let (x, y, interval) = point.of(step);
-                rule.constraints(x, y, p, &interval, s, c);
-            },
+            |_, steps, s, c| rule.constraints_lanes(&point.of(steps), p, s, c),
         );
     }
 
@@ -682,10 +700,7 @@ impl Nlp for FullDiscretization<'_> {
             &mut self.scratch,
             values,
             size,
-            |_, step, s, out| {
-                let (x, y, interval) = point.of(step);
-                rule.jacobian(x, y, p, &interval, s, out);
-            },
+            |_, steps, s, out| rule.jacobian_lanes(&point.of(steps), p, s, out),
         );
     }
 
@@ -719,7 +734,7 @@ impl Nlp for FullDiscretization<'_> {
         let ny = self.layout.ny;
         self.scratch
             .iter_mut()
-            .for_each(|s| s.parameter_hessian.fill(0.0));
+            .for_each(LaneScratch::clear_parameter_hessian);
         let size = self.layout.step_hessian.len();
         for_steps(
             &self.steps,
@@ -727,16 +742,13 @@ impl Nlp for FullDiscretization<'_> {
             &mut self.scratch,
             steps,
             size,
-            |k, step, s, out| {
-                let (x, y, interval) = point.of(step);
-                let lambda = &lambda[k * ny..(k + 1) * ny];
-                rule.hessian(x, y, p, &interval, lambda, s, out);
+            |k, steps, s, out| {
+                let lambda = &lambda[k * ny..(k + steps.len()) * ny];
+                rule.hessian_lanes(&point.of(steps), p, lambda, s, out);
             },
         );
         for scratch in &self.scratch {
-            for (out, value) in parameters.iter_mut().zip(&scratch.parameter_hessian) {
-                *out += value;
-            }
+            scratch.add_parameter_hessian(parameters);
         }
         self.output_hessian(x, sigma, steps, parameters);
     }

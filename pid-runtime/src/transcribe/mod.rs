@@ -4,6 +4,7 @@ mod butcher;
 mod constrained;
 mod expansion;
 mod explicit_form;
+mod explicit_lanes;
 mod fit;
 mod full_discretization;
 mod loss;
@@ -11,6 +12,7 @@ mod residual_fit;
 mod scheme;
 mod shooting;
 mod step;
+mod step_lanes;
 mod tableau;
 
 pub use constrained::{Constrained, Constraint, ConstraintError, Place, Sense, States};

@@ -15,14 +15,14 @@ use crate::dynamics::{At, Hessian};
 
 /// A model discretised by a scheme.
 pub(super) struct Rule<'m> {
-    model: &'m dyn Hessian,
+    pub(super) model: &'m dyn Hessian,
     /// The model, if it is one with its accelerations solved for.
-    solved: Option<&'m ExplicitForm<'m>>,
-    tableau: Tableau,
-    expansion: Expansion,
+    pub(super) solved: Option<&'m ExplicitForm<'m>>,
+    pub(super) tableau: Tableau,
+    pub(super) expansion: Expansion,
     inertia: Vec<f64>,
     linear_inputs: bool,
-    nq: usize,
+    pub(super) nq: usize,
 }
 
 /// Length and inputs of a step.
@@ -164,13 +164,19 @@ impl<'m> Rule<'m> {
 
     /// Inputs at the share `c` of a step.
     pub(super) fn inputs(&self, interval: &Interval<'_>, c: f64, out: &mut [f64]) {
+        for (j, out) in out.iter_mut().enumerate() {
+            *out = self.input(interval, c, j);
+        }
+    }
+
+    /// Input `j` at the share `c` of a step.
+    #[inline]
+    pub(super) fn input(&self, interval: &Interval<'_>, c: f64, j: usize) -> f64 {
         let share = interval.from + c * interval.share;
         if self.linear_inputs && share > 0.0 {
-            for ((out, a), b) in out.iter_mut().zip(interval.u0).zip(interval.u1) {
-                *out = (1.0 - share) * a + share * b;
-            }
+            (1.0 - share) * interval.u0[j] + share * interval.u1[j]
         } else {
-            out.copy_from_slice(interval.u0);
+            interval.u0[j]
         }
     }
 
@@ -194,7 +200,7 @@ impl<'m> Rule<'m> {
         self.inputs(interval, evaluation.u, &mut s.u);
     }
 
-    fn row_scale(&self, j: usize, h: f64) -> f64 {
+    pub(super) fn row_scale(&self, j: usize, h: f64) -> f64 {
         h / self.inertia[j]
     }
 

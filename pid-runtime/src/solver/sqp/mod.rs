@@ -345,6 +345,7 @@ impl<'a> Solver<'a> {
             }
             let largest = self.model.x.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
             let bottomless = feasible && line.objective <= -self.settings.divergence;
+            let far = self.settings.divergence.sqrt();
             if interrupted {
                 return Status::Interrupted;
             } else if largest > self.settings.divergence || bottomless {
@@ -358,6 +359,10 @@ impl<'a> Solver<'a> {
                 Ok(line) => line,
                 Err(status) if status.is_limit() => return status,
                 Err(_) if acceptable > 0 => return Status::Acceptable,
+                // Far out, what rounding leaves of a step is too little to judge it by.
+                Err(Status::NoProgress) if feasible && largest.max(-line.objective) >= far => {
+                    return Status::Unbounded;
+                }
                 Err(status) => return status,
             };
         }

@@ -10,17 +10,18 @@
 //! The last step replaces repeated trial factorizations by one symmetric eigenvalue problem of the size of p and moves only
 //! directions of wrong curvature (reflection: Y. Dauphin et al. 2014, "saddle-free Newton"; here on the reduced Hessian).
 
+mod group;
 mod plan;
-mod product;
-mod segment;
+mod small;
 
 use super::layout::Layout;
 use super::ldl::SparseLdl;
 use super::{Kkt, KktError, KktValues, Regularisation};
+use crate::lanes::{LANES, Lane};
 use faer::{Mat, Side};
+use group::{Group, Segment};
 use plan::{Plan, Sizes};
 use rayon::prelude::*;
-use segment::Segment;
 
 /// Static regularisation of the links in the coarse factorization; refinement removes its effect.
 const STATIC: f64 = 1e-9;
@@ -35,6 +36,12 @@ const SHARE: f64 = 1e-3;
 const LEAST: f64 = 1e-7;
 /// Relative residual at which refinement ends.
 const REFINED: f64 = 1e-11;
+/// Growth of a state over a segment above which segments are cut into shorter ones, growth they are then cut to, and growth over one
+/// of the length asked for below which they have it again. The condensed cost has the square of the growth, and with it the rounding
+/// errors; where a mass matrix is not positive definite, as iterates may have it, states grow by 30 a step and more.
+const GROWTH: f64 = 1e9;
+const AIM: f64 = 1e3;
+const LITTLE: f64 = 1e6;
 /// Below this many steps the segments are condensed by the calling thread.
 const PARALLEL_STEPS: usize = 1500;
 
@@ -45,7 +52,7 @@ pub struct StructuredKkt {
     sizes: Sizes,
     /// Position of each parameter among the free ones.
     columns: Vec<Option<u32>>,
-    segments: Vec<Segment>,
+    groups: Vec<Group>,
     /// Coarse position of each segment's start state (`None` if held) and of the link after it (`None` at window ends).
     start_at: Vec<Option<usize>>,
     link_at: Vec<Option<usize>>,
@@ -78,18 +85,25 @@ pub struct StructuredKkt {
     smallest: f64,
     delta_x: f64,
     last_delta: f64,
-    hessian: Vec<f64>,
-    jacobian: Vec<f64>,
+    fixed: Vec<bool>,
+    /// Steps of a segment: now, as asked for, and for the next factorization.
+    steps: usize,
+    asked: usize,
+    next: usize,
+    /// Hessian of the states' diagonal and of the parameters; the steps' values are with their groups.
+    diagonal: Vec<f64>,
     sigma: Vec<f64>,
     residual_x: Vec<f64>,
     residual_c: Vec<f64>,
     step_x: Vec<f64>,
     step_c: Vec<f64>,
-    /// Per solve: parameters' right-hand side and step, coarse right-hand side, a state and a zero state.
+    /// Per solve: parameters' right-hand side and step, coarse right-hand side, states and multipliers of four
+    /// segments, and one step's part of a product.
     rp: Vec<f64>,
     dp: Vec<f64>,
     rhs: Vec<f64>,
-    states: Vec<f64>,
+    states: Vec<Lane>,
+    local: Vec<Lane>,
     coarse: Vec<f64>,
     coarse_correction: Vec<f64>,
 }
@@ -115,7 +129,11 @@ impl StructuredKkt {
             let count = window.steps.div_ceil(segment_steps.max(1)).max(1);
             for s in 0..count {
                 let (from, to) = (s * window.steps / count, (s + 1) * window.steps / count);
-                segments.push(Segment::new(&plan, window, from, to - from));
+                segments.push(Segment {
+                    window,
+                    start: from,
+                    len: to - from,
+                });
                 let held = s == 0 && window.held;
                 start_at.push((!held).then_some(coarse_n));
                 coarse_n += if held { 0 } else { layout.nx };
@@ -125,6 +143,8 @@ impl StructuredKkt {
                 links += if last { 0 } else { layout.nx };
             }
         }
+        let groups = segments.chunks(LANES);
+        let groups = groups.map(|s| Group::new(&plan, &layout, s)).collect();
         let (n, m) = (layout.n(), layout.m());
         let mut link_rows = vec![false; coarse_n];
         for link in link_at.iter().flatten() {
@@ -135,7 +155,7 @@ impl StructuredKkt {
             plan,
             sizes,
             columns,
-            segments,
+            groups,
             start_at,
             link_at,
             links,
@@ -158,8 +178,11 @@ impl StructuredKkt {
             smallest: SMALLEST,
             delta_x: 0.0,
             last_delta: 0.0,
-            hessian: vec![0.0; layout.parameter_values() + layout.parameter_hessian.len()],
-            jacobian: vec![0.0; layout.steps() * layout.step_jacobian.len()],
+            fixed: fixed_parameters.to_vec(),
+            steps: segment_steps.max(1),
+            asked: segment_steps.max(1),
+            next: segment_steps.max(1),
+            diagonal: vec![0.0; layout.nodes() * layout.nx + layout.parameter_hessian.len()],
             sigma: vec![0.0; n],
             residual_x: vec![0.0; n],
             residual_c: vec![0.0; m],
@@ -168,7 +191,8 @@ impl StructuredKkt {
             rp: vec![0.0; np],
             dp: vec![0.0; np],
             rhs: vec![0.0; coarse_n],
-            states: vec![0.0; 2 * layout.nx],
+            states: vec![[0.0; LANES]; 2 * layout.nx],
+            local: Vec::new(),
             coarse: vec![0.0; coarse_n],
             coarse_correction: vec![0.0; coarse_n],
             layout,
@@ -185,14 +209,75 @@ impl StructuredKkt {
         self
     }
 
+    /// Plans anew for segments of another length.
+    fn cut(&mut self, steps: usize) {
+        let fresh = Self::new(self.layout.clone(), &self.fixed, steps);
+        *self = Self {
+            refined: self.refined,
+            smallest: self.smallest,
+            last_delta: self.last_delta,
+            asked: self.asked,
+            ..fresh
+        };
+    }
+
+    /// The largest growth of a state over a segment, and per step; infinite if it is no number.
+    fn growth(&self) -> (f64, f64) {
+        let Sizes { nx, w, .. } = self.sizes;
+        let (mut largest, mut rate) = (0.0_f64, 1.0_f64);
+        for group in &self.groups {
+            for (l, segment) in group.segments.iter().enumerate() {
+                let entries = (0..nx).flat_map(|i| &group.c[i * w..i * w + nx]);
+                let growth = entries.fold(0.0_f64, |a, c| {
+                    let c = c[l].abs();
+                    a.max(if c.is_nan() { f64::INFINITY } else { c })
+                });
+                largest = largest.max(growth);
+                rate = rate.max(growth.powf(1.0 / segment.len as f64));
+            }
+        }
+        (largest, rate)
+    }
+
+    /// Condenses and factorises the coarse matrix, with shorter segments where states grow too much over one.
+    fn eliminate(&mut self, values: &KktValues<'_>) -> Result<(f64, usize), KktError> {
+        if self.next != self.steps {
+            self.cut(self.next);
+        }
+        loop {
+            let nodes = self.layout.node_values();
+            self.diagonal.copy_from_slice(&values.hessian[nodes..]);
+            self.sigma.copy_from_slice(values.sigma);
+            self.condense(values)?;
+            let (growth, rate) = self.growth();
+            let within = (AIM.ln() / rate.ln()).max(1.0) as usize;
+            let shorter = within.clamp(1, (self.steps / 2).max(1));
+            if growth > GROWTH && self.steps > 1 {
+                self.cut(shorter);
+                continue;
+            }
+            match self.factorise_coarse() {
+                Err(_) if self.steps > 1 => self.cut(shorter),
+                outcome => {
+                    // Next time: this factorization is still needed.
+                    if rate.powf(self.asked as f64) < LITTLE {
+                        self.next = self.asked;
+                    }
+                    return outcome;
+                }
+            }
+        }
+    }
+
     /// Visits the lower triangle of the coarse matrix without the parameters, always in the same order.
     fn coarse_entries(&self, mut visit: impl FnMut(usize, usize, f64)) {
         let Sizes { nx, w, .. } = self.sizes;
-        for (s, segment) in self.segments.iter().enumerate() {
+        for s in 0..self.start_at.len() {
+            let (group, l) = (&self.groups[s / LANES], s % LANES);
             if let Some(x) = self.start_at[s] {
                 for i in 0..nx {
                     for j in 0..=i {
-                        visit(x + i, x + j, segment.v[i * w + j]);
+                        visit(x + i, x + j, group.v[i * w + j][l]);
                     }
                 }
             }
@@ -200,7 +285,7 @@ impl StructuredKkt {
                 for i in 0..nx {
                     if let Some(x) = self.start_at[s] {
                         for j in 0..nx {
-                            visit(link + i, x + j, segment.c[i * w + j]);
+                            visit(link + i, x + j, group.c[i * w + j][l]);
                         }
                     }
                     visit(link + nx + i, link + i, -1.0);
@@ -209,21 +294,16 @@ impl StructuredKkt {
         }
     }
 
-    fn condense(&mut self) -> Result<(), KktError> {
-        let values = KktValues {
-            hessian: &self.hessian,
-            jacobian: &self.jacobian,
-            sigma: &self.sigma,
-        };
+    fn condense(&mut self, values: &KktValues<'_>) -> Result<(), KktError> {
         let (plan, layout) = (&self.plan, &self.layout);
+        let one = |group: &mut Group| {
+            group.load(layout, values);
+            group.condense(plan, layout, values)
+        };
         if layout.steps() < PARALLEL_STEPS {
-            self.segments
-                .iter_mut()
-                .try_for_each(|s| s.condense(plan, layout, &values))
+            self.groups.iter_mut().try_for_each(one)
         } else {
-            self.segments
-                .par_iter_mut()
-                .try_for_each(|s| s.condense(plan, layout, &values))
+            self.groups.par_iter_mut().try_for_each(one)
         }
     }
 
@@ -236,7 +316,7 @@ impl StructuredKkt {
             k += 1;
         });
         let nx = self.sizes.nx;
-        for s in 0..self.segments.len() {
+        for s in 0..self.start_at.len() {
             if let Some(x) = self.start_at[s] {
                 (x..x + nx).for_each(|i| ldl.add_diagonal(i, delta_x));
             }
@@ -304,28 +384,30 @@ impl StructuredKkt {
         let Sizes { nx, np, w, .. } = self.sizes;
         let wp = self.wp;
         self.reduced.fill(0.0);
-        for (s, segment) in self.segments.iter().enumerate() {
+        for group in &self.groups {
             for i in 0..np {
                 for j in i..np {
-                    self.reduced[(j, i)] += segment.kpp[i * np + j];
+                    self.reduced[(j, i)] += group.kpp[i * np + j].iter().sum::<f64>();
                 }
             }
+        }
+        for s in 0..self.start_at.len() {
+            let (group, l) = (&self.groups[s / LANES], s % LANES);
             for i in 0..nx {
-                for (at, rows) in [
-                    (self.start_at[s], &segment.v),
-                    (self.link_at[s], &segment.c),
-                ] {
+                for (at, rows) in [(self.start_at[s], &group.v), (self.link_at[s], &group.c)] {
                     if let Some(at) = at {
-                        self.kxp[(at + i) * wp..(at + i) * wp + np]
-                            .copy_from_slice(&rows[i * w + nx..i * w + nx + np]);
+                        let to = &mut self.kxp[(at + i) * wp..(at + i) * wp + np];
+                        for (to, from) in to.iter_mut().zip(&rows[i * w + nx..]) {
+                            *to = from[l];
+                        }
                     }
                 }
             }
         }
-        let offset = self.layout.parameter_values();
+        let offset = self.layout.nodes() * nx;
         for (k, &(row, col)) in self.layout.parameter_hessian.iter().enumerate() {
             if let (Some(i), Some(j)) = (self.columns[row as usize], self.columns[col as usize]) {
-                self.reduced[(i.max(j) as usize, i.min(j) as usize)] += self.hessian[offset + k];
+                self.reduced[(i.max(j) as usize, i.min(j) as usize)] += self.diagonal[offset + k];
             }
         }
         let p = self.layout.p();
@@ -459,18 +541,18 @@ impl StructuredKkt {
 
     /// One pass without refinement: `step_x`, `step_c` from `residual_x`, `residual_c` as right-hand side.
     fn solve_once(&mut self) {
-        let Sizes { nx, ny, np, .. } = self.sizes;
+        let Sizes { nx, np, .. } = self.sizes;
         let (sizes, layout) = (self.sizes, &self.layout);
         let parallel = layout.steps() >= PARALLEL_STEPS;
         let (rx, rc) = (&self.residual_x, &self.residual_c);
         if parallel {
-            self.segments
+            self.groups
                 .par_iter_mut()
-                .for_each(|s| s.reduce(sizes, layout, rx, rc));
+                .for_each(|g| g.reduce(sizes, layout, rx, rc));
         } else {
-            self.segments
+            self.groups
                 .iter_mut()
-                .for_each(|s| s.reduce(sizes, layout, rx, rc));
+                .for_each(|g| g.reduce(sizes, layout, rx, rc));
         }
         let p_at = layout.p();
         let (rp, rhs) = (&mut self.rp, &mut self.rhs);
@@ -479,16 +561,19 @@ impl StructuredKkt {
                 rp[*i as usize] = rx[p_at + j];
             }
         }
-        for (s, segment) in self.segments.iter().enumerate() {
-            for i in 0..np {
-                rp[i] -= segment.p_lin[i];
+        for group in &self.groups {
+            for (r, p) in rp.iter_mut().zip(&group.p_lin) {
+                *r -= p.iter().sum::<f64>();
             }
+        }
+        for s in 0..self.start_at.len() {
+            let (group, l) = (&self.groups[s / LANES], s % LANES);
             for i in 0..nx {
                 if let Some(x) = self.start_at[s] {
-                    rhs[x + i] = -segment.v_lin[i];
+                    rhs[x + i] = -group.v_lin[i][l];
                 }
                 if let Some(link) = self.link_at[s] {
-                    rhs[link + i] = -segment.c_lin[i];
+                    rhs[link + i] = -group.c_lin[i][l];
                 }
             }
         }
@@ -533,22 +618,27 @@ impl StructuredKkt {
                 self.step_x[p_at + j] = dp[*i as usize];
             }
         }
-        let (x, zero) = self.states.split_at_mut(nx);
-        for (s, segment) in self.segments.iter().enumerate() {
-            let at = layout.state(&segment.window, segment.start);
-            x.fill(0.0);
-            if let Some(c) = self.start_at[s] {
-                x.copy_from_slice(&self.coarse[c..c + nx]);
+        let (x, nu) = self.states.split_at_mut(nx);
+        for (g, group) in self.groups.iter_mut().enumerate() {
+            x.fill([0.0; LANES]);
+            nu.fill([0.0; LANES]);
+            for l in 0..group.segments.len() {
+                let (start, link) = (self.start_at[g * LANES + l], self.link_at[g * LANES + l]);
+                for i in 0..nx {
+                    x[i][l] = start.map_or(0.0, |c| self.coarse[c + i]);
+                    nu[i][l] = link.map_or(0.0, |c| self.coarse[c + i]);
+                }
             }
-            self.step_x[at..at + nx].copy_from_slice(x);
-            let nu = self.link_at[s].map_or(&*zero, |l| &self.coarse[l..l + nx]);
-            let y = layout.step(&segment.window, segment.start);
-            let row = segment.window.row + segment.start * ny;
-            let (dx, dlambda) = (
-                &mut self.step_x[y..y + segment.len * ny],
-                &mut self.step_c[row..row + segment.len * ny],
-            );
-            segment.expand(sizes, x, dp, nu, dx, dlambda);
+            let to = (self.step_x.as_mut_slice(), self.step_c.as_mut_slice());
+            group.expand(sizes, layout, (x, dp, nu), to);
+        }
+        // Ends of segments are the starts of those behind them, as the coarse system has them.
+        let segments = self.groups.iter().flat_map(|g| &g.segments);
+        for (segment, start) in segments.zip(&self.start_at) {
+            let at = layout.state(&segment.window, segment.start);
+            for i in 0..nx {
+                self.step_x[at + i] = start.map_or(0.0, |c| self.coarse[c + i]);
+            }
         }
     }
 }
@@ -580,11 +670,7 @@ impl Kkt for StructuredKkt {
         {
             return Err(KktError::NotFinite);
         }
-        self.hessian.copy_from_slice(values.hessian);
-        self.jacobian.copy_from_slice(values.jacobian);
-        self.sigma.copy_from_slice(values.sigma);
-        self.condense()?;
-        let (delta_x, factorizations) = self.factorise_coarse()?;
+        let (delta_x, factorizations) = self.eliminate(&values)?;
         self.delta_x = delta_x;
         self.reduce_to_parameters();
         let shift = self.convexify()?;
@@ -642,16 +728,38 @@ impl StructuredKkt {
             *r = s * d - *r;
         }
         rc.iter_mut().for_each(|r| *r = -*r);
-        product::add(
-            &self.layout,
-            (&self.hessian, &self.jacobian),
-            (dx, dlambda),
-            (rx, rc),
-        );
-        let nx = self.sizes.nx;
-        for (s, segment) in self.segments.iter().enumerate() {
-            if self.start_at[s].is_some() {
-                let at = self.layout.state(&segment.window, segment.start);
+        let (layout, nx) = (&self.layout, self.sizes.nx);
+        let p = layout.p();
+        let (rest, parameters) = rx.split_at_mut(p);
+        for group in &self.groups {
+            let to = (&mut *rest, rc.as_mut_slice());
+            group.add_product(layout, (dx, dlambda), to, (&mut self.local, parameters));
+        }
+        let (nodes, between) = self.diagonal.split_at(layout.nodes() * nx);
+        let mut diagonal = nodes.chunks_exact(nx);
+        for window in &layout.windows {
+            for (k, values) in (0..=window.steps).zip(&mut diagonal) {
+                let at = layout.state(window, k);
+                for i in 0..nx {
+                    rest[at + i] += values[i] * dx[at + i];
+                }
+            }
+        }
+        for (&(i, j), a) in layout.parameter_hessian.iter().zip(between) {
+            let (i, j) = (i as usize, j as usize);
+            parameters[i] += a * dx[p + j];
+            if i != j {
+                parameters[j] += a * dx[p + i];
+            }
+        }
+        for (segment, start) in self
+            .groups
+            .iter()
+            .flat_map(|g| &g.segments)
+            .zip(&self.start_at)
+        {
+            if start.is_some() {
+                let at = layout.state(&segment.window, segment.start);
                 for i in at..at + nx {
                     rx[i] += self.delta_x * dx[i];
                 }

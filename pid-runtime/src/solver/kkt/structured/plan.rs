@@ -41,16 +41,9 @@ impl Sizes {
 /// `work[at] += sign · value`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Target {
-    value: u32,
-    at: u32,
-    sign: f64,
-}
-
-/// Adds the values of a step to the workspace.
-pub(super) fn scatter(targets: &[Target], values: &[f64], work: &mut [f64]) {
-    for t in targets {
-        work[t.at as usize] += t.sign * values[t.value as usize];
-    }
+    pub(super) value: u32,
+    pub(super) at: u32,
+    pub(super) sign: f64,
 }
 
 /// Offsets of the matrices of one step in its workspace.

@@ -96,7 +96,7 @@ fn check(
     held: bool,
     growth: f64,
     tolerance: f64,
-) {
+) -> StructuredKkt {
     let layout = layout((nx, ny, np), kinematic, steps, held);
     let mut numbers = Numbers(nx as u64 * 31 + np as u64 + steps[0] as u64);
     let (n, m) = (layout.n(), layout.m());
@@ -215,6 +215,7 @@ fn check(
             multipliers[i]
         );
     }
+    kkt
 }
 
 #[test]
@@ -256,6 +257,37 @@ fn held_initial_states() {
 fn unstable_plant_over_a_long_horizon() {
     // 1.1^600 = 7e24: a condensing over the whole horizon has no correct digit.
     check((2, 2, 3), 0, &[600], false, 1.1, 1e-6);
+}
+
+/// 60⁷ = 3e12: over a segment of seven steps no digit of the condensed cost is left, over four enough of them.
+#[test]
+fn states_that_grow_much_over_a_step_make_segments_short() {
+    let kkt = check((2, 2, 3), 0, &[60, 5], false, 60.0, 1e-6);
+    assert!(kkt.steps < 7 && kkt.next < 7, "{} steps", kkt.steps);
+}
+
+#[test]
+fn segments_are_long_again_once_states_grow_little() {
+    let layout = layout((2, 2, 0), 0, &[60], false);
+    let mut hessian = vec![0.0; layout.node_values()];
+    hessian.extend(vec![1.0; layout.nodes() * 2]);
+    let sigma = vec![0.0; layout.n()];
+    let mut kkt = StructuredKkt::new(layout.clone(), &[], 10);
+    for (growth, steps) in [(1.0, 10), (100.0, 1), (1.0, 1), (1.0, 10)] {
+        let step = layout.step_jacobian.iter().map(|&(r, c)| match c {
+            c if c == r => growth,
+            c if c == r + 2 => -1.0,
+            _ => 0.0,
+        });
+        let jacobian: Vec<f64> = (0..layout.steps()).flat_map(|_| step.clone()).collect();
+        kkt.factorise(KktValues {
+            hessian: &hessian,
+            jacobian: &jacobian,
+            sigma: &sigma,
+        })
+        .expect("factorises");
+        assert_eq!(kkt.steps, steps, "after growth by {growth} a step");
+    }
 }
 
 #[test]
