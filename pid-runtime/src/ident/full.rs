@@ -9,7 +9,6 @@ use crate::nlp::{Nlp, check_point};
 use crate::signal::{StateEstimate, state_from_data};
 use crate::solver::kkt::Kkt;
 use crate::solver::kkt::sparse::SparseKkt;
-use crate::solver::kkt::structured::StructuredKkt;
 use crate::solver::{self, Solution, ip};
 use crate::transcribe::{
     Curvature, ExplicitForm, FullDiscretization, Loss, ResidualFit, Scheme, Setup, Track,
@@ -24,9 +23,6 @@ const NEAR: f64 = 1e-1;
 const SETTLED: f64 = 5e-2;
 /// Optimality error at which the preparing fit of the residual ends.
 const PREPARED: f64 = 1e-2;
-
-/// Halvings of the way to the parameters of that fit.
-const HALVINGS: usize = 10;
 
 /// Relative residual of a Newton step: on the two-link study no iteration more than with 1e-11, and two fifths of the solves less.
 const REFINED: f64 = 1e-9;
@@ -253,8 +249,7 @@ fn system(problem: &FullDiscretization<'_>) -> Box<dyn Kkt> {
     if problem.layout().steps() == 0 {
         Box::new(SparseKkt::new(problem))
     } else {
-        let kkt = StructuredKkt::new(problem.layout().clone(), &fixed, problem.segment_steps());
-        Box::new(kkt.refined_to(REFINED))
+        Box::new(problem.system(&fixed).refined_to(REFINED))
     }
 }
 
@@ -282,7 +277,7 @@ fn solve(
         let prepared = ip::solve(&mut fit, &mut kkt, &x0[first..], &options, &mut news);
         iterations += prepared.log.len().saturating_sub(1);
         if prepared.objective.is_finite() {
-            approach_fit(problem, &mut x0, first, &prepared.x);
+            take_over(problem, &mut x0, first, &prepared.x);
         }
     }
     let samples = problem.samples() as f64;
@@ -330,22 +325,16 @@ fn solve(
     (run, solution)
 }
 
-/// Takes over the parameters of the preparing fit, or as much of the way to them as leaves M positive definite: the fit knows of
-/// no inertia, and with noise those of a wrist come out negative. Motions then grow by 30 a step and more.
-fn approach_fit(problem: &mut FullDiscretization<'_>, x: &mut [f64], first: usize, fitted: &[f64]) {
+/// Takes over the parameters of the preparing fit, unless they make a robot without a positive definite M of one that has it: the fit
+/// knows of no inertia, and with noise those of a wrist come out negative. Motions then grow by 30 a step and more, and half the way
+/// there M is nearly singular, which is worse.
+fn take_over(problem: &mut FullDiscretization<'_>, x: &mut [f64], first: usize, fitted: &[f64]) {
     let start = x[first..].to_vec();
-    let checked = problem.has_definite_mass(x);
-    let mut share = 1.0;
-    for _ in 0..HALVINGS {
-        for ((x, from), to) in x[first..].iter_mut().zip(&start).zip(fitted) {
-            *x = from + share * (to - from);
-        }
-        if !checked || problem.has_definite_mass(x) {
-            return;
-        }
-        share *= 0.5;
+    let was = problem.has_definite_mass(x);
+    x[first..].copy_from_slice(fitted);
+    if was && !problem.has_definite_mass(x) {
+        x[first..].copy_from_slice(&start);
     }
-    x[first..].copy_from_slice(&start);
 }
 
 /// Gauss-Newton iterations until the steps nearly hold: far from that the multipliers, and with them the exact curvature of the

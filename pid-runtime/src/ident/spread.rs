@@ -77,11 +77,7 @@ macro_rules! motions {
 motions!(
     FullDiscretization,
     StructuredKkt,
-    |problem: &FullDiscretization<'_>, held: &[bool]| StructuredKkt::new(
-        problem.layout().clone(),
-        held,
-        problem.segment_steps()
-    )
+    |problem: &FullDiscretization<'_>, held: &[bool]| problem.system(held)
 );
 motions!(Shooting, ShootingKkt, ShootingKkt::new);
 

@@ -21,6 +21,7 @@ use crate::dynamics::{At, Hessian};
 use crate::lanes::LANES;
 use crate::nlp::{Nlp, SparsePattern};
 use crate::solver::kkt::layout::Layout;
+use crate::solver::kkt::structured::StructuredKkt;
 use rayon::prelude::*;
 
 /// A window of samples to follow.
@@ -277,6 +278,17 @@ impl<'m> FullDiscretization<'m> {
             Scheme::Heun => 4,
             Scheme::RungeKutta4 | Scheme::DormandPrince => 3,
             _ => 10,
+        }
+    }
+
+    /// The linear system of the program, some parameters held.
+    pub fn system(&self, held: &[bool]) -> StructuredKkt {
+        let kkt = StructuredKkt::new(self.layout.clone(), held, self.segment_steps());
+        if self.setup.scheme.explicit() {
+            // Their steps grow stiff motions, explicit Euler sevenfold near rest; the lengths above allow for it.
+            kkt.growing_to(1e9)
+        } else {
+            kkt
         }
     }
 
