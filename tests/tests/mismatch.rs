@@ -14,7 +14,7 @@ use pid_tests::two_link;
 /// system over segments of ten steps had no digit left, and the solver ended at its first exact step.
 #[test]
 fn an_arm_with_all_parameters_free_converges_under_noise() {
-    let dataset = record(&Arm6, &follow, 1000, 0.01).expect("simulates");
+    let dataset = record(&Arm6, &follow, 400, 0.01).expect("simulates");
     let start: Vec<f64> = Arm6
         .params()
         .iter()

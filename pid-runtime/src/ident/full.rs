@@ -277,7 +277,7 @@ fn solve(
         let prepared = ip::solve(&mut fit, &mut kkt, &x0[first..], &options, &mut news);
         iterations += prepared.log.len().saturating_sub(1);
         if prepared.objective.is_finite() {
-            take_over(problem, &mut x0, first, &prepared.x);
+            x0[first..].copy_from_slice(&prepared.x);
         }
     }
     let samples = problem.samples() as f64;
@@ -323,18 +323,6 @@ fn solve(
         log: solution.log.clone(),
     };
     (run, solution)
-}
-
-/// Takes over the parameters of the preparing fit, unless they make a robot without a positive definite M of one that has it: the fit
-/// knows of no inertia, and with noise those of a wrist come out negative. Motions then grow by 30 a step and more, and half the way
-/// there M is nearly singular, which is worse.
-fn take_over(problem: &mut FullDiscretization<'_>, x: &mut [f64], first: usize, fitted: &[f64]) {
-    let start = x[first..].to_vec();
-    let was = problem.has_definite_mass(x);
-    x[first..].copy_from_slice(fitted);
-    if was && !problem.has_definite_mass(x) {
-        x[first..].copy_from_slice(&start);
-    }
 }
 
 /// Gauss-Newton iterations until the steps nearly hold: far from that the multipliers, and with them the exact curvature of the

@@ -97,7 +97,7 @@ fn resize(v: &mut Vec<f64>, n: usize) {
 }
 
 /// Cholesky of a packed lower triangle in place; NaN on the diagonal if it is not positive definite.
-pub(super) fn cholesky(m: &mut [f64], n: usize) {
+fn cholesky(m: &mut [f64], n: usize) {
     for i in 0..n {
         for j in 0..=i {
             let mut sum = m[i * (i + 1) / 2 + j];

@@ -10,14 +10,14 @@
 //! the implicit residual times h / M_jj, so that all rows are changes of state: nothing is inverted, and the problem is
 //! affine in the inertial parameters.
 
-use super::explicit_form::{ExplicitForm, cholesky};
+use super::explicit_form::ExplicitForm;
 use super::fit::{Fit, FitScratch, Output};
 use super::loss::{Loss, Prior, prior_terms};
 use super::scheme::Scheme;
 use super::step::{Interval, Rule};
 use super::step_lanes::{LaneScratch, Steps};
 use super::tableau::Tableau;
-use crate::dynamics::{At, Hessian};
+use crate::dynamics::Hessian;
 use crate::lanes::LANES;
 use crate::nlp::{Nlp, SparsePattern};
 use crate::solver::kkt::layout::Layout;
@@ -340,27 +340,6 @@ impl<'m> FullDiscretization<'m> {
             .flat_map(|(&at, _)| &x[at..at + self.layout.nx])
             .copied()
             .collect()
-    }
-
-    /// Whether M is positive definite in every state of a point.
-    pub fn has_definite_mass(&mut self, x: &[f64]) -> bool {
-        self.load_parameters(x);
-        let model = self.rule.model();
-        let dims = model.dims();
-        let (nq, none) = (dims.nq, vec![0.0; dims.nq.max(dims.nu)]);
-        let mut mass = vec![0.0; dims.nm()];
-        self.nodes.iter().all(|&node| {
-            let at = At {
-                q: &x[node..node + nq],
-                v: &x[node + nq..node + 2 * nq],
-                a: &none[..nq],
-                u: &none[..dims.nu],
-                p: &self.parameters,
-            };
-            model.mass_matrix(&at, &mut mass);
-            cholesky(&mut mass, nq);
-            (0..nq).all(|i| mass[i * (i + 3) / 2] > 0.0)
-        })
     }
 
     /// Weighted residuals `√w (y − d)` sample by sample, and the number of channels; NaN where nothing was measured and in
