@@ -1,6 +1,5 @@
 //! Nominal descriptions of declared robots: the same dynamics as the declaration, tolerances from its ranges, and messages.
 
-
 use pid_interpret::Model;
 use pid_interpret::nominal::{
     DeclaredError, Nominal, NominalError, Role, Tolerance, Velocity, declaration,

@@ -57,7 +57,7 @@ pub(super) fn identify(
         }
     };
     let mut stated = stated;
-    for j in super::full::anchored(model, dataset) {
+    for j in super::assemble::anchored(model, dataset) {
         stated[j] = Some(1.0);
     }
     let spread = spreads(dataset);

@@ -10,6 +10,7 @@
 //! Settings reproduce the paper's problem (K. Schäfer et al., Section V-A: explicit Euler, unit weights, one window) exactly; the
 //! defaults are those that serve on measured records.
 
+mod assemble;
 mod cross_validation;
 mod equation_error;
 mod error;
@@ -20,6 +21,7 @@ mod settings;
 mod shooting;
 mod spread;
 pub mod starts;
+mod trajectory;
 mod uncertainty;
 
 pub use cross_validation::{CandidateScore, CrossValidationError, cross_validate};

@@ -1,14 +1,13 @@
 //! Single and multiple shooting over the training windows, from every start.
 
-use super::full::{self, Assembled};
-use super::spread::deviations;
-use super::starts::{self, Report};
-use super::{Callback, IdentError, Identification, Run, Settings};
+use super::assemble::{Assembled, assemble};
+use super::starts::Report;
+use super::trajectory::{Reached, from_starts, reached};
+use super::{Callback, IdentError, Identification, Settings};
 use crate::data::Dataset;
 use crate::dynamics::Hessian;
-use crate::nlp::{Nlp, check_point};
 use crate::solver::kkt::sparse::SparseKkt;
-use crate::solver::{self, Solution, ip};
+use crate::solver::{self, ip};
 use crate::transcribe::{FullDiscretization, ResidualFit, Shooting, ShootingKkt};
 use std::time::Instant;
 
@@ -23,81 +22,14 @@ pub(super) fn identify(
     start: &[f64],
     callback: &mut Callback<'_>,
 ) -> Result<Identification, IdentError> {
-    let assembled = full::assemble(model, dataset, settings, start)?;
-    let Assembled {
-        lower,
-        upper,
-        fixed,
-        mut notes,
-        ..
-    } = assembled.clone();
-    let problem = || transcribe(model, &assembled, settings);
-    let all = starts::draw(
-        settings.sampling,
-        start,
-        &lower,
-        &upper,
-        settings.starts,
-        settings.seed,
-    );
-    let count = all.len();
-    let (outcomes, stopped) = starts::run_all(count, callback, |index, report| {
-        let mut problem = problem();
-        solve(
-            model,
-            &mut problem,
-            &assembled,
-            settings,
-            index,
-            &all[index],
-            report,
-        )
-    });
-    if stopped {
-        notes.push(format!(
-            "interrupted after {} of {count} starts",
-            outcomes.len()
-        ));
-    }
-    let (mut runs, mut solutions, mut motions) = (Vec::new(), Vec::new(), Vec::new());
-    for (run, solution, motion) in outcomes {
-        runs.push(run);
-        solutions.push(solution);
-        motions.push(motion);
-    }
-    let best = super::best_of(&runs);
-    let mut problem = problem();
-    let (spread, noise) = deviations(
-        &mut problem,
-        &solutions[best],
-        &fixed,
-        &assembled.tracks[0].weights,
-        settings.sandwich,
-    );
-    let noise = match settings.likelihood {
-        Some(_) => noise,
-        None => vec![None; noise.len()],
+    let assembled = assemble(model, dataset, settings, start)?;
+    let solve = |problem: &mut _, index, start: &[f64], report: &mut Report<'_>| {
+        solve(model, problem, &assembled, settings, index, start, report)
     };
-    Ok(Identification {
-        optima: starts::optima(&runs, &motions, 2 * model.dims().nq),
-        motion: motions.swap_remove(best),
-        best,
-        runs,
-        deviations: spread.deviations,
-        undetermined: spread.undetermined,
-        open: spread.open,
-        covariance: spread.covariance,
-        sandwich: spread.sandwich,
-        noise,
-        correlation_factor: spread.correlation_factor,
-        fixed,
-        lower,
-        upper,
-        size: (problem.n(), problem.m()),
-        windows: (assembled.tracks.len(), problem.samples()),
-        force_error: Vec::new(),
-        notes,
-    })
+    let problem = || transcribe(model, &assembled, settings);
+    Ok(from_starts(
+        model, settings, start, &assembled, problem, solve, callback,
+    ))
 }
 
 fn transcribe<'m>(
@@ -114,7 +46,7 @@ fn transcribe<'m>(
     )
 }
 
-/// Solves from one start; its run, the solution and the fitted motion.
+/// Solves from one start.
 fn solve(
     model: &dyn Hessian,
     problem: &mut Shooting<'_>,
@@ -123,7 +55,7 @@ fn solve(
     index: usize,
     start: &[f64],
     report: &mut Report<'_>,
-) -> (Run, Solution, Vec<f64>) {
+) -> Reached {
     let started = Instant::now();
     let mut x0 = problem.starting_point(start);
     let mut iterations = 0;
@@ -201,19 +133,6 @@ fn solve(
         &options,
         &mut news,
     );
-    let check = check_point(problem, &solution.x, &solution.lambda);
-    iterations += solution.log.len().saturating_sub(1);
     let motion = problem.states(&solution.x).unwrap_or_default();
-    let run = Run {
-        index,
-        start: start.to_vec(),
-        parameters: problem.parameters(&solution.x),
-        objective: solution.objective,
-        status: solution.status,
-        iterations,
-        seconds: started.elapsed().as_secs_f64(),
-        check,
-        log: solution.log.clone(),
-    };
-    (run, solution, motion)
+    reached(problem, index, start, solution, motion, iterations, started)
 }
