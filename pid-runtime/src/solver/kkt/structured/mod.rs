@@ -12,28 +12,21 @@
 
 mod group;
 mod plan;
+mod reduced;
 mod small;
 
 use super::layout::Layout;
 use super::ldl::SparseLdl;
 use super::{Kkt, KktError, KktValues, Regularisation};
 use crate::lanes::{LANES, Lane};
-use faer::{Mat, Side};
+use faer::Mat;
 use group::{Group, Segment};
 use plan::{Plan, Sizes};
 use rayon::prelude::*;
+use reduced::Reduced;
 
 /// Static regularisation of the links in the coarse factorization; refinement removes its effect.
 const STATIC: f64 = 1e-9;
-/// Eigenvalues of the reduced Hessian below this share of the largest one are rounding errors and are lifted to it. Active
-/// bounds make the largest one as large as 1e8, so that a share of 1e-9 would already slow down the identifiable directions.
-const FLOOR: f64 = 1e-14;
-/// The smallest eigenvalue that is kept, in the scaled problem: this far from the solution, a share of the optimality error near
-/// it, where lifted directions would converge linearly, and never less than the last: at 1e-9 rounding in redundant directions
-/// cost 616 instead of 69 iterations on 1001 samples.
-const SMALLEST: f64 = 1e-5;
-const SHARE: f64 = 1e-3;
-const LEAST: f64 = 1e-7;
 /// Relative residual at which refinement ends.
 const REFINED: f64 = 1e-11;
 /// Growth of a state over a segment above which segments are cut into shorter ones, growth they are then cut to, and growth over one
@@ -69,21 +62,10 @@ pub struct StructuredKkt {
     product: Vec<f64>,
     /// `np`, rounded up for vector units.
     wp: usize,
-    /// Reduced Hessian as computed, then its modification, then eigenvectors and eigenvalues; np × np.
-    reduced: Mat<f64>,
-    modification: Mat<f64>,
-    vectors: Mat<f64>,
-    eigenvalues: Vec<f64>,
-    /// Eigenvalues as computed, and the share of the right-hand side along each eigenvector in the first pass of a solve.
-    computed: Vec<f64>,
-    along: Vec<f64>,
-    /// Limit of the next solution's norm in the parameters; its value in the last one, NaN before the first.
-    radius: Option<f64>,
-    norm: f64,
+    /// Reduced Hessian in the free parameters, made convex.
+    reduced: Reduced,
     /// Relative residual at which refinement ends.
     refined: f64,
-    /// Eigenvalues below this are lifted to it.
-    smallest: f64,
     delta_x: f64,
     last_delta: f64,
     fixed: Vec<bool>,
@@ -169,16 +151,8 @@ impl StructuredKkt {
             correction: vec![0.0; coarse_n * wp],
             product: vec![0.0; np * wp],
             wp,
-            reduced: Mat::zeros(np, np),
-            modification: Mat::zeros(np, np),
-            vectors: Mat::zeros(np, np),
-            eigenvalues: vec![0.0; np],
-            computed: vec![0.0; np],
-            along: vec![0.0; np],
-            radius: None,
-            norm: f64::NAN,
+            reduced: Reduced::new(np),
             refined: REFINED,
-            smallest: SMALLEST,
             delta_x: 0.0,
             last_delta: 0.0,
             fixed: fixed_parameters.to_vec(),
@@ -221,10 +195,10 @@ impl StructuredKkt {
 
     /// Plans anew for segments of another length.
     fn cut(&mut self, steps: usize) {
-        let fresh = Self::new(self.layout.clone(), &self.fixed, steps);
+        let mut fresh = Self::new(self.layout.clone(), &self.fixed, steps);
+        fresh.reduced.smallest = self.reduced.smallest;
         *self = Self {
             refined: self.refined,
-            smallest: self.smallest,
             last_delta: self.last_delta,
             asked: self.asked,
             limit: self.limit,
@@ -394,11 +368,12 @@ impl StructuredKkt {
     fn reduce_to_parameters(&mut self) {
         let Sizes { nx, np, w, .. } = self.sizes;
         let wp = self.wp;
-        self.reduced.fill(0.0);
+        let reduced = &mut self.reduced.hessian;
+        reduced.fill(0.0);
         for group in &self.groups {
             for i in 0..np {
                 for j in i..np {
-                    self.reduced[(j, i)] += group.kpp[i * np + j].iter().sum::<f64>();
+                    reduced[(j, i)] += group.kpp[i * np + j].iter().sum::<f64>();
                 }
             }
         }
@@ -418,14 +393,14 @@ impl StructuredKkt {
         let offset = self.layout.nodes() * nx;
         for (k, &(row, col)) in self.layout.parameter_hessian.iter().enumerate() {
             if let (Some(i), Some(j)) = (self.columns[row as usize], self.columns[col as usize]) {
-                self.reduced[(i.max(j) as usize, i.min(j) as usize)] += self.diagonal[offset + k];
+                reduced[(i.max(j) as usize, i.min(j) as usize)] += self.diagonal[offset + k];
             }
         }
         let p = self.layout.p();
         for (j, column) in self.columns.iter().enumerate() {
             if let Some(i) = column {
                 let i = *i as usize;
-                self.reduced[(i, i)] += self.sigma[p + j];
+                reduced[(i, i)] += self.sigma[p + j];
             }
         }
         Self::coarse_solve(
@@ -451,94 +426,14 @@ impl StructuredKkt {
         }
         for j in 0..np {
             for i in j..np {
-                self.reduced[(i, j)] -= self.product[j * wp + i];
+                reduced[(i, j)] -= self.product[j * wp + i];
             }
         }
         for j in 0..np {
             for i in 0..j {
-                self.reduced[(i, j)] = self.reduced[(j, i)];
+                reduced[(i, j)] = reduced[(j, i)];
             }
         }
-    }
-
-    /// Makes the reduced Hessian positive definite; returns the largest shift of an eigenvalue.
-    fn convexify(&mut self) -> Result<f64, KktError> {
-        let np = self.sizes.np;
-        if np == 0 {
-            return Ok(0.0);
-        }
-        let eigen = self
-            .reduced
-            .self_adjoint_eigen(Side::Lower)
-            .map_err(|_| KktError::NotFinite)?;
-        let (u, d) = (eigen.U(), eigen.S());
-        let largest = (0..np).fold(0.0_f64, |a, i| a.max(d[i].abs()));
-        if !largest.is_finite() {
-            return Err(KktError::NotFinite);
-        }
-        let floor = (FLOOR * largest).max(self.smallest);
-        self.vectors.copy_from(u);
-        for k in 0..np {
-            self.computed[k] = d[k];
-        }
-        Ok(self.lift(floor))
-    }
-
-    /// Takes the eigenvalues' absolute values, at least `floor`; returns the largest change.
-    fn lift(&mut self, floor: f64) -> f64 {
-        let np = self.sizes.np;
-        let u = &self.vectors;
-        self.modification.fill(0.0);
-        let mut shift = 0.0_f64;
-        for k in 0..np {
-            let lifted = self.computed[k].abs().max(floor);
-            let change = lifted - self.computed[k];
-            self.eigenvalues[k] = lifted;
-            if change != 0.0 {
-                shift = shift.max(change);
-                for j in 0..np {
-                    for i in 0..np {
-                        self.modification[(i, j)] += change * u[(i, k)] * u[(j, k)];
-                    }
-                }
-            }
-        }
-        shift
-    }
-
-    /// The smallest lift of the eigenvalues with which the step along the eigenvectors is no longer than `radius`.
-    fn floor_within(&self, radius: f64) -> f64 {
-        let norm = |floor: f64| {
-            let terms = self.along.iter().zip(&self.eigenvalues);
-            let square = |(r, e): (&f64, &f64)| (r / e.max(floor)).powi(2);
-            terms.map(square).sum::<f64>().sqrt()
-        };
-        let total = self.along.iter().map(|r| r * r).sum::<f64>().sqrt();
-        let (mut low, mut high) = (0.0, total / radius);
-        if norm(low) <= radius {
-            return low;
-        }
-        if !high.is_finite() {
-            return low;
-        }
-        // `high` shortens every component; nine tenths of the radius are near enough.
-        for _ in 0..60 {
-            let middle = if low > 0.0 {
-                (low * high).sqrt()
-            } else {
-                high * 1e-3
-            };
-            let found = norm(middle);
-            if found > radius {
-                low = middle;
-            } else {
-                high = middle;
-                if found > 0.9 * radius {
-                    break;
-                }
-            }
-        }
-        high
     }
 
     /// The reduced Hessian in the free parameters as computed at the last factorization, before it was made convex, and the
@@ -547,12 +442,12 @@ impl StructuredKkt {
         let free = (0..self.columns.len())
             .filter(|&j| self.columns[j].is_some())
             .collect();
-        (&self.reduced, free)
+        (&self.reduced.hessian, free)
     }
 
     /// One pass without refinement: `step_x`, `step_c` from `residual_x`, `residual_c` as right-hand side.
     fn solve_once(&mut self) {
-        let Sizes { nx, np, .. } = self.sizes;
+        let nx = self.sizes.nx;
         let (sizes, layout) = (self.sizes, &self.layout);
         let parallel = layout.steps() >= PARALLEL_STEPS;
         let (rx, rc) = (&self.residual_x, &self.residual_c);
@@ -602,24 +497,8 @@ impl StructuredKkt {
                 *r -= k * c;
             }
         }
-        for k in 0..np {
-            self.along[k] = (0..np).map(|i| self.vectors[(i, k)] * self.rp[i]).sum();
-        }
-        if let Some(radius) = self.radius.take() {
-            let floor = self.floor_within(radius);
-            if floor > 0.0 {
-                self.lift(floor);
-            }
-        }
-        let layout = &self.layout;
-        let dp = &mut self.dp;
-        dp.fill(0.0);
-        for k in 0..np {
-            let coefficient = self.along[k] / self.eigenvalues[k];
-            for (i, d) in dp.iter_mut().enumerate() {
-                *d += coefficient * self.vectors[(i, k)];
-            }
-        }
+        let (layout, dp) = (&self.layout, &mut self.dp);
+        self.reduced.solve(&self.rp, dp);
         for (c, z) in self.coarse.iter_mut().zip(self.z.chunks_exact(wp.max(1))) {
             *c -= z.iter().zip(dp.iter()).map(|(z, d)| z * d).sum::<f64>();
         }
@@ -656,23 +535,15 @@ impl StructuredKkt {
 
 impl Kkt for StructuredKkt {
     fn expect_error(&mut self, error: f64) {
-        self.smallest = if error.is_nan() {
-            SMALLEST
-        } else {
-            (SHARE * error).clamp(LEAST, SMALLEST)
-        };
+        self.reduced.expect_error(error);
     }
 
     fn limit(&mut self, radius: f64) -> Option<f64> {
-        if self.norm.is_nan() {
-            return None;
-        }
-        self.radius = radius.is_finite().then_some(radius);
-        Some(self.norm)
+        self.reduced.limit(radius)
     }
 
     fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
-        self.radius = None;
+        self.reduced.unlimited();
         if !values
             .hessian
             .iter()
@@ -684,7 +555,7 @@ impl Kkt for StructuredKkt {
         let (delta_x, factorizations) = self.eliminate(&values)?;
         self.delta_x = delta_x;
         self.reduce_to_parameters();
-        let shift = self.convexify()?;
+        let shift = self.reduced.convexify()?;
         Ok(Regularisation {
             delta_x,
             shift,
@@ -717,7 +588,7 @@ impl Kkt for StructuredKkt {
             relative = next;
             self.solve_once();
             if pass == 0 {
-                self.norm = self.dp.iter().map(|d| d * d).sum::<f64>().sqrt();
+                self.reduced.remember(&self.dp);
             }
             for (d, s) in dx.iter_mut().zip(&self.step_x) {
                 *d += s;
@@ -789,7 +660,7 @@ impl StructuredKkt {
                 .enumerate()
                 .filter_map(|(b, c)| c.map(|j| (b, j)))
             {
-                rx[p + a] += self.modification[(i as usize, j as usize)] * dx[p + b];
+                rx[p + a] += self.reduced.modification[(i as usize, j as usize)] * dx[p + b];
             }
         }
         rx.iter_mut().for_each(|r| *r = -*r);
