@@ -234,6 +234,8 @@ pub(super) fn name(case: &Case, fit: &Fit) -> Vec<Named> {
                             .map(f64::sqrt),
                     }
                 })
+                // The rest of a spring without stiffness is nowhere.
+                .filter(|m| m.value.is_finite())
                 .collect();
             Named {
                 effect: info.id.to_owned(),
