@@ -25,70 +25,29 @@ pub struct ExplicitForm<'m> {
     /// Place of each entry of the model's Hessian: among the pairs of active columns, among the products of accelerations with
     /// active columns behind them, or behind both.
     pub(super) second_places: Vec<u32>,
-    /// Position of each column of z in `active`.
-    place: Vec<Option<usize>>,
     jacobian_rows: Vec<u32>,
     jacobian_cols: Vec<u32>,
     hessian_rows: Vec<u32>,
     hessian_cols: Vec<u32>,
 }
 
-/// What has been solved for at a point: constraints, Jacobian and Hessian of an iteration meet at the same one, and each goes on
-/// where the one before it stopped.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Solved {
-    /// (q, v, u, p) it belongs to.
-    point: Vec<f64>,
+/// Scratch space of one thread, kept from call to call.
+#[derive(Debug, Default)]
+struct Work {
     /// Cholesky factor of M, and a*.
     mass: Vec<f64>,
     acceleration: Vec<f64>,
-    /// ∂a*/∂y, nq × active; empty until it is asked for.
+    /// ∂a*/∂y, nq × active.
     slope: Vec<f64>,
-}
-
-impl Solved {
-    fn belongs_to(&self, at: &At<'_>) -> bool {
-        let mut rest = self.point.as_slice();
-        for part in [at.q, at.v, at.u, at.p] {
-            let Some((head, tail)) = rest.split_at_checked(part.len()) else {
-                return false;
-            };
-            if head != part {
-                return false;
-            }
-            rest = tail;
-        }
-        rest.is_empty() && !self.point.is_empty()
-    }
-
-    fn begin(&mut self, at: &At<'_>) {
-        self.point.clear();
-        for part in [at.q, at.v, at.u, at.p] {
-            self.point.extend_from_slice(part);
-        }
-        self.slope.clear();
-    }
-}
-
-/// Scratch space of one thread, kept from call to call.
-#[derive(Debug, Default)]
-pub(super) struct Work {
     residual: Vec<f64>,
     values: Vec<f64>,
-    hessian: Vec<f64>,
     nu: Vec<f64>,
-    /// H_ay, nq × active.
-    mixed: Vec<f64>,
+    /// Second derivatives of the solved form, then H_ay, nq × active, then what neither needs.
+    second: Vec<f64>,
 }
 
 thread_local! {
-    static SCRATCH: RefCell<(Solved, Work)> = RefCell::default();
-}
-
-/// The space of [`Solved`] without its content: threads serve more than one model.
-fn forgotten(solved: &mut Solved) -> &mut Solved {
-    solved.point.clear();
-    solved
+    static SCRATCH: RefCell<Work> = RefCell::default();
 }
 
 fn resize(v: &mut Vec<f64>, n: usize) {
@@ -207,7 +166,6 @@ impl<'m> ExplicitForm<'m> {
             slope_places,
             jacobian_places,
             second_places,
-            place,
             jacobian_rows,
             jacobian_cols,
             hessian_rows,
@@ -216,136 +174,63 @@ impl<'m> ExplicitForm<'m> {
     }
 
     /// Factor of M and a*.
-    fn solve(&self, at: &At<'_>, s: &mut Solved, work: &mut Work) {
-        if s.belongs_to(at) {
-            return;
-        }
+    fn solve(&self, at: &At<'_>, w: &mut Work) {
         let dims = self.model.dims();
-        s.begin(at);
-        resize(&mut s.mass, dims.nm());
-        resize(&mut s.acceleration, dims.nq);
-        resize(&mut work.residual, dims.nq);
-        self.model.mass_matrix(at, &mut s.mass);
-        cholesky(&mut s.mass, dims.nq);
-        self.model.residual(
-            &At {
-                a: &s.acceleration,
-                ..*at
-            },
-            &mut work.residual,
-        );
-        for (a, r) in s.acceleration.iter_mut().zip(&work.residual) {
+        resize(&mut w.mass, dims.nm());
+        resize(&mut w.acceleration, dims.nq);
+        resize(&mut w.residual, dims.nq);
+        self.model.mass_matrix(at, &mut w.mass);
+        cholesky(&mut w.mass, dims.nq);
+        let point = At {
+            a: &w.acceleration,
+            ..*at
+        };
+        self.model.residual(&point, &mut w.residual);
+        for (a, r) in w.acceleration.iter_mut().zip(&w.residual) {
             *a = -r;
         }
-        cholesky_solve(&s.mass, dims.nq, &mut s.acceleration, 1);
+        cholesky_solve(&w.mass, dims.nq, &mut w.acceleration, 1);
     }
 
     /// ∂a*/∂y beside what [`Self::solve`] leaves.
-    fn slope(&self, at: &At<'_>, s: &mut Solved, work: &mut Work) {
-        self.solve(at, s, work);
-        if !s.slope.is_empty() {
-            return;
-        }
+    fn slope(&self, at: &At<'_>, w: &mut Work) {
+        self.solve(at, w);
         let (nq, width) = (self.model.dims().nq, self.active.len());
-        let pattern = self.model.jacobian_pattern();
-        resize(&mut work.values, pattern.nnz());
-        resize(&mut work.residual, nq);
-        resize(&mut s.slope, nq * width);
+        resize(&mut w.values, self.model.jacobian_pattern().nnz());
+        resize(&mut w.slope, nq * width);
         let point = At {
-            a: &s.acceleration,
+            a: &w.acceleration,
             ..*at
         };
         self.model
-            .residual_jacobian(&point, &mut work.residual, &mut work.values);
-        for ((&row, &col), value) in pattern.rows.iter().zip(pattern.cols).zip(&work.values) {
-            if let Some(at) = self.place[col as usize] {
-                s.slope[row as usize * width + at] = -value;
+            .residual_jacobian(&point, &mut w.residual, &mut w.values);
+        for (place, value) in self.slope_places.iter().zip(&w.values) {
+            if let Some(at) = place {
+                w.slope[*at as usize] = -value;
             }
         }
-        cholesky_solve(&s.mass, nq, &mut s.slope, width);
+        cholesky_solve(&w.mass, nq, &mut w.slope, width);
     }
+}
 
-    /// The residual, with what is remembered of the point.
-    pub(super) fn residual_from(
-        &self,
-        at: &At<'_>,
-        s: &mut Solved,
-        work: &mut Work,
-        r: &mut [f64],
-    ) {
-        self.solve(at, s, work);
-        for (r, (a, solved)) in r.iter_mut().zip(at.a.iter().zip(&s.acceleration)) {
-            *r = a - solved;
-        }
+/// `r = a − a*`.
+fn difference(a: &[f64], solved: &[f64], r: &mut [f64]) {
+    for (r, (a, solved)) in r.iter_mut().zip(a.iter().zip(solved)) {
+        *r = a - solved;
     }
+}
 
-    /// The Jacobian, with what is remembered of the point.
-    pub(super) fn jacobian_from(
-        &self,
-        at: &At<'_>,
-        s: &mut Solved,
-        work: &mut Work,
-        values: &mut [f64],
-    ) {
-        self.slope(at, s, work);
-        let width = self.active.len();
-        for (k, value) in values.iter_mut().enumerate() {
-            let row = self.jacobian_rows[k] as usize;
-            *value = match self.place[self.jacobian_cols[k] as usize] {
-                Some(col) => -s.slope[row * width + col],
-                None => 1.0,
-            };
-        }
-    }
-
-    /// The Hessian, with what is remembered of the point.
-    pub(super) fn hessian_from(
-        &self,
-        at: &At<'_>,
-        lambda: &[f64],
-        s: &mut Solved,
-        work: &mut Work,
-        values: &mut [f64],
-    ) {
-        self.slope(at, s, work);
-        let dims = self.model.dims();
-        let (nq, width) = (dims.nq, self.active.len());
-        resize(&mut work.nu, nq);
-        work.nu.copy_from_slice(lambda);
-        cholesky_solve(&s.mass, nq, &mut work.nu, 1);
-        let pattern = self.model.hessian_pattern();
-        resize(&mut work.hessian, pattern.nnz());
-        resize(&mut work.mixed, nq * width);
-        values.fill(0.0);
-        let point = At {
-            a: &s.acceleration,
-            ..*at
-        };
-        self.model
-            .residual_hessian(&point, &work.nu, &mut work.hessian);
-        for ((&row, &col), &value) in pattern.rows.iter().zip(pattern.cols).zip(&work.hessian) {
-            let (row, col) = (row as usize, col as usize);
-            match (self.place[row], self.place[col]) {
-                (Some(i), Some(j)) => {
-                    let (i, j) = (i.max(j), i.min(j));
-                    values[i * (i + 1) / 2 + j] += value;
-                }
-                (Some(i), None) => work.mixed[(col - dims.a()) * width + i] += value,
-                (None, Some(j)) => work.mixed[(row - dims.a()) * width + j] += value,
-                (None, None) => {}
-            }
-        }
-        for b in 0..nq {
-            let slope = &s.slope[b * width..(b + 1) * width];
-            let mixed = &work.mixed[b * width..(b + 1) * width];
-            let mut rest = &mut *values;
-            for i in 0..width {
-                let (row, below) = rest.split_at_mut(i + 1);
-                rest = below;
-                let (m, d) = (mixed[i], slope[i]);
-                for ((out, slope), mixed) in row.iter_mut().zip(slope).zip(mixed) {
-                    *out += m * slope + d * mixed;
-                }
+/// Adds `m sᵀ + s mᵀ` to a packed lower triangle for every pair of rows of `mixed` and `slope`.
+fn add_products(mixed: &[f64], slope: &[f64], width: usize, out: &mut [f64]) {
+    let rows = slope.chunks_exact(width).zip(mixed.chunks_exact(width));
+    for (slope, mixed) in rows {
+        let mut rest = &mut *out;
+        for i in 0..width {
+            let (row, below) = rest.split_at_mut(i + 1);
+            rest = below;
+            let (m, d) = (mixed[i], slope[i]);
+            for ((out, slope), mixed) in row.iter_mut().zip(slope).zip(mixed) {
+                *out += m * slope + d * mixed;
             }
         }
     }
@@ -378,14 +263,15 @@ impl Dynamics for ExplicitForm<'_> {
     }
     /// a*, the accelerations of the model.
     fn applied_force(&self, at: &At<'_>, f: &mut [f64]) {
-        SCRATCH.with_borrow_mut(|(solved, work)| {
-            self.solve(at, forgotten(solved), work);
-            f.copy_from_slice(&solved.acceleration);
+        SCRATCH.with_borrow_mut(|w| {
+            self.solve(at, w);
+            f.copy_from_slice(&w.acceleration);
         });
     }
     fn residual(&self, at: &At<'_>, r: &mut [f64]) {
-        SCRATCH.with_borrow_mut(|(solved, work)| {
-            self.residual_from(at, forgotten(solved), work, r);
+        SCRATCH.with_borrow_mut(|w| {
+            self.solve(at, w);
+            difference(at.a, &w.acceleration, r);
         });
     }
     fn kinetic_energy(&self, at: &At<'_>) -> f64 {
@@ -404,9 +290,12 @@ impl Jacobian for ExplicitForm<'_> {
         }
     }
     fn residual_jacobian(&self, at: &At<'_>, r: &mut [f64], values: &mut [f64]) {
-        SCRATCH.with_borrow_mut(|(solved, work)| {
-            self.jacobian_from(at, forgotten(solved), work, values);
-            self.residual_from(at, solved, work, r);
+        SCRATCH.with_borrow_mut(|w| {
+            self.slope(at, w);
+            difference(at.a, &w.acceleration, r);
+            for (value, place) in values.iter_mut().zip(&self.jacobian_places) {
+                *value = place.map_or(1.0, |at| -w.slope[at as usize]);
+            }
         });
     }
 }
@@ -419,8 +308,26 @@ impl Hessian for ExplicitForm<'_> {
         }
     }
     fn residual_hessian(&self, at: &At<'_>, lambda: &[f64], values: &mut [f64]) {
-        SCRATCH.with_borrow_mut(|(solved, work)| {
-            self.hessian_from(at, lambda, forgotten(solved), work, values);
+        SCRATCH.with_borrow_mut(|w| {
+            self.slope(at, w);
+            let (nq, width) = (self.model.dims().nq, self.active.len());
+            let pairs = values.len();
+            w.nu.clear();
+            w.nu.extend_from_slice(lambda);
+            cholesky_solve(&w.mass, nq, &mut w.nu, 1);
+            resize(&mut w.values, self.model.hessian_pattern().nnz());
+            resize(&mut w.second, pairs + nq * width + 1);
+            let point = At {
+                a: &w.acceleration,
+                ..*at
+            };
+            self.model.residual_hessian(&point, &w.nu, &mut w.values);
+            for (place, value) in self.second_places.iter().zip(&w.values) {
+                w.second[*place as usize] += value;
+            }
+            let (second, mixed) = w.second.split_at_mut(pairs);
+            add_products(&mixed[..nq * width], &w.slope, width.max(1), second);
+            values.copy_from_slice(second);
         });
     }
 }

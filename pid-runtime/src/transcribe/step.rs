@@ -9,14 +9,14 @@
 
 use super::butcher::Butcher;
 use super::expansion::{Contribution, Expansion};
-use super::explicit_form::{ExplicitForm, Solved, Work};
+use super::explicit_form::ExplicitForm;
 use super::tableau::{Block, POWERS, Tableau, Term, pow, powers};
 use crate::dynamics::{At, Hessian};
 
 /// A model discretised by a scheme.
 pub(super) struct Rule<'m> {
     pub(super) model: &'m dyn Hessian,
-    /// The model, if it is one with its accelerations solved for.
+    /// The model, if it is one with its accelerations solved for; steps evaluated four at a time then remember what was solved for.
     pub(super) solved: Option<&'m ExplicitForm<'m>>,
     pub(super) tableau: Tableau,
     pub(super) expansion: Expansion,
@@ -48,10 +48,6 @@ pub(super) struct Scratch {
     jacobian: Vec<f64>,
     hessian: Vec<f64>,
     lambda: Vec<f64>,
-    /// Position of the step among those of this scratch, and what is remembered of its evaluations.
-    pub(super) slot: usize,
-    remembered: Vec<Solved>,
-    work: Work,
     /// Sum over the steps of the entries between parameters; the caller empties it.
     pub(super) parameter_hessian: Vec<f64>,
     /// Coefficients for the step length they were made for.
@@ -81,23 +77,11 @@ impl<'m> Rule<'m> {
         }
     }
 
-    /// Takes a model with its accelerations solved for; what one evaluation solved for serves the next at the same point.
+    /// Takes a model with its accelerations solved for; what one evaluation of four steps solved for serves the next at the same
+    /// point.
     pub(super) fn remembering(mut self, form: &'m ExplicitForm<'m>) -> Self {
         self.solved = Some(form);
         self
-    }
-
-    /// Where evaluation `e` of the scratch's step is remembered.
-    fn remembered(&self, e: usize, s: &mut Scratch) -> usize {
-        if self.solved.is_none() {
-            return 0;
-        }
-        let count = self.tableau.evaluations.len();
-        let place = s.slot * count + e;
-        if s.remembered.len() <= place {
-            s.remembered.resize(place + 1, Solved::default());
-        }
-        place
     }
 
     pub(super) fn model(&self) -> &'m dyn Hessian {
@@ -129,9 +113,6 @@ impl<'m> Rule<'m> {
             jacobian: vec![0.0; self.model.jacobian_pattern().nnz()],
             hessian: vec![0.0; self.model.hessian_pattern().nnz()],
             lambda: vec![0.0; dims.nq],
-            slot: 0,
-            remembered: Vec::new(),
-            work: Work::default(),
             parameter_hessian: vec![0.0; self.expansion.parameter_hessian.len()],
             h: 0.0,
             jacobian_factors: Vec::new(),
@@ -188,15 +169,11 @@ impl<'m> Rule<'m> {
         interval: &Interval<'_>,
         powers: &[f64; POWERS],
         s: &mut Scratch,
-        derivatives: bool,
     ) {
         let evaluation = &self.tableau.evaluations[e];
         self.combine(&evaluation.q, x, y, powers, &mut s.q);
         self.combine(&evaluation.v, x, y, powers, &mut s.v);
-        // With accelerations solved for, derivatives are those of the solution and do not depend on a.
-        if !derivatives || self.solved.is_none() {
-            self.combine(&evaluation.a, x, y, powers, &mut s.a);
-        }
+        self.combine(&evaluation.a, x, y, powers, &mut s.a);
         self.inputs(interval, evaluation.u, &mut s.u);
     }
 
@@ -223,8 +200,7 @@ impl<'m> Rule<'m> {
         dynamic.fill(0.0);
         for (e, evaluation) in self.tableau.evaluations.iter().enumerate() {
             let out = &mut dynamic[evaluation.group * nq..][..nq];
-            self.arguments(e, (x, y), interval, &powers, s, false);
-            let place = self.remembered(e, s);
+            self.arguments(e, (x, y), interval, &powers, s);
             let at = At {
                 q: &s.q,
                 v: &s.v,
@@ -232,12 +208,7 @@ impl<'m> Rule<'m> {
                 u: &s.u,
                 p,
             };
-            match self.solved {
-                Some(form) => {
-                    form.residual_from(&at, &mut s.remembered[place], &mut s.work, &mut s.r);
-                }
-                None => self.model.residual(&at, &mut s.r),
-            }
+            self.model.residual(&at, &mut s.r);
             for j in 0..nq {
                 out[j] += evaluation.weight * self.row_scale(j, interval.h) * s.r[j];
             }
@@ -289,8 +260,7 @@ impl<'m> Rule<'m> {
         }
         let mut first = 0;
         for (e, map) in self.expansion.evaluations.iter().enumerate() {
-            self.arguments(e, (x, y), interval, &powers, s, true);
-            let place = self.remembered(e, s);
+            self.arguments(e, (x, y), interval, &powers, s);
             let at = At {
                 q: &s.q,
                 v: &s.v,
@@ -298,13 +268,7 @@ impl<'m> Rule<'m> {
                 u: &s.u,
                 p,
             };
-            match self.solved {
-                Some(form) => {
-                    let known = &mut s.remembered[place];
-                    form.jacobian_from(&at, known, &mut s.work, &mut s.jacobian);
-                }
-                None => self.model.residual_jacobian(&at, &mut s.r, &mut s.jacobian),
-            }
+            self.model.residual_jacobian(&at, &mut s.r, &mut s.jacobian);
             let factors = &s.jacobian_factors[first..first + map.jacobian.len()];
             for (c, factor) in map.jacobian.iter().zip(factors) {
                 values[c.entry as usize] += factor * s.jacobian[c.source as usize];
@@ -335,13 +299,12 @@ impl<'m> Rule<'m> {
         let dynamic = &lambda[self.tableau.linear.len() * nq..];
         let mut first = 0;
         for (e, map) in self.expansion.evaluations.iter().enumerate() {
-            self.arguments(e, (x, y), interval, &powers, s, true);
+            self.arguments(e, (x, y), interval, &powers, s);
             let evaluation = &self.tableau.evaluations[e];
             for j in 0..nq {
                 let weight = evaluation.weight * self.row_scale(j, interval.h);
                 s.lambda[j] = weight * dynamic[evaluation.group * nq + j];
             }
-            let place = self.remembered(e, s);
             let at = At {
                 q: &s.q,
                 v: &s.v,
@@ -349,13 +312,7 @@ impl<'m> Rule<'m> {
                 u: &s.u,
                 p,
             };
-            match self.solved {
-                Some(form) => {
-                    let known = &mut s.remembered[place];
-                    form.hessian_from(&at, &s.lambda, known, &mut s.work, &mut s.hessian);
-                }
-                None => self.model.residual_hessian(&at, &s.lambda, &mut s.hessian),
-            }
+            self.model.residual_hessian(&at, &s.lambda, &mut s.hessian);
             let factors = &s.hessian_factors[first..first + map.hessian.len()];
             for (c, factor) in map.hessian.iter().zip(factors) {
                 values[c.entry as usize] += factor * s.hessian[c.source as usize];
