@@ -174,23 +174,21 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     {
         report.findings.insert(0, sentence);
     }
-    let wanted = args.diagnose || args.source.embedded();
-    let cause = match wanted && !interrupt.requested() {
-        true => {
-            progress.step("looking for the effect that the model lacks".to_owned());
-            Some(Cause::find(&entry, &dataset)?)
-        }
-        false => None,
-    };
-    if let Some(cause) = &cause {
+    let wanted = (args.diagnose || args.source.embedded()) && !interrupt.requested();
+    let cause = wanted.then(|| {
+        progress.step("looking for the effect that the model lacks".to_owned());
+        Cause::find(&entry, &dataset)
+    });
+    if let Some(Ok(cause)) = &cause {
         report.findings.insert(0, cause.sentence.clone());
     }
     drop(progress);
+    // The fit is written whatever becomes of the diagnosis.
     source::deliver(&report, &args.source.out)?;
-    if let Some(cause) = &cause {
-        cause.deliver(&args.source.out)?;
-    }
     entry.write_urdf(&best.parameters, &args.source.out)?;
+    if let Some(cause) = cause {
+        cause?.deliver(&args.source.out)?;
+    }
     Ok(match (verdict, best.status) {
         (_, Status::Interrupted) => 130,
         (Verdict::Bad, _) => 3,
