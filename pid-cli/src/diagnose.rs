@@ -126,6 +126,9 @@ pub(crate) fn summary(d: &Diagnosis) -> String {
         }
         text.push('\n');
     }
+    for b in &d.beyond_tolerance {
+        text.push_str(&format!("  outside its tolerance: {}\n", b.words()));
+    }
     if let Some(left) = &d.remainder {
         match d.effects.is_empty() {
             true => text.push_str("  no effect of the library pays on the records never fitted\n"),

@@ -57,7 +57,7 @@ pub enum Velocity {
 }
 
 /// One record, channel by channel: `q[j][k]` is joint j at sample k.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Record {
     /// Name.
     pub name: String,

@@ -10,7 +10,7 @@ use pid_runtime::dynamics::Dynamics;
 
 pub use pid_interpret::nominal::EncoderSide;
 
-use crate::plant::{GAIN, PER_JOINT};
+use crate::plant::{COULOMB, GAIN, PER_JOINT, VISCOUS};
 use crate::rigid::{Hinge, M3};
 
 /// A nominal description that cannot be used.
@@ -105,8 +105,8 @@ pub(crate) fn place(role: Role) -> Option<usize> {
         Role::Inertia(k) => Some(4 + k),
         Role::RotorInertia => Some(10),
         Role::Gain => Some(GAIN),
-        Role::Coulomb => Some(12),
-        Role::Viscous => Some(13),
+        Role::Coulomb => Some(COULOMB),
+        Role::Viscous => Some(VISCOUS),
         _ => None,
     }
 }

@@ -47,6 +47,13 @@ pub(crate) fn page(report: &Report) -> String {
                     p { "These records do not tell it apart from: " (d.confusion_set.join(", ")) "." }
                 }
                 @for e in &d.effects { section { (effect(e)) } }
+                @if !d.beyond_tolerance.is_empty() {
+                    section {
+                        h2 { "Outside its tolerance" }
+                        p { "No effect explains the records while these values stay within what the description states:" }
+                        ul { @for b in &d.beyond_tolerance { li { (b.words()) } } }
+                    }
+                }
                 section { (remainder(d)) }
                 section {
                     h2 { "How far" }
@@ -181,6 +188,10 @@ fn place(effect: &str, joint: Option<usize>) -> String {
 
 fn verdict(d: &Diagnosis) -> String {
     match d.effect.as_str() {
+        "friction" => format!(
+            "No effect is missing, but friction lies outside its stated tolerance: {}.",
+            all(d)
+        ),
         "none" => "No effect is missing beyond parameters within their tolerances.".to_owned(),
         "unknown" if d.effects.is_empty() => {
             "Something is missing, but no effect of the library explains it.".to_owned()

@@ -11,6 +11,10 @@ use crate::scalar::Scalar;
 pub const PER_JOINT: usize = 14;
 /// Place of the motor gain among the deviations of a joint.
 pub const GAIN: usize = 11;
+/// Place of Coulomb friction.
+pub const COULOMB: usize = 12;
+/// Place of viscous friction.
+pub const VISCOUS: usize = 13;
 /// Names of the deviations of one joint.
 pub const NAMES: [&str; PER_JOINT] = [
     "mass",
@@ -72,8 +76,8 @@ impl<D: Scalar> Plant<D> {
             ));
             plant.rotor.push(x(10));
             plant.gain.push(x(GAIN));
-            plant.coulomb.push(x(12));
-            plant.viscous.push(x(13));
+            plant.coulomb.push(x(COULOMB));
+            plant.viscous.push(x(VISCOUS));
         }
         plant
     }

@@ -220,7 +220,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         }
     }
 
-    /// Runs the predictor over the whole record. `sink` gets each whitened innovation with joint, sample and channel (0 position,
+    /// Runs the predictor over the whole record. `sink` gets each whitened innovation with sample, joint and channel (0 position,
     /// 1 velocity); `seen` the state at every sample, before it is corrected.
     pub fn predict(
         &mut self,

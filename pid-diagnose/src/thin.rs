@@ -1,4 +1,4 @@
-//! Long records: what is fitted is cut to the parts that decide.
+//! Long records: what is fitted and judged by is cut to the parts that decide.
 //!
 //! A fit costs time in proportion to the length of the train records and, through candidates and directions, to more than the
 //! square of the number of joints. Beyond a length the records repeat themselves. They are cut into parts of some seconds, and
@@ -9,13 +9,15 @@
 //! maximise  ln det(I + Σ_taken Σ_k φ_k φ_kᵀ / N),      φ per joint: 1, sgn v, v, v|v|, a, sin q, cos q, q, u
 //! ```
 //!
-//! each feature over its root mean square in all train records, N samples of a part. Neighbouring parts stay together. Test records
-//! are left as they are, so that the gap is that of all of them.
+//! each feature over its root mean square in all records of a role, N samples of a part. Neighbouring parts stay together. Test
+//! records are cut alike, to half that length, while effects are looked for; [`lengthen`] puts them back, so that the gap is that
+//! of all of them.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use pid_runtime::data::Role;
 
 use crate::case::{Case, Record};
+use crate::fit::{Fit, all_gains};
 
 /// Length of a part, s, at least, and in horizons.
 const PART: (f64, f64) = (4.0, 2.0);
@@ -24,40 +26,43 @@ const FEATURES: usize = 9;
 /// Samples of a part that are looked at.
 const LOOKS: usize = 200;
 
-/// The case with train records of `joint_seconds` over the number of joints in all; as it is if they are not longer.
+/// Length of the test records over that of the train records.
+const TESTS: f64 = 0.5;
+
+/// The case with train records of `joint_seconds` over the number of joints in all and test records of half that; those of a role
+/// that are not longer stay as they are.
 pub fn thin(case: &Case, joint_seconds: f64) -> Case {
     let allowed = joint_seconds / case.n() as f64;
-    let is_train = |r: &&Record| r.role == Role::Train;
-    let total: f64 = case
-        .records
-        .iter()
-        .filter(is_train)
-        .map(|r| r.len() as f64 * r.h)
-        .sum();
+    let mut out = case.clone();
+    out.records = [(Role::Train, allowed), (Role::Test, TESTS * allowed)]
+        .into_iter()
+        .flat_map(|(role, allowed)| shorten(case, role, allowed))
+        .collect();
+    out
+}
+
+/// The records of a role, cut to a length in all if they are longer.
+fn shorten(case: &Case, role: Role, allowed: f64) -> Vec<Record> {
+    let own = || {
+        case.records
+            .iter()
+            .enumerate()
+            .filter(move |r| r.1.role == role)
+    };
+    let total: f64 = own().map(|(_, r)| r.len() as f64 * r.h).sum();
     if total <= allowed {
-        return case.clone();
+        return own().map(|(_, r)| r.clone()).collect();
     }
     let length = (PART.1 * case.nominal.horizon.unwrap_or(0.0)).max(PART.0);
-    let parts: Vec<(usize, usize, usize)> = case
-        .records
-        .iter()
-        .enumerate()
-        .filter(|(_, r)| r.role == Role::Train)
+    let parts: Vec<(usize, usize, usize)> = own()
         .flat_map(|(i, r)| {
             let many = ((r.len() as f64 * r.h / length) as usize).max(1);
             (0..many).map(move |p| (i, p * r.len() / many, (p + 1) * r.len() / many))
         })
         .collect();
     let taken = choose(case, &parts, allowed);
-    let mut out = case.clone();
-    out.records = case
-        .records
-        .iter()
-        .enumerate()
+    own()
         .flat_map(|(i, record)| {
-            if record.role != Role::Train {
-                return vec![record.clone()];
-            }
             let mut spans: Vec<(usize, usize)> = Vec::new();
             for (part, _) in parts.iter().zip(&taken).filter(|(p, t)| p.0 == i && **t) {
                 match spans.last_mut() {
@@ -68,10 +73,41 @@ pub fn thin(case: &Case, joint_seconds: f64) -> Case {
             spans
                 .into_iter()
                 .map(|(from, to)| cut(record, from, to))
-                .collect()
+                .collect::<Vec<_>>()
+        })
+        .collect()
+}
+
+/// Puts the whole test records back into a case that was cut, and into its fits; `false` if they were whole. A test record of which
+/// a part was fitted stays out.
+pub fn lengthen<'a>(
+    whole: &Case,
+    case: &mut Case,
+    fits: impl Iterator<Item = &'a mut Fit>,
+) -> bool {
+    let length = |case: &Case| -> usize {
+        let tests = case.records.iter().filter(|r| r.role == Role::Test);
+        tests.map(Record::len).sum()
+    };
+    let fitted: Vec<&Record> = whole
+        .records
+        .iter()
+        .filter(|w| {
+            let mut parts = case.records.iter().filter(|r| r.role == Role::Train);
+            w.role == Role::Test && parts.any(|r| r.name == w.name)
         })
         .collect();
-    out
+    let apart = |r: &&Record| r.role == Role::Test && !fitted.iter().any(|f| f.name == r.name);
+    let tests: Vec<Record> = whole.records.iter().filter(apart).cloned().collect();
+    if tests.iter().map(Record::len).sum::<usize>() == length(case) {
+        return false;
+    }
+    case.records.retain(|r| r.role == Role::Train);
+    case.records.extend(tests);
+    for fit in fits {
+        fit.gains = all_gains(case, &fit.hypothesis, &fit.point);
+    }
+    true
 }
 
 /// Samples `from..to` of a record.
@@ -176,8 +212,8 @@ mod tests {
         }
         let whole = case.clone();
         assert_eq!(thin(&case, 48.0).records.len(), 3, "as long as is allowed");
-        let cut = thin(&case, 20.0);
-        let mut train = 0.0;
+        let mut cut = thin(&case, 20.0);
+        let (mut train, mut test) = (0.0, 0.0);
         for r in &cut.records {
             let source = whole
                 .records
@@ -193,9 +229,17 @@ mod tests {
                     "a part at rest was kept"
                 );
             } else {
-                assert_eq!(r.len(), source.len());
+                test += r.len() as f64 * r.h;
             }
         }
         assert!((16.0..=20.0).contains(&train), "{train}");
+        assert!((6.0..=10.0).contains(&test), "{test}");
+        assert!(lengthen(&whole, &mut cut, std::iter::empty()));
+        let tests = |case: &Case| -> Vec<Record> {
+            let own = case.records.iter().filter(|r| r.role == Role::Test);
+            own.cloned().collect()
+        };
+        assert_eq!(tests(&cut), tests(&whole));
+        assert!(!lengthen(&whole, &mut cut, std::iter::empty()), "whole");
     }
 }

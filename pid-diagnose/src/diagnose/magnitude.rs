@@ -135,6 +135,17 @@ fn covariances(case: &Case, fit: &Fit) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
     Some((inverse * (misfit * SHARED), sandwich))
 }
 
+/// Standard deviations of the deviations θ, in tolerances, the larger of the two that [`covariances`] gives.
+pub(super) fn deviations(case: &Case, fit: &Fit) -> Option<Vec<f64>> {
+    let (curved, blocks) = covariances(case, fit)?;
+    let variance = |i: usize| curved[(i, i)].max(blocks[(i, i)]).max(0.0);
+    Some(
+        (0..fit.point.theta.len())
+            .map(|i| variance(i).sqrt())
+            .collect(),
+    )
+}
+
 /// Whether every effect of a fit has an amplitude beyond its own standard deviation, `eᵀ C⁻¹ e > m` over its m amplitudes (A. Wald
 /// 1943), C the larger of the two [`covariances`]; an effect without an absent point is judged by its first parameter. Phases, rests
 /// and edges tell where an effect is, not that there is one.

@@ -5,6 +5,7 @@
 //! named only if it gains more than chance and multiplicity allow, on the train records and on records never fitted.
 
 mod backward;
+mod beyond;
 mod magnitude;
 mod refit;
 mod remainder;
@@ -26,7 +27,7 @@ use crate::plant::PER_JOINT;
 use crate::report::{Next, Share};
 use crate::screen::{candidates, screen};
 use crate::simulate::Hypothesis;
-use crate::thin::thin;
+use crate::thin::{lengthen, thin};
 use crate::windows;
 use backward::backward;
 use magnitude::size_in_deviations;
@@ -71,8 +72,8 @@ pub struct Settings {
     pub unexplained: f64,
     /// Mean squared innovations beyond this figure are not explained.
     pub largest_misfit: f64,
-    /// Length of the train records that is fitted, s times the number of joints; the parts that decide are taken from longer ones
-    /// (see [`thin`](crate::thin)).
+    /// Length of the train records that is fitted, s times the number of joints, and twice that of the test records that it is
+    /// judged by; the parts that decide are taken from longer ones (see [`thin`](crate::thin)).
     pub joint_seconds: f64,
 }
 
@@ -89,7 +90,7 @@ impl Default for Settings {
             least_size: 3.0,
             unexplained: 1.9,
             largest_misfit: 1.6,
-            joint_seconds: 300.0,
+            joint_seconds: 150.0,
         }
     }
 }
@@ -148,6 +149,34 @@ pub struct Remainder {
     pub missing_force: Vec<Share>,
 }
 
+/// A nominal value outside its stated tolerance.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Beyond {
+    /// Name, one of [`plant::NAMES`](crate::plant::NAMES).
+    pub parameter: String,
+    /// Joint from 1.
+    pub joint: usize,
+    /// As stated, SI units.
+    pub stated: f64,
+    /// Its tolerance.
+    pub tolerance: f64,
+    /// As found.
+    pub value: f64,
+    /// Standard deviation; `None` if the records do not determine it.
+    pub std: Option<f64>,
+}
+
+impl Beyond {
+    /// In words: which value, as found and as stated.
+    pub fn words(&self) -> String {
+        let std = self.std.map_or(String::new(), |s| format!(" ± {s:.1e}"));
+        format!(
+            "{} friction of joint {} {:.4}{std} (stated {:.4} ± {:.4})",
+            self.parameter, self.joint, self.value, self.stated, self.tolerance
+        )
+    }
+}
+
 /// The verdict and what it rests on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
@@ -183,6 +212,9 @@ pub struct Diagnosis {
     /// What is left beside the named effects; absent where the records are explained down to their noise.
     #[serde(default)]
     pub remainder: Option<Remainder>,
+    /// Friction outside its tolerance, without which no effect would explain the records.
+    #[serde(default)]
+    pub beyond_tolerance: Vec<Beyond>,
     /// Candidates, best first.
     pub ranking: Vec<Ranked>,
     /// Stated probability that the verdict is right.
@@ -239,7 +271,24 @@ const UNSEEN: f64 = 1.5;
 /// train records. Where the nominal structure follows these and not the test records, the test record it follows least is fitted
 /// too, and the gap is that of the test records left; the verdict's regime says so.
 pub fn investigate(case: &Case, settings: &Settings) -> Found {
-    let case = &thin(case, settings.joint_seconds);
+    let mut found = decide(&thin(case, settings.joint_seconds), settings);
+    let fits = [&mut found.base, &mut found.fit].into_iter();
+    if lengthen(case, &mut found.case, fits.chain(&mut found.rivals)) {
+        let (own, d) = (&found.case, &mut found.diagnosis);
+        let (before, after) = (measured(own, &found.base), measured(own, &found.fit));
+        (d.gap_before, d.gap_after) = (before.total, after.total);
+        d.gap_intervals = (before.interval(), after.interval());
+        (d.gap_joints_before, d.gap_joints) = (before.joints, after.joints);
+        if d.remainder.is_none() {
+            // Otherwise the levels are those of the model's errors.
+            d.gap_floor = noise_alone(own, &found.fit).typical;
+        }
+    }
+    found
+}
+
+/// The verdict on records of a length that can be searched.
+fn decide(case: &Case, settings: &Settings) -> Found {
     let found = once(case, settings);
     let d = &found.diagnosis;
     let unexplained = d.effects.is_empty() || d.remainder.is_some();
@@ -286,8 +335,36 @@ pub fn investigate(case: &Case, settings: &Settings) -> Found {
     again
 }
 
-/// One investigation with the roles as they are.
+/// One investigation with the roles as they are: within the tolerances, with friction outside them, and for what the library
+/// explains only in part.
 fn once(case: &Case, settings: &Settings) -> Found {
+    let clock = std::time::Instant::now();
+    let found = search(case, settings);
+    if found.diagnosis.effect != "unknown" {
+        return found;
+    }
+    let wider = beyond::wider(case, settings, &found);
+    let (mut found, stated) = match wider {
+        Some(wider) => (wider, Some(found)),
+        None => (found, None),
+    };
+    if found.diagnosis.effect == "unknown" {
+        let partial = remainder::partial(&found.case, settings, &found.base);
+        partial.describe(&mut found.diagnosis);
+        found.base = partial.base;
+        found.fit = partial.fit;
+        found.rivals = partial.ranking.into_iter().map(|r| r.fit).collect();
+        found.case = partial.case;
+    }
+    if let Some(stated) = stated {
+        beyond::describe(stated, &mut found);
+    }
+    found.diagnosis.seconds = clock.elapsed().as_secs_f64();
+    found
+}
+
+/// Forward selection with a backward check, within the tolerances of a case.
+fn search(case: &Case, settings: &Settings) -> Found {
     let clock = std::time::Instant::now();
     let mut case = case.clone();
     let basis = basis(&case);
@@ -414,19 +491,7 @@ fn once(case: &Case, settings: &Settings) -> Found {
         refits,
         clock,
     };
-    let (mut diagnosis, fit) = parts.verdict(current);
-    if diagnosis.effect == "unknown" {
-        let partial = remainder::partial(&case, settings, &base);
-        partial.describe(&mut diagnosis);
-        diagnosis.seconds = clock.elapsed().as_secs_f64();
-        return Found {
-            diagnosis,
-            base: partial.base,
-            fit: partial.fit,
-            rivals: partial.ranking.into_iter().map(|r| r.fit).collect(),
-            case: partial.case,
-        };
-    }
+    let (diagnosis, fit) = parts.verdict(current);
     Found {
         diagnosis,
         base,

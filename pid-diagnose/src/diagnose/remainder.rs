@@ -235,7 +235,7 @@ fn certainty(before: &Gap, after: &Gap) -> f64 {
 /// Probability below which a candidate is no longer mentioned as one that explains the same.
 const MENTIONED: f64 = 0.05;
 /// Share of the gap's square beyond the floor that makes the first effect the verdict.
-const MAJORITY: f64 = 0.7;
+const MAJORITY: f64 = 0.8;
 /// Confidence in a verdict beside which something is left, at most; and in `unknown`.
 const HIGHEST: f64 = 0.9;
 

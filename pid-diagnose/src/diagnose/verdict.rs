@@ -225,6 +225,7 @@ impl Parts<'_> {
             gap_joints_before: before.joints.clone(),
             missing_force: Vec::new(),
             remainder: None,
+            beyond_tolerance: Vec::new(),
             next_experiment: None,
             ranking: lines,
             confidence,
