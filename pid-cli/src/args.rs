@@ -227,6 +227,11 @@ pub(crate) struct IdentifyArgs {
     /// positive definite mass matrix in every pose. Prints what that costs and what it mends.
     #[arg(long, conflicts_with_all = ["profile", "bootstrap"])]
     pub(crate) consistent: bool,
+    /// Keep every link all of whose ten inertial parameters the model has a body of positive density while fitting: the mass matrix
+    /// is positive definite at every iterate, what the data do not determine stays near the start. For arms with all parameters
+    /// open and noisy records; one fit, where --consistent fits twice.
+    #[arg(long, conflicts_with = "consistent")]
+    pub(crate) keep_consistent: bool,
     /// Look for the effect that the model lacks as well, with the nominal values and ranges of its declaration, as `pid diagnose
     /// --model` does; its report goes to the folder `diagnosis` in that of the results. Done without asking on the embedded data.
     #[arg(long)]

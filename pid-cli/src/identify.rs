@@ -208,6 +208,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         Some(HorizonArg::Auto) | None => horizon::by_rule(dataset),
     };
     Settings {
+        consistent: args.keep_consistent,
         method,
         scheme: args.scheme,
         substeps: args.substeps,

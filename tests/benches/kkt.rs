@@ -46,6 +46,8 @@ fn problem(samples: usize) -> FullDiscretization<'static> {
         output: None,
         loss: Loss::Square,
         priors: Vec::new(),
+        bodies: Vec::new(),
+        bodies_weight: 0.0,
     };
     FullDiscretization::new(&TwoLink, &[track], setup)
 }

@@ -29,6 +29,8 @@ pub fn setup(model: &dyn Dynamics, scheme: Scheme, held: bool, linear: bool) -> 
         output: None,
         loss: Loss::Square,
         priors: Vec::new(),
+        bodies: Vec::new(),
+        bodies_weight: 0.0,
     }
 }
 

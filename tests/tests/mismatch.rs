@@ -5,8 +5,12 @@ use std::ops::ControlFlow;
 use pid_models::Arm6;
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::ident::{Settings, Weighting, identify};
+use pid_runtime::nlp::Nlp;
 use pid_runtime::solver;
-use pid_runtime::transcribe::Scheme;
+use pid_runtime::transcribe::{Body, FullDiscretization, Scheme, Setup};
+use pid_tests::derivatives::{
+    assert_derivative, dense_hessian, lagrangian_gradient, setup, window,
+};
 use pid_tests::mismatched::{follow, record};
 use pid_tests::two_link;
 
@@ -40,4 +44,115 @@ fn an_arm_with_all_parameters_free_converges_under_noise() {
         run.iterations,
         run.check.primal_inf
     );
+}
+
+/// The barrier of the links as part of the program: its derivatives against differences.
+#[test]
+fn derivatives_with_bodies_agree_with_differences() {
+    let p: Vec<f64> = Arm6.params().iter().map(|p| p.nominal).collect();
+    let bodies = Body::all(Arm6.params());
+    assert_eq!(bodies.len(), 6);
+    let setup = Setup {
+        bodies: bodies.into_iter().map(|b| b.around(&p)).collect(),
+        bodies_weight: 0.3,
+        ..setup(&Arm6, Scheme::Trapezoidal, false, false)
+    };
+    let tracks = [window(&Arm6, 1, 3)];
+    let mut problem = FullDiscretization::new(&Arm6, &tracks, setup);
+    let moved: Vec<f64> = (0..p.len())
+        .map(|k| p[k] * (1.0 + 3e-3 * (1.7 * k as f64).sin()))
+        .collect();
+    let x = problem.starting_point(&moved);
+    let mut gradient = vec![f64::NAN; x.len()];
+    problem.gradient(&x, &mut gradient);
+    assert_derivative("gradient", &gradient, &x, &mut |x| {
+        vec![problem.objective(x)]
+    });
+    // Without multipliers, whose part is tested elsewhere and large beside this one.
+    let lambda = vec![0.0; problem.m()];
+    let hessian = dense_hessian(&mut problem, &x, 0.7, &lambda);
+    assert_derivative("Hessian", &hessian, &x, &mut |x| {
+        lagrangian_gradient(&mut problem, x, 0.7, &lambda)
+    });
+}
+
+/// With links kept bodies of positive density the mass matrix is positive definite wherever the fit goes: the optimum is one whose
+/// inertias a body has, and the record of 1 000 samples converges as that of 400.
+#[test]
+fn an_arm_kept_consistent_converges_to_bodies() {
+    let dataset = record(&Arm6, &follow, 400, 0.01).expect("simulates");
+    let start: Vec<f64> = Arm6
+        .params()
+        .iter()
+        .map(|p| (0.8 * p.nominal).clamp(p.lower, p.upper))
+        .collect();
+    let settings = Settings {
+        weighting: Weighting::Spread,
+        consistent: true,
+        solver: solver::Settings {
+            max_iterations: 300,
+            ..Settings::default().solver
+        },
+        ..two_link::settings(Scheme::Trapezoidal)
+    };
+    let found = identify(&Arm6, &dataset, &settings, Some(&start), &mut |_| {
+        ControlFlow::Continue(())
+    })
+    .expect("identifies");
+    let run = found.best();
+    assert!(
+        run.status.converged() && run.check.primal_inf < 1e-6,
+        "{} after {} iterations, violation {:e}",
+        run.status.reason(),
+        run.iterations,
+        run.check.primal_inf
+    );
+    let bodies = Body::all(Arm6.params());
+    assert!(bodies.iter().all(|b| b.holds(&run.parameters)));
+    // J is that of the data alone: the mean of the weighted squares of the fitted motion.
+    let e = &dataset.experiments[0];
+    let v = e.v.as_ref().expect("measured");
+    let channels: Vec<Vec<f64>> = (0..12)
+        .map(|c| {
+            let of = if c < 6 { &e.q } else { v };
+            of.iter().skip(c % 6).step_by(6).copied().collect()
+        })
+        .collect();
+    let mut j = 0.0;
+    for (c, measured) in channels.iter().enumerate() {
+        let n = measured.len() as f64;
+        let mean = measured.iter().sum::<f64>() / n;
+        let spread: f64 = measured.iter().map(|x| (x - mean) * (x - mean)).sum();
+        let fitted = found.motion.iter().skip(c).step_by(12);
+        let squares: f64 = measured
+            .iter()
+            .zip(fitted)
+            .map(|(m, f)| (m - f) * (m - f))
+            .sum();
+        j += squares / spread;
+    }
+    assert!(
+        (run.objective / j - 1.0).abs() < 1e-9,
+        "{} {j}",
+        run.objective
+    );
+}
+
+#[test]
+fn held_inertias_that_no_body_has_are_refused() {
+    let dataset = record(&Arm6, &follow, 50, 0.01).expect("simulates");
+    let mut start: Vec<f64> = Arm6.params().iter().map(|p| p.nominal).collect();
+    let forearm = &Body::all(Arm6.params())[2];
+    start[forearm.parameters()[4]] = 9.0;
+    let settings = Settings {
+        consistent: true,
+        // All but the mass: nothing that is free makes up for it.
+        hold: forearm.parameters()[1..].to_vec(),
+        ..two_link::settings(Scheme::Trapezoidal)
+    };
+    let refused = identify(&Arm6, &dataset, &settings, Some(&start), &mut |_| {
+        ControlFlow::Continue(())
+    });
+    let error = refused.expect_err("no body").to_string();
+    assert!(error.contains("`l3`") && error.contains("help"), "{error}");
 }

@@ -67,6 +67,8 @@ fn setup() -> Setup {
         output: None,
         loss: Loss::Square,
         priors: Vec::new(),
+        bodies: Vec::new(),
+        bodies_weight: 0.0,
     }
 }
 

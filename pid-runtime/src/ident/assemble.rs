@@ -4,7 +4,7 @@ use super::{IdentError, InitialState, Settings, Weighting};
 use crate::data::{Dataset, Experiment, InputHold, Role, windows};
 use crate::dynamics::{At, Hessian};
 use crate::signal::{StateEstimate, state_from_data};
-use crate::transcribe::{Loss, Setup, Track};
+use crate::transcribe::{Body, Loss, Setup, Track};
 
 /// Windows of the training records and what is asked of their transcription.
 #[derive(Clone)]
@@ -41,7 +41,12 @@ pub(super) fn assemble(
             ));
         }
         for range in windows(experiment, settings.horizon) {
-            tracks.push(track(experiment, &state, range, held)?);
+            tracks.push(track(
+                experiment,
+                &state,
+                range,
+                (held, settings.consistent),
+            )?);
             records.push(record);
         }
     }
@@ -73,6 +78,11 @@ pub(super) fn assemble(
         output: None,
         loss,
         priors,
+        bodies_weight: match settings.likelihood {
+            Some(_) => STATED,
+            None => UNSTATED,
+        },
+        bodies: bodies(model, settings, start, (&lower, &upper))?,
         lower: lower.clone(),
         upper: upper.clone(),
     };
@@ -84,6 +94,48 @@ pub(super) fn assemble(
         fixed,
         notes,
     })
+}
+
+/// Weight of a link's divergence from the start at the solution, in the objective times N: where noise levels are stated, that of a
+/// reading one standard deviation off; otherwise that of a reading off by 3 % of the spread of its channel.
+const STATED: f64 = 1.0;
+const UNSTATED: f64 = 1e-3;
+
+/// The links that stay bodies of positive density; the start must be such.
+fn bodies(
+    model: &dyn Hessian,
+    settings: &Settings,
+    start: &[f64],
+    (lower, upper): (&[f64], &[f64]),
+) -> Result<Vec<Body>, IdentError> {
+    if !settings.consistent {
+        return Ok(Vec::new());
+    }
+    let mut bodies = Body::all(model.params());
+    // Nothing can be done about a link whose parameters are all held.
+    bodies.retain(|b| b.parameters().iter().any(|j| lower[*j] < upper[*j]));
+    let inside = with_bodies(&bodies, start, lower, upper);
+    match bodies.iter().find(|b| !b.holds(&inside)) {
+        Some(body) => Err(IdentError::NoBody {
+            link: body.name().to_owned(),
+        }),
+        None => Ok(bodies.into_iter().map(|b| b.around(&inside)).collect()),
+    }
+}
+
+/// A start whose links are bodies, as near as bounds allow.
+pub(super) fn with_bodies(
+    bodies: &[Body],
+    start: &[f64],
+    lower: &[f64],
+    upper: &[f64],
+) -> Vec<f64> {
+    let mut p = start.to_vec();
+    bodies.iter().for_each(|b| b.lift(&mut p));
+    for ((p, lower), upper) in p.iter_mut().zip(lower).zip(upper) {
+        *p = p.clamp(*lower, *upper);
+    }
+    p
 }
 
 /// Coordinates whose value nothing depends on and that no record reads more than once (as that of a lagging velocity reading,
@@ -117,12 +169,12 @@ fn anchor(track: &mut Track, j: usize, nq: usize) {
     track.weights[j] = if velocity > 0.0 { velocity } else { 1.0 };
 }
 
-/// A window as the discretization wants it.
+/// A window as the discretization wants it. `held`: the initial state is; `smooth`: states start filtered.
 fn track(
     experiment: &Experiment,
     state: &StateEstimate,
     range: std::ops::Range<usize>,
-    held: bool,
+    (held, smooth): (bool, bool),
 ) -> Result<Track, IdentError> {
     let (nq, nu, first) = (experiment.nq, experiment.nu(), range.start);
     let mut track = Track {
@@ -142,9 +194,12 @@ fn track(
         let or = |value: f64, other: f64| if value.is_nan() { other } else { value };
         track
             .guess
-            .extend((0..nq).map(|j| or(q[j], state.q[row.start + j])));
+            .extend((0..nq).map(|j| match smooth && !(held && k == first) {
+                true => state.q[row.start + j],
+                false => or(q[j], state.q[row.start + j]),
+            }));
         // A window that starts at its record takes the filtered velocity: a single sample is noisy.
-        let filtered = held && k == first;
+        let filtered = smooth || held && k == first;
         let velocity = |j: usize| if filtered { f64::NAN } else { known(j) };
         track
             .guess

@@ -93,6 +93,14 @@ pub enum IdentError {
         /// The pivot.
         pivot: f64,
     },
+    /// A start that no body can have, and bounds or held values that keep it from one.
+    #[error(
+        "the inertial parameters of link `{link}` at the start are not those of a body with a positive density, and their bounds or held values allow none near it\n  help: change the start or the held values, widen the ranges, or fit without physical consistency"
+    )]
+    NoBody {
+        /// The link.
+        link: String,
+    },
     /// Windows without an input.
     #[error(
         "experiment `{experiment}` has an empty cell in an input column (row {row}); a simulation cannot go over it\n  help: fill the input, or split the record there"

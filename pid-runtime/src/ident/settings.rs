@@ -78,6 +78,11 @@ pub struct Settings {
     pub likelihood: Option<Likelihood>,
     /// Positions of parameters that are held at their start beside those marked `fixed`.
     pub hold: Vec<usize>,
+    /// Whether links all of whose ten inertial parameters the model has stay bodies of positive density while the fit runs
+    /// ([`crate::transcribe::Body`]): every iterate then has a positive definite mass matrix. What
+    /// the data do not determine stays near the start, states start from the filtered record, and parameters that multiply inputs
+    /// are held in the preparing fit. Full discretization and shooting.
+    pub consistent: bool,
     /// Whether the covariance is of the sandwich form, from the scatter of the windows' gradients; needs twice as many windows
     /// as free parameters, otherwise that of the Hessian stands.
     pub sandwich: bool,
@@ -114,6 +119,7 @@ impl Default for Settings {
             weighting: Weighting::Spread,
             likelihood: None,
             hold: Vec::new(),
+            consistent: false,
             sandwich: false,
             starts: 1,
             sampling: Sampling::Around,

@@ -1,6 +1,7 @@
 //! Single and multiple shooting over the training windows, from every start.
 
-use super::assemble::{Assembled, assemble};
+use super::assemble::{Assembled, assemble, with_bodies};
+use super::full::gains;
 use super::starts::Report;
 use super::trajectory::{Reached, from_starts, reached};
 use super::{Callback, IdentError, Identification, Settings};
@@ -57,6 +58,8 @@ fn solve(
     report: &mut Report<'_>,
 ) -> Reached {
     let started = Instant::now();
+    let setup = &assembled.setup;
+    let start = &with_bodies(&setup.bodies, start, &setup.lower, &setup.upper);
     let mut x0 = problem.starting_point(start);
     let mut iterations = 0;
     if settings.prepare {
@@ -69,7 +72,11 @@ fn solve(
             max_iterations: 100,
             ..settings.solver.clone()
         };
-        let mut fit = ResidualFit::new(&mut full, &point);
+        let held = match settings.consistent {
+            true => gains(model),
+            false => Vec::new(),
+        };
+        let mut fit = ResidualFit::new(&mut full, &point).holding(&held);
         let mut kkt = SparseKkt::new(&fit);
         let mut news = |line: &_, _: &[f64]| report("fitting the residual", line);
         let prepared = ip::solve(&mut fit, &mut kkt, &point[first..], &options, &mut news);
@@ -125,7 +132,7 @@ fn solve(
     }
     let mut kkt = ShootingKkt::from(&*problem);
     let mut news = |line: &_, _: &[f64]| report("solving", line);
-    let solution = solver::solve(
+    let mut solution = solver::solve(
         problem,
         &mut kkt,
         &x0,
@@ -134,5 +141,6 @@ fn solve(
         &mut news,
     );
     let motion = problem.states(&solution.x).unwrap_or_default();
+    solution.objective -= problem.barrier(&solution.x);
     reached(problem, index, start, solution, motion, iterations, started)
 }

@@ -91,4 +91,16 @@ pub trait Nlp {
     fn hessian_pattern(&self) -> &SparsePattern;
     /// Values of ∇²(σ f + λᵀ c).
     fn hessian(&mut self, x: &[f64], sigma: f64, lambda: &[f64], values: &mut [f64]);
+    /// Told by a barrier method when its parameter changes, in units of the objective: a program that keeps to the inside of a set
+    /// by a barrier of its own weighs it anew. True if the objective changed with it.
+    fn barrier_changed(&mut self, mu: f64) -> bool {
+        let _ = mu;
+        false
+    }
+    /// Largest step length up to 1 along `d` that stays inside such a set, `share` of the way to its boundary where that is nearer
+    /// than 1.
+    fn longest_step(&self, x: &[f64], d: &[f64], share: f64) -> f64 {
+        let _ = (x, d, share);
+        1.0
+    }
 }

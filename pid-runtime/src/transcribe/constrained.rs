@@ -266,6 +266,15 @@ fn place(state: Option<usize>, first_p: usize, nx: usize, i: usize) -> Option<us
 }
 
 impl<P: States> Nlp for Constrained<P> {
+    fn barrier_changed(&mut self, mu: f64) -> bool {
+        self.inner.barrier_changed(mu)
+    }
+
+    fn longest_step(&self, x: &[f64], d: &[f64], share: f64) -> f64 {
+        let n = self.inner.n();
+        self.inner.longest_step(&x[..n], &d[..n], share)
+    }
+
     fn n(&self) -> usize {
         self.n
     }

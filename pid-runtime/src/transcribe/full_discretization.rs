@@ -10,6 +10,7 @@
 //! the implicit residual times h / M_jj, so that all rows are changes of state: nothing is inverted, and the problem is
 //! affine in the inertial parameters.
 
+use super::bodies::{Barrier, Body};
 use super::explicit_form::ExplicitForm;
 use super::fit::{Fit, FitScratch, Output};
 use super::loss::{Loss, Prior, prior_terms};
@@ -78,6 +79,10 @@ pub struct Setup {
     pub loss: Loss,
     /// Prior knowledge of parameters; meant for weights of one over the variance of the noise.
     pub priors: Vec<Prior>,
+    /// Links that stay bodies of positive density; starts must be such.
+    pub bodies: Vec<Body>,
+    /// Smallest weight of what their barrier adds to the objective times the number of samples.
+    pub bodies_weight: f64,
 }
 
 /// Second derivatives given to the solver.
@@ -117,6 +122,7 @@ pub struct FullDiscretization<'m> {
     fit: Fit,
     fit_scratch: FitScratch,
     start: Vec<f64>,
+    barrier: Barrier,
     /// 1/N.
     share: f64,
     u: Vec<f64>,
@@ -169,7 +175,7 @@ impl<'m> FullDiscretization<'m> {
             windows: Layout::windows(nx, ny, &lengths, setup.hold_initial),
             step_jacobian: rule.expansion().step_jacobian.clone(),
             step_hessian: step_hessian(&rule, nx, dims.np, setup.output.is_some()),
-            parameter_hessian: parameter_hessian(&rule, dims.np, setup.output.is_some()),
+            parameter_hessian: parameter_hessian(&rule, dims.np, &setup),
         };
         let samples: usize = tracks.iter().map(|t| t.t.len()).sum();
         let mut fit = Fit::new(nx, dims.np, setup.output.clone(), setup.loss, samples);
@@ -241,6 +247,7 @@ impl<'m> FullDiscretization<'m> {
         let scratch = (0..steps.len().div_ceil(chunk))
             .map(|_| rule.lane_scratch())
             .collect();
+        let barrier = Barrier::new(&setup.bodies, setup.bodies_weight / samples.max(1) as f64);
         Self {
             jacobian_pattern: layout.jacobian_pattern(),
             hessian_pattern: layout.hessian_pattern(),
@@ -254,6 +261,7 @@ impl<'m> FullDiscretization<'m> {
             fit_scratch: fit.scratch(),
             fit,
             start,
+            barrier,
             share: 1.0 / samples.max(1) as f64,
             u,
             chunk,
@@ -459,6 +467,46 @@ impl<'m> FullDiscretization<'m> {
         }
     }
 
+    /// Adds σ ∂² of the bodies' barrier.
+    fn barrier_hessian(&self, sigma: f64, parameters: &mut [f64]) {
+        let mut at = self.rule.expansion().parameter_hessian.len();
+        self.barrier_curvature(|_, _, value| {
+            parameters[at] += sigma * value;
+            at += 1;
+        });
+    }
+
+    /// ∂² of the bodies' barrier at the parameters last loaded: row, column and value by the variables.
+    pub(super) fn barrier_curvature(&self, mut add: impl FnMut(usize, usize, f64)) {
+        let scale = &self.setup.scale;
+        self.barrier.hessian(&self.parameters, |i, j, value| {
+            add(i, j, value * scale[i] * scale[j]);
+        });
+    }
+
+    /// Adds ∂ of the bodies' barrier by the parameters' variables, at the parameters last loaded.
+    pub(super) fn barrier_gradient(&self, gradient: &mut [f64]) {
+        self.barrier.value(&self.parameters, |j, slope| {
+            gradient[j] += slope * self.setup.scale[j];
+        });
+    }
+
+    /// Largest step of the parameters' variables inside the bodies' domain.
+    pub(super) fn longest_parameter_step(&self, p: &[f64], d: &[f64], share: f64) -> f64 {
+        if self.setup.bodies.is_empty() {
+            return 1.0;
+        }
+        let scale = &self.setup.scale;
+        let of = |x: &[f64]| -> Vec<f64> { x.iter().zip(scale).map(|(x, s)| x * s).collect() };
+        self.barrier.longest(&of(p), &of(d), share)
+    }
+
+    /// What the bodies' barrier adds to the objective at a point.
+    pub fn barrier(&mut self, x: &[f64]) -> f64 {
+        self.load_parameters(x);
+        self.barrier.value(&self.parameters, |_, _| {})
+    }
+
     /// Adds σ ∂² of the priors to the diagonal between parameters.
     fn prior_hessian(&self, sigma: f64, parameters: &mut [f64]) {
         let scale = &self.setup.scale;
@@ -515,10 +563,12 @@ fn step_hessian(rule: &Rule<'_>, nx: usize, np: usize, mapped: bool) -> Vec<(u32
     entries
 }
 
-/// Entries between parameters: those of the rule, then, for outputs that are not the state, the lower triangle.
-fn parameter_hessian(rule: &Rule<'_>, np: usize, mapped: bool) -> Vec<(u32, u32)> {
+/// Entries between parameters: those of the rule, then those of the bodies, then, for outputs that are not the state, the lower
+/// triangle.
+fn parameter_hessian(rule: &Rule<'_>, np: usize, setup: &Setup) -> Vec<(u32, u32)> {
     let mut entries = rule.expansion().parameter_hessian.clone();
-    if mapped {
+    entries.extend(Barrier::pattern(&setup.bodies));
+    if setup.output.is_some() {
         let triangle = (0..np as u32).flat_map(|i| (0..=i).map(move |j| (i, j)));
         entries.extend(triangle);
     }
@@ -628,13 +678,15 @@ impl Nlp for FullDiscretization<'_> {
         let fit = &self.fit;
         let value = |(k, &at): (usize, &usize)| fit.value(k, &x[at..at + nx], p, scratch);
         let data: f64 = self.nodes.iter().enumerate().map(value).sum();
-        data + prior_terms(&self.setup.priors, p, self.share, |_, _, _| {})
+        let priors = prior_terms(&self.setup.priors, p, self.share, |_, _, _| {});
+        data + priors + self.barrier.value(p, |_, _| {})
     }
 
     fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) {
         self.load_parameters(x);
         gradient.fill(0.0);
         let (nx, first) = (self.layout.nx, self.layout.p());
+        self.barrier_gradient(&mut gradient[first..]);
         let scratch = &mut self.fit_scratch;
         let scale = &self.setup.scale;
         prior_terms(
@@ -716,6 +768,7 @@ impl Nlp for FullDiscretization<'_> {
             }
         }
         self.prior_hessian(sigma, parameters);
+        self.barrier_hessian(sigma, parameters);
         if self.setup.curvature == Curvature::GaussNewton {
             steps.fill(0.0);
             self.output_hessian(x, sigma, steps, parameters);
@@ -742,5 +795,14 @@ impl Nlp for FullDiscretization<'_> {
             scratch.add_parameter_hessian(parameters);
         }
         self.output_hessian(x, sigma, steps, parameters);
+    }
+
+    fn barrier_changed(&mut self, mu: f64) -> bool {
+        self.barrier.set(mu)
+    }
+
+    fn longest_step(&self, x: &[f64], d: &[f64], share: f64) -> f64 {
+        let p = self.layout.p();
+        self.longest_parameter_step(&x[p..], &d[p..], share)
     }
 }

@@ -1,5 +1,6 @@
 //! Identification problems as sparse nonlinear programs.
 
+mod bodies;
 mod butcher;
 mod constrained;
 mod expansion;
@@ -15,6 +16,7 @@ mod step;
 mod step_lanes;
 mod tableau;
 
+pub use bodies::Body;
 pub use constrained::{Constrained, Constraint, ConstraintError, Place, Sense, States};
 pub use explicit_form::ExplicitForm;
 pub use fit::Output;

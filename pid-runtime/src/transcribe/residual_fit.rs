@@ -21,6 +21,7 @@ pub struct ResidualFit<'a, 'm> {
     columns: Vec<(u32, u32, u32)>,
     empty: SparsePattern,
     pattern: SparsePattern,
+    held: Vec<usize>,
 }
 
 impl<'a, 'm> ResidualFit<'a, 'm> {
@@ -46,8 +47,16 @@ impl<'a, 'm> ResidualFit<'a, 'm> {
             columns,
             empty: SparsePattern::default(),
             pattern,
+            held: Vec::new(),
             problem,
         }
+    }
+
+    /// Holds parameters at their start.
+    #[must_use]
+    pub fn holding(mut self, parameters: &[usize]) -> Self {
+        self.held = parameters.to_vec();
+        self
     }
 
     fn load(&mut self, p: &[f64]) {
@@ -72,12 +81,15 @@ impl Nlp for ResidualFit<'_, '_> {
         let first = self.problem.layout().p();
         lower.copy_from_slice(&l[first..]);
         upper.copy_from_slice(&u[first..]);
+        for &j in &self.held {
+            (lower[j], upper[j]) = (self.point[first + j], self.point[first + j]);
+        }
     }
 
     fn objective(&mut self, p: &[f64]) -> f64 {
         self.load(p);
         self.problem.constraints(&self.point, &mut self.c);
-        0.5 * self.c.iter().map(|c| c * c).sum::<f64>()
+        0.5 * self.c.iter().map(|c| c * c).sum::<f64>() + self.problem.barrier(&self.point)
     }
 
     fn gradient(&mut self, p: &[f64], gradient: &mut [f64]) {
@@ -88,6 +100,7 @@ impl Nlp for ResidualFit<'_, '_> {
         for &(k, row, col) in &self.columns {
             gradient[col as usize] += self.jacobian[k as usize] * self.c[row as usize];
         }
+        self.problem.barrier_gradient(gradient);
     }
 
     fn constraints(&mut self, _: &[f64], _: &mut [f64]) {}
@@ -110,6 +123,9 @@ impl Nlp for ResidualFit<'_, '_> {
             .hessian(&self.point, 0.0, &self.c, &mut self.hessian);
         values.fill(0.0);
         let at = |i: u32, j: u32| (i.max(j) * (i.max(j) + 1) / 2 + i.min(j)) as usize;
+        self.problem.barrier_curvature(|i, j, value| {
+            values[at(i as u32, j as u32)] += sigma * value;
+        });
         let layout = self.problem.layout();
         let offset = layout.parameter_values();
         for (k, &(i, j)) in layout.parameter_hessian.iter().enumerate() {
@@ -127,5 +143,13 @@ impl Nlp for ResidualFit<'_, '_> {
             }
             rest = after;
         }
+    }
+
+    fn barrier_changed(&mut self, mu: f64) -> bool {
+        self.problem.barrier_changed(mu)
+    }
+
+    fn longest_step(&self, p: &[f64], d: &[f64], share: f64) -> f64 {
+        self.problem.longest_parameter_step(p, d, share)
     }
 }

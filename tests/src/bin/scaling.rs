@@ -2,7 +2,7 @@
 //! friction that the model lacks.
 //!
 //! ```text
-//! scaling [--two-link N,N,…] [--arm N,N,…] [--limit SECONDS]
+//! scaling [--two-link N,N,…] [--arm N,N,…] [--limit SECONDS] [--consistent true] [--verbose true]
 //! ```
 //!
 //! The two-link robot moves under sums of sines at 50 Hz, the six-axis arm (84 parameters) under inverse-dynamics control at 100 Hz;
@@ -26,7 +26,7 @@ type Failure = Box<dyn std::error::Error>;
 
 fn main() -> Result<(), Failure> {
     let mut sizes = [vec![1_000, 10_000, 100_000], vec![1_000, 10_000]];
-    let mut limit = 600.0;
+    let (mut limit, mut consistent, mut verbose) = (600.0, false, false);
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         let value = args
@@ -39,6 +39,8 @@ fn main() -> Result<(), Failure> {
         match arg.as_str() {
             "--two-link" => sizes[0] = list()?,
             "--arm" => sizes[1] = list()?,
+            "--consistent" => consistent = value.parse()?,
+            "--verbose" => verbose = value.parse()?,
             "--limit" => limit = value.parse()?,
             other => {
                 return Err(format!("unknown option {other}; see the head of this file").into());
@@ -64,7 +66,7 @@ fn main() -> Result<(), Failure> {
             "samples  iterations            J   seconds  ms/iteration  µs/iteration/sample  peak MiB"
         );
         for &samples in sizes {
-            grow(model, control, samples, step, limit)?;
+            grow(model, control, samples, step, (limit, consistent, verbose))?;
         }
     }
     Ok(())
@@ -75,7 +77,7 @@ fn grow(
     control: &Control,
     samples: usize,
     step: f64,
-    limit: Duration,
+    (limit, consistent, verbose): (Duration, bool, bool),
 ) -> Result<(), Failure> {
     let dataset = record(model, control, samples, step)?;
     let start: Vec<f64> = model
@@ -85,6 +87,7 @@ fn grow(
         .collect();
     let settings = Settings {
         weighting: Weighting::Spread,
+        consistent,
         solver: solver::Settings {
             max_time: Some(limit),
             ..Settings::default().solver
@@ -92,7 +95,10 @@ fn grow(
         ..two_link::settings(Scheme::Trapezoidal)
     };
     let clock = ProcessTime::now();
-    let found = identify(model, &dataset, &settings, Some(&start), &mut |_| {
+    let found = identify(model, &dataset, &settings, Some(&start), &mut |news| {
+        if verbose {
+            println!("{} {}", &news.phase[..4], news.iteration.line());
+        }
         ControlFlow::Continue(())
     })?;
     let run = found.best();

@@ -179,7 +179,7 @@ impl Solver<'_> {
     /// Mehrotra's centring parameter from the affine step.
     fn probe(&mut self, mean: f64) -> f64 {
         self.step_for(0.0);
-        let primal = self.bounds.fraction(&self.current.x, &self.dx, 1.0);
+        let primal = self.fraction(&self.dx, 1.0);
         let dual = self.dual_fraction_to(1.0);
         let mut sum = 0.0;
         for j in 0..self.n {
@@ -245,7 +245,7 @@ impl Solver<'_> {
                 self.dz_lower[j] = mix(1, j);
                 self.dz_upper[j] = mix(2, j);
             }
-            let alpha = self.bounds.fraction(&self.current.x, &self.dx, tau);
+            let alpha = self.fraction(&self.dx, tau);
             let alpha_dual = self.dual_fraction_to(tau);
             let mut sum = 0.0;
             for j in 0..self.n {

@@ -131,16 +131,20 @@ impl Nlp for Feasibility<'_> {
             *v = sigma * self.zeta * metric;
         }
     }
+
+    fn barrier_changed(&mut self, mu: f64) -> bool {
+        self.zeta = mu.sqrt();
+        true
+    }
+
+    fn longest_step(&self, x: &[f64], d: &[f64], share: f64) -> f64 {
+        self.inner.longest_step(&x[..self.n], &d[..self.n], share)
+    }
 }
 
 impl Program for Feasibility<'_> {
     fn visible(&self) -> usize {
         self.inner.visible()
-    }
-
-    fn barrier_changed(&mut self, mu: f64) -> bool {
-        self.zeta = mu.sqrt();
-        true
     }
 
     fn close(&mut self, x: &mut [f64], c: &[f64], mu: f64) -> bool {

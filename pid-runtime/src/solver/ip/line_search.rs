@@ -67,7 +67,7 @@ impl Solver<'_> {
 
     /// The full step without any test; `None` if it cannot be evaluated.
     pub(super) fn full_step(&mut self) -> Option<Accepted> {
-        let alpha = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
+        let alpha = self.fraction(&self.dx, self.tau());
         self.move_trial(alpha, false);
         self.trial.is_finite().then_some(Accepted {
             alpha,
@@ -160,7 +160,7 @@ impl Solver<'_> {
             && largest(&self.dx) < SHORTER * previous
         {
             previous = largest(&self.dx);
-            let full = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
+            let full = self.fraction(&self.dx, self.tau());
             if let Some(accepted) = self.backtrack(false, self.settings.patience) {
                 if accepted.alpha < 0.9 * full && accepted.kind != 's' {
                     self.radius = self.radius.min(2.0 * length * accepted.alpha / full);
@@ -184,7 +184,7 @@ impl Solver<'_> {
             return self.soft_step();
         }
         if let Some(mut watchdog) = self.watchdog.take() {
-            let alpha = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
+            let alpha = self.fraction(&self.dx, self.tau());
             self.move_trial(alpha, false);
             let judged = self.judge_from(watchdog.point.theta, 1.0, watchdog.slope, watchdog.phi);
             if let Some(decrease) = judged {
@@ -214,7 +214,7 @@ impl Solver<'_> {
         if begin {
             let slope = self.slope();
             let phi = self.barrier_objective(&self.current);
-            let alpha = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
+            let alpha = self.fraction(&self.dx, self.tau());
             self.move_trial(alpha, false);
             if self.trial.is_finite() && self.judge(alpha, slope, phi).is_none() {
                 self.watchdog = Some(Box::new(Watchdog {
@@ -256,7 +256,7 @@ impl Solver<'_> {
     fn backtrack(&mut self, returned: bool, most: usize) -> Option<Accepted> {
         let slope = self.slope();
         let phi = self.barrier_objective(&self.current);
-        let largest = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
+        let largest = self.fraction(&self.dx, self.tau());
         // Below relative rounding of x a step cannot be told from none.
         let rounding = 10.0 * f64::EPSILON;
         let smallest = self.smallest_step(slope).max(rounding * 1e-3);
@@ -347,9 +347,7 @@ impl Solver<'_> {
                 &mut self.correction_lambda,
             );
             self.seconds.linear += start.elapsed().as_secs_f64();
-            let along = self
-                .bounds
-                .fraction(&self.current.x, &self.correction, self.tau());
+            let along = self.fraction(&self.correction, self.tau());
             self.move_trial(along, true);
             *trials += 1;
             if let Some(decrease) = self.judge(alpha, slope, phi) {

@@ -228,6 +228,7 @@ impl<'a> Solver<'a> {
     }
 
     fn run(&mut self, callback: &mut Callback<'_>) -> Status {
+        self.problem.barrier_changed(self.mu);
         if let Err(status) = self.start() {
             return status;
         }
@@ -341,6 +342,12 @@ impl<'a> Solver<'a> {
 
     fn tau(&self) -> f64 {
         TAU_MIN.max(1.0 - self.mu)
+    }
+
+    /// Largest step length up to 1 along `d` that keeps to the inside of the bounds, and of what the program keeps to by itself.
+    fn fraction(&self, d: &[f64], tau: f64) -> f64 {
+        let within = self.bounds.fraction(&self.current.x, d, tau);
+        within.min(self.problem.longest_step(&self.current.x, d, tau))
     }
 
     /// φ_μ at an iterate.

@@ -20,12 +20,6 @@ pub(super) trait Program: Nlp {
         self.n()
     }
 
-    /// Told when the barrier parameter changes; true if the objective changed with it.
-    fn barrier_changed(&mut self, mu: f64) -> bool {
-        let _ = mu;
-        false
-    }
-
     /// Moves the slacks of a trial point to the values of their rows, as far as the bounds and the current point allow, and
     /// corrects c and θ. False if there are none or nothing changed.
     fn reset_slacks(&mut self, trial: &mut Iterate, current: &[f64], tau: f64) -> bool {

@@ -43,7 +43,7 @@ impl Solver<'_> {
             self.factorise_system().ok()?;
             self.solve_system();
             let tau = self.tau();
-            let mut alpha = self.bounds.fraction(&self.current.x, &self.dx, tau);
+            let mut alpha = self.fraction(&self.dx, tau);
             loop {
                 for ((t, x), d) in self.trial.x.iter_mut().zip(&self.current.x).zip(&self.dx) {
                     *t = x + alpha * d;

@@ -52,7 +52,7 @@ impl Solver<'_> {
             self.soft = 0;
             return None;
         }
-        let primal = self.bounds.fraction(&self.current.x, &self.dx, self.tau());
+        let primal = self.fraction(&self.dx, self.tau());
         let alpha = primal.min(self.dual_fraction());
         for ((t, x), d) in self.trial.x.iter_mut().zip(&self.current.x).zip(&self.dx) {
             *t = x + alpha * d;

@@ -63,6 +63,8 @@ impl<'a> Standard<'a> {
             .collect();
 
         let mut gradient = vec![0.0; n];
+        // A barrier of the program's own is no part of what is scaled.
+        inner.barrier_changed(0.0);
         inner.gradient(&x, &mut gradient);
         let steepest = (0..n)
             .filter(|&j| !original.fixed[j])
@@ -201,6 +203,14 @@ impl Nlp for Standard<'_> {
         } else {
             self.inner.hessian(x, sigma, lambda, values);
         }
+    }
+
+    fn barrier_changed(&mut self, mu: f64) -> bool {
+        self.inner.barrier_changed(mu / self.f_scale)
+    }
+
+    fn longest_step(&self, x: &[f64], d: &[f64], share: f64) -> f64 {
+        self.inner.longest_step(&x[..self.n], &d[..self.n], share)
     }
 }
 

@@ -24,6 +24,7 @@ mod stepper;
 
 pub use kkt::ShootingKkt;
 
+use super::bodies::Barrier;
 use super::fit::Fit;
 use super::full_discretization::{Curvature, Setup, Track};
 use super::loss::prior_terms;
@@ -95,6 +96,7 @@ pub struct Shooting<'m> {
     rule: Rule<'m>,
     records: Records,
     fit: Fit,
+    barrier: Barrier,
     setup: Setup,
     stepping: Stepping,
     chains: Vec<Chain>,
@@ -226,6 +228,7 @@ impl<'m> Shooting<'m> {
             parallel: records.t.len() >= PARALLEL_INTERVALS && arcs.len() > 1,
             records,
             fit,
+            barrier: Barrier::new(&setup.bodies, setup.bodies_weight / samples.max(1) as f64),
             setup,
             stepping,
             chains,
@@ -248,6 +251,17 @@ impl<'m> Shooting<'m> {
     /// The setup the program was built with.
     pub fn setup(&self) -> &Setup {
         &self.setup
+    }
+
+    /// What the bodies' barrier adds to the objective at a point.
+    pub fn barrier(&self, x: &[f64]) -> f64 {
+        let p = &x[self.n - self.np..];
+        let p: Vec<f64> = p
+            .iter()
+            .zip(&self.setup.scale)
+            .map(|(p, s)| p * s)
+            .collect();
+        self.barrier.value(&p, |_, _| {})
     }
 
     /// Number of samples in all windows.
@@ -455,7 +469,8 @@ impl Nlp for Shooting<'_> {
         self.evaluate(x, Level::Motion);
         let (fit, p) = (&self.fit, &self.parameters);
         let data: f64 = self.arcs.iter_mut().map(|arc| arc.objective(fit, p)).sum();
-        data + prior_terms(&self.setup.priors, p, self.share(), |_, _, _| {})
+        let priors = prior_terms(&self.setup.priors, p, self.share(), |_, _, _| {});
+        data + priors + self.barrier.value(p, |_, _| {})
     }
 
     fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) {
@@ -477,6 +492,9 @@ impl Nlp for Shooting<'_> {
             self.share(),
             |j, slope, _| gradient[p + j] += slope * self.setup.scale[j],
         );
+        self.barrier.value(&self.parameters, |j, slope| {
+            gradient[p + j] += slope * self.setup.scale[j];
+        });
     }
 
     fn constraints(&mut self, x: &[f64], c: &mut [f64]) {
@@ -546,6 +564,10 @@ impl Nlp for Shooting<'_> {
                     curvature * self.setup.scale[j] * self.setup.scale[j];
             },
         );
+        self.barrier.hessian(&self.parameters, |i, j, value| {
+            parameters[i * (i + 1) / 2 + j] +=
+                sigma * value * self.setup.scale[i] * self.setup.scale[j];
+        });
         for (arc, out) in self.arcs.iter().zip(nodes.chunks_exact_mut(size)) {
             let mut k = 0;
             for i in 0..nz {
@@ -562,5 +584,18 @@ impl Nlp for Shooting<'_> {
                 }
             }
         }
+    }
+
+    fn barrier_changed(&mut self, mu: f64) -> bool {
+        self.barrier.set(mu)
+    }
+
+    fn longest_step(&self, x: &[f64], d: &[f64], share: f64) -> f64 {
+        if self.setup.bodies.is_empty() {
+            return 1.0;
+        }
+        let (p, scale) = (self.n - self.np, &self.setup.scale);
+        let of = |x: &[f64]| -> Vec<f64> { x[p..].iter().zip(scale).map(|(x, s)| x * s).collect() };
+        self.barrier.longest(&of(x), &of(d), share)
     }
 }
