@@ -8,38 +8,7 @@ use crate::plant::PER_JOINT;
 use crate::predict::Runner;
 use crate::simulate::{Hypothesis, State};
 
-const PENDULUM: &str = r#"
-[robot]
-name = "one"
-gravity = [0.0, 0.0, -9.81]
-tool = [0.0, 0.0, -0.3]
-input_noise = 0.001
-encoder_side = "motor"
-[tolerance]
-mass_rel = 0.05
-com_abs_m = 0.003
-inertia_rel = 0.05
-rotor_inertia_rel = 0.05
-motor_gain_rel = 0.01
-friction_rel = 0.4
-[[joint]]
-name = "a"
-type = "revolute"
-axis = [0.0, 1.0, 0.0]
-origin = [0.0, 0.0, 0.5]
-mass = 1.5
-com = [0.0, 0.0, -0.2]
-inertia = [0.02, 0.02, 0.001, 0.0, 0.0, 0.0]
-rotor_inertia = 0.02
-coulomb = 0.1
-viscous = 0.08
-motor_gain = 1.8
-input = "current"
-torque_peak = 4.5
-velocity = "measured"
-q_noise_std = 1e-4
-dq_noise_std = 1e-2
-"#;
+const PENDULUM: &str = include_str!("../tests/pendulum.toml");
 
 /// Readings noise of the pendulum: position and velocity.
 const READING: (f64, f64) = (1e-4, 1e-2);
