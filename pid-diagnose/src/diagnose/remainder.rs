@@ -234,8 +234,8 @@ fn certainty(before: &Gap, after: &Gap) -> f64 {
 
 /// Probability below which a candidate is no longer mentioned as one that explains the same.
 const MENTIONED: f64 = 0.05;
-/// Share of the gap's square beyond the floor that makes the first effect the verdict.
-const MAJORITY: f64 = 0.8;
+/// Shares of the gap's square beyond the floor that make the first effect the verdict: its own, and that of all effects taken.
+const MAJORITY: (f64, f64) = (0.7, 0.8);
 /// Confidence in a verdict beside which something is left, at most; and in `unknown`.
 const HIGHEST: f64 = 0.9;
 
@@ -271,7 +271,8 @@ impl Partial {
             explained,
             missing_force: Vec::new(),
         });
-        if share(self.first) > MAJORITY
+        if share(self.first) > MAJORITY.0
+            && explained > MAJORITY.1
             && let Some(first) = diagnosis.effects.first()
         {
             diagnosis.effect = first.effect.clone();
