@@ -28,6 +28,8 @@ const APPROACH: Approach = Approach {
     near: 1e-1,
     settled: 5e-2,
 };
+/// Share of a step from which its change of the objective counts.
+const WHOLE: f64 = 0.5;
 /// With links kept bodies. Stiff joints (a wrist whose friction outweighs its inertia a hundredfold) leave multipliers at the
 /// violation above that mean nothing yet: an arm of 84 parameters then did not converge at 3 000 samples and more.
 const LONG_APPROACH: Approach = Approach {
@@ -206,7 +208,9 @@ fn approach(
         ..options.clone()
     };
     let mut news = |line: &crate::solver::Iteration, _: &[f64]| {
-        let settled = (line.objective - previous).abs() <= how.settled * line.objective.abs();
+        // A step that was cut short tells nothing.
+        let settled = line.alpha >= WHOLE
+            && (line.objective - previous).abs() <= how.settled * line.objective.abs();
         previous = line.objective;
         if report("approaching by Gauss-Newton", line).is_break()
             || line.primal_inf < how.near && settled
