@@ -4,7 +4,7 @@ use pid_estimate::log_cholesky::LogCholesky;
 use pid_estimate::poses::indefinite_share;
 use pid_runtime::data::Dataset;
 use pid_runtime::dynamics::Hessian;
-use pid_runtime::ident::{self, Callback, Identification, Settings};
+use pid_runtime::ident::{self, Callback, Identification, Prepare, Settings};
 
 use crate::error::CliError;
 
@@ -25,7 +25,7 @@ pub(crate) fn refit(
     let unconstrained = &free.best().parameters;
     let mut settings = Settings {
         starts: 1,
-        prepare: false,
+        prepare: Prepare::Motion,
         ..settings.clone()
     };
     let mut lost = 0;

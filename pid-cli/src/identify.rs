@@ -7,7 +7,8 @@ use pid_estimate::bootstrap::{Bootstrap, bootstrap};
 use pid_runtime::data::{Dataset, Horizon, Role};
 use pid_runtime::dynamics::ParamInfo;
 use pid_runtime::ident::{
-    self, ForceError, Identification, InitialState, Method, Run, Sampling, Settings, Weighting,
+    self, ForceError, Identification, InitialState, Method, Prepare, Run, Sampling, Settings,
+    Weighting,
 };
 use pid_runtime::report::{CheckRow, Setting, StartRow, Verdict};
 use pid_runtime::solver::{self, Algorithm, Iteration, Status};
@@ -262,7 +263,10 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
             args.starts.unwrap_or(1) as usize
         },
         seed: args.seed,
-        prepare: !args.no_prepare,
+        prepare: match args.no_prepare {
+            true => Prepare::Nothing,
+            false => Prepare::Everything,
+        },
         cutoff: args.cutoff,
         decimate: args.decimate,
         solver: solver::Settings {

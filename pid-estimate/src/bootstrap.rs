@@ -7,7 +7,9 @@ use std::ops::ControlFlow;
 
 use pid_runtime::data::{Dataset, Experiment, Horizon, Role, windows};
 use pid_runtime::dynamics::Hessian;
-use pid_runtime::ident::{self, IdentError, Identification, Likelihood, Progress, Settings};
+use pid_runtime::ident::{
+    self, IdentError, Identification, Likelihood, Prepare, Progress, Settings,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -69,7 +71,7 @@ pub fn bootstrap(
     let settings = Settings {
         horizon: Horizon::Record,
         starts: 1,
-        prepare: false,
+        prepare: Prepare::Motion,
         sandwich: false,
         likelihood: settings.likelihood.as_ref().map(|l| Likelihood {
             noise: found.noise.iter().map(|n| Some(n.unwrap_or(1.0))).collect(),

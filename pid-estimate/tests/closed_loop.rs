@@ -12,7 +12,7 @@ use pid_models::ServoPendulum;
 use pid_runtime::data::Horizon;
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::gap::metrics::{FreeRunSettings, StartVelocity, free_run_table};
-use pid_runtime::ident::{InitialState, Method, Progress, Settings, Weighting, identify};
+use pid_runtime::ident::{InitialState, Method, Prepare, Progress, Settings, Weighting, identify};
 
 /// The firmware's law: duty = clip(kp · 4096/2π/(256 · 885) (qref − q)), at a supply of 7.3 V.
 fn controllers() -> Controllers {
@@ -38,7 +38,7 @@ fn one_servo_model_follows_closed_loop_and_falling_records() {
     let position = |name: &str| model.params().iter().position(|p| p.name == name);
     let settings = Settings {
         method: Method::Shooting,
-        prepare: false,
+        prepare: Prepare::Nothing,
         weighting: Weighting::Position,
         initial_state: InitialState::Free,
         horizon: Horizon::Record,

@@ -8,7 +8,7 @@ use pid_models::TwoLink;
 use pid_runtime::data::{Dataset, Horizon};
 use pid_runtime::gap::metrics::{FreeRunSettings, free_run_table};
 use pid_runtime::ident::{
-    self, IdentError, Identification, InitialState, Method, Settings, Weighting,
+    self, IdentError, Identification, InitialState, Method, Prepare, Settings, Weighting,
 };
 use pid_runtime::solver;
 use pid_runtime::transcribe::{Curvature, Scheme};
@@ -95,7 +95,7 @@ fn settings(job: &Job, max_iterations: usize, limit: Duration) -> Settings {
         horizon: Horizon::Record,
         initial_state: InitialState::Free,
         weighting: Weighting::Unit,
-        prepare: false,
+        prepare: Prepare::Nothing,
         solver: solver::Settings {
             max_iterations,
             max_time: Some(limit),

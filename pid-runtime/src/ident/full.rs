@@ -3,7 +3,7 @@
 use super::assemble::{assemble, with_bodies};
 use super::starts::Report;
 use super::trajectory::{Reached, from_starts, reached};
-use super::{Callback, IdentError, Identification, Settings};
+use super::{Callback, IdentError, Identification, Prepare, Settings};
 use crate::data::Dataset;
 use crate::dynamics::Hessian;
 use crate::solver::kkt::Kkt;
@@ -137,7 +137,7 @@ fn solve(
     let started = Instant::now();
     let mut x0 = starting_point(problem, start);
     let mut iterations = 0;
-    if settings.prepare {
+    if settings.prepare == Prepare::Everything {
         let first = problem.layout().p();
         let options = crate::solver::Settings {
             // A start is wanted, not the optimum of the fit.
@@ -171,7 +171,7 @@ fn solve(
     };
     let mut kkt = system(problem);
     let exact = settings.quasi_newton.is_none() && settings.curvature == Curvature::Exact;
-    if settings.prepare && exact {
+    if settings.prepare != Prepare::Nothing && exact {
         let how = match settings.consistent {
             true => LONG_APPROACH,
             false => APPROACH,

@@ -11,7 +11,7 @@
 //! (N' samples of all channels, n unknowns; for squares the mean square of the residuals), until no level moves by more than
 //! half a percent. The first levels come from the records' differences.
 
-use super::{Callback, IdentError, Identification, Settings, once};
+use super::{Callback, IdentError, Identification, Prepare, Settings, once};
 use crate::data::{Dataset, Role};
 use crate::dynamics::Hessian;
 use crate::signal::noise_level_without_jumps;
@@ -65,6 +65,10 @@ pub(super) fn identify(
     let all_stated = stated.iter().all(Option::is_some);
     let mut settings = settings.clone();
     let mut start = start.to_vec();
+    let motion = match settings.prepare {
+        Prepare::Nothing => Prepare::Nothing,
+        _ => Prepare::Motion,
+    };
     for turn in 0..TURNS {
         let first = turn == 0 && !all_stated;
         settings.likelihood = Some(Likelihood {
@@ -99,7 +103,7 @@ pub(super) fn identify(
             return Ok(found);
         }
         start.clone_from(&found.best().parameters);
-        (settings.starts, settings.prepare) = (1, false);
+        (settings.starts, settings.prepare) = (1, motion);
     }
     unreachable!("invariant: the last turn returns")
 }

@@ -28,7 +28,7 @@ pub use cross_validation::{CandidateScore, CrossValidationError, cross_validate}
 pub use error::IdentError;
 pub use likelihood::Likelihood;
 pub use profile::{Profile, profile};
-pub use settings::{InitialState, Method, Settings, Weighting};
+pub use settings::{InitialState, Method, Prepare, Settings, Weighting};
 pub use starts::{Optimum, Sampling};
 pub use uncertainty::{Covariance, OpenDirection};
 

@@ -8,7 +8,7 @@
 //! is the residual variance of the weighted objective times that factor. The ends are found by the secant method on
 //! √(N (J − J*)/u), which is linear where the objective is quadratic, from the ends that the Hessian foretells.
 
-use super::{Callback, IdentError, Identification, Settings, once};
+use super::{Callback, IdentError, Identification, Prepare, Settings, once};
 use crate::data::Dataset;
 use crate::dynamics::Hessian;
 use crate::ident::Likelihood;
@@ -57,7 +57,7 @@ pub fn profile(
     };
     let mut settings = Settings {
         starts: 1,
-        prepare: false,
+        prepare: Prepare::Motion,
         likelihood: settings.likelihood.as_ref().map(|l| Likelihood {
             noise: match l.noise.as_slice() {
                 [] => found.noise.clone(),

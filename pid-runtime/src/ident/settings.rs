@@ -44,6 +44,19 @@ pub enum Weighting {
     Position,
 }
 
+/// What precedes the iterations with the exact Hessian.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Prepare {
+    /// The start is handed over as it is, states at the data.
+    Nothing,
+    /// Full discretization: iterations by Gauss-Newton until the steps nearly hold, from parameters that are trusted. Nothing where
+    /// single or multiple shooting integrates the steps.
+    Motion,
+    /// The parameters are first fitted with the states held at the data, which forgets a bad start; then as [`Prepare::Motion`].
+    #[default]
+    Everything,
+}
+
 /// Settings of an identification.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
@@ -92,8 +105,8 @@ pub struct Settings {
     pub sampling: Sampling,
     /// Seed of the drawn starts.
     pub seed: u64,
-    /// Whether the parameters are first fitted with the states held at the data, which forgets a bad start.
-    pub prepare: bool,
+    /// What precedes the exact Hessian.
+    pub prepare: Prepare,
     /// Cut-off of the zero-phase filter behind derived velocities and the equation error, Hz; `None` for the data's own.
     pub cutoff: Option<f64>,
     /// The equation error keeps every n-th sample; `None` for four samples per period of the cut-off.
@@ -124,7 +137,7 @@ impl Default for Settings {
             starts: 1,
             sampling: Sampling::Around,
             seed: 0,
-            prepare: true,
+            prepare: Prepare::Everything,
             cutoff: None,
             decimate: None,
             solver: solver::Settings {

@@ -4,7 +4,7 @@ use super::assemble::{Assembled, assemble, with_bodies};
 use super::full::gains;
 use super::starts::Report;
 use super::trajectory::{Reached, from_starts, reached};
-use super::{Callback, IdentError, Identification, Settings};
+use super::{Callback, IdentError, Identification, Prepare, Settings};
 use crate::data::Dataset;
 use crate::dynamics::Hessian;
 use crate::solver::kkt::sparse::SparseKkt;
@@ -62,7 +62,7 @@ fn solve(
     let start = &with_bodies(&setup.bodies, start, &setup.lower, &setup.upper);
     let mut x0 = problem.starting_point(start);
     let mut iterations = 0;
-    if settings.prepare {
+    if settings.prepare == Prepare::Everything {
         // Parameters that make the steps fit the data, states held: nothing is integrated.
         let mut full = FullDiscretization::new(model, &assembled.tracks, assembled.setup.clone());
         let point = full.starting_point(start);

@@ -15,20 +15,20 @@ use std::path::{Path, PathBuf};
 use cpu_time::ProcessTime;
 use pid_models::TwoLink;
 use pid_runtime::data::Dataset;
-use pid_runtime::ident::{Run, Settings, identify};
+use pid_runtime::ident::{Prepare, Run, Settings, identify};
 use pid_runtime::transcribe::Scheme;
 use pid_tests::two_link;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut scheme = Scheme::ExplicitEuler;
     let mut scaling = false;
-    let mut prepare = true;
+    let mut prepare = Prepare::Everything;
     let mut folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared"));
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         match arg.as_str() {
             "--scaling" => scaling = true,
-            "--unprepared" => prepare = false,
+            "--unprepared" => prepare = Prepare::Nothing,
             "--scheme" => {
                 scheme = args.next().ok_or("--scheme takes a name")?.parse()?;
             }
@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn run(
     dataset: &Dataset,
     scheme: Scheme,
-    prepare: bool,
+    prepare: Prepare,
     start: &[f64],
 ) -> Result<Run, pid_runtime::ident::IdentError> {
     let settings = Settings {
@@ -71,7 +71,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 fn table(
     folder: &Path,
     scheme: Scheme,
-    prepare: bool,
+    prepare: Prepare,
     starts: &[Vec<f64>],
 ) -> Result<(), Box<dyn std::error::Error>> {
     let dataset = Dataset::read(&folder.join("data/seed_two_link"))?;

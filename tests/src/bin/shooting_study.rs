@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use pid_models::TwoLink;
 use pid_runtime::data::Dataset;
-use pid_runtime::ident::{Method, Run, Settings, identify};
+use pid_runtime::ident::{Method, Prepare, Run, Settings, identify};
 use pid_runtime::transcribe::{Curvature, Scheme};
 use pid_tests::two_link;
 
@@ -66,7 +66,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             method: Method::Shooting,
             nodes,
             curvature,
-            prepare,
+            prepare: match prepare {
+                true => Prepare::Everything,
+                false => Prepare::Nothing,
+            },
             lift,
             ..two_link::settings(scheme)
         };
