@@ -2,7 +2,7 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::diagnose::{Diagnosis, Named};
+use crate::diagnose::{Diagnosis, Named, Remainder};
 use crate::effects;
 use crate::locate::{Axis, Place, classes};
 use crate::next::Experiment;
@@ -54,7 +54,7 @@ pub(crate) fn page(report: &Report) -> String {
                         ul { @for b in &d.beyond_tolerance { li { (b.words()) } } }
                     }
                 }
-                section { (remainder(d)) }
+                @if let Some(left) = &d.remainder { section { (remainder(d, left)) } }
                 section {
                     h2 { "How far" }
                     p class="quiet" { "Free-run error on records that were not fitted, relative to the motion; the floor is what noise alone leaves. Intervals of 95 % from the windows of the records." }
@@ -224,10 +224,7 @@ fn all(d: &Diagnosis) -> String {
 }
 
 /// What is left beside the named effects.
-fn remainder(d: &Diagnosis) -> Markup {
-    let Some(r) = &d.remainder else {
-        return html! {};
-    };
+fn remainder(d: &Diagnosis, r: &Remainder) -> Markup {
     html! {
         h2 { "What is left" }
         p {

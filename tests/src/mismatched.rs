@@ -40,6 +40,14 @@ pub fn sines(t: f64, _: &[f64], _: &[f64], _: &[f64]) -> Vec<f64> {
     PARTS.iter().map(sum).collect()
 }
 
+/// Parameters a fifth below the nominal ones, as far as their bounds allow.
+pub fn start(model: &dyn Dynamics) -> Vec<f64> {
+    let infos = model.params().iter();
+    infos
+        .map(|p| (0.8 * p.nominal).clamp(p.lower, p.upper))
+        .collect()
+}
+
 /// Where axis `j` of the arm shall be, how fast, and its acceleration.
 fn reference(t: f64, j: usize) -> [f64; 3] {
     let centre = [0.0, -0.8, 1.2, -0.6, 0.4, 0.0][j];

@@ -148,6 +148,16 @@ fn at_an_end(fit: &Fit) -> Vec<(usize, f64)> {
         .collect()
 }
 
+/// Unit of a friction value.
+fn unit(k: usize, revolute: bool) -> &'static str {
+    match (k, revolute) {
+        (COULOMB, true) => "N m",
+        (COULOMB, false) => "N",
+        (_, true) => "N m s/rad",
+        (_, false) => "N s/m",
+    }
+}
+
 /// The friction values that lie outside what was stated.
 fn outside(case: &Case, wider: &Found) -> Vec<Beyond> {
     let std = deviations(&wider.case, &wider.fit);
@@ -166,6 +176,7 @@ fn outside(case: &Case, wider: &Found) -> Vec<Beyond> {
                 out.push(Beyond {
                     parameter: NAMES[k].to_owned(),
                     joint: joint + 1,
+                    unit: unit(k, own.hinge.revolute).to_owned(),
                     stated: stated.values[k],
                     tolerance: stated.half_widths[k],
                     value,
@@ -230,7 +241,12 @@ mod tests {
             d.gap_floor
         );
         assert!(
-            viscous.words().contains("viscous friction of joint 1 0.08"),
+            viscous
+                .words()
+                .starts_with("viscous friction of joint 1 0.08")
+                && viscous
+                    .words()
+                    .contains("N m s/rad (stated 0.0200 ± 0.0080)"),
             "{}",
             viscous.words()
         );

@@ -156,7 +156,9 @@ pub struct Beyond {
     pub parameter: String,
     /// Joint from 1.
     pub joint: usize,
-    /// As stated, SI units.
+    /// Unit of the values.
+    pub unit: String,
+    /// As stated.
     pub stated: f64,
     /// Its tolerance.
     pub tolerance: f64,
@@ -171,8 +173,8 @@ impl Beyond {
     pub fn words(&self) -> String {
         let std = self.std.map_or(String::new(), |s| format!(" ± {s:.1e}"));
         format!(
-            "{} friction of joint {} {:.4}{std} (stated {:.4} ± {:.4})",
-            self.parameter, self.joint, self.value, self.stated, self.tolerance
+            "{} friction of joint {} {:.4}{std} {} (stated {:.4} ± {:.4})",
+            self.parameter, self.joint, self.value, self.unit, self.stated, self.tolerance
         )
     }
 }

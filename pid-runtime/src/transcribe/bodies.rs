@@ -167,19 +167,21 @@ fn slope(k: usize) -> Matrix4<f64> {
     e
 }
 
-/// The barrier of some links in the objective of a program.
+/// The barrier of some links in the objective of a program whose variables are the parameters over their scales.
 #[derive(Debug, Clone)]
 pub(super) struct Barrier {
     bodies: Vec<Body>,
+    scale: Vec<f64>,
     floor: f64,
     weight: f64,
 }
 
 impl Barrier {
     /// `floor`: smallest weight, in units of the objective.
-    pub(super) fn new(bodies: &[Body], floor: f64) -> Self {
+    pub(super) fn new(bodies: &[Body], scale: &[f64], floor: f64) -> Self {
         Self {
             bodies: bodies.to_vec(),
+            scale: scale.to_vec(),
             floor,
             weight: floor,
         }
@@ -193,7 +195,7 @@ impl Barrier {
         changed
     }
 
-    /// b(p), NaN outside of its domain; first derivatives go to `add`.
+    /// b(p), NaN outside of its domain; first derivatives by the variables go to `add`.
     pub(super) fn value(&self, p: &[f64], mut add: impl FnMut(usize, f64)) -> f64 {
         let mut value = 0.0;
         for body in &self.bodies {
@@ -205,13 +207,16 @@ impl Barrier {
             value += around.dot(&j) - 4.0 - logarithm(&factor) + logarithm_around;
             let inverse = factor.inverse();
             for (j, slope) in body.slopes() {
-                add(j, self.weight * (around - inverse).dot(&slope));
+                add(
+                    j,
+                    self.weight * self.scale[j] * (around - inverse).dot(&slope),
+                );
             }
         }
         self.weight * value
     }
 
-    /// ∂²b: entries of the lower triangle (row ≥ column) of each link, in the order of [`Barrier::pattern`].
+    /// ∂²b by the variables: entries of the lower triangle (row ≥ column) of each link, in the order of [`Barrier::pattern`].
     pub(super) fn hessian(&self, p: &[f64], mut add: impl FnMut(usize, usize, f64)) {
         for body in &self.bodies {
             let inverse = Cholesky::new(body.matrix(p)).map(|f| f.inverse());
@@ -225,7 +230,8 @@ impl Barrier {
                         (Some(a), Some(b)) => self.weight * a.dot(&b.transpose()),
                         _ => f64::NAN,
                     };
-                    add(*i.max(j), *i.min(j), value);
+                    let scales = self.scale[*i] * self.scale[*j];
+                    add(*i.max(j), *i.min(j), scales * value);
                 }
             }
         }
@@ -244,8 +250,14 @@ impl Barrier {
         entries
     }
 
-    /// Largest α up to 1 for which p + α d is in the domain, times `share` where that is less than 1.
-    pub(super) fn longest(&self, p: &[f64], d: &[f64], share: f64) -> f64 {
+    /// Largest α up to 1 for which variables x + α d are in the domain, times `share` where that is less than 1.
+    pub(super) fn longest(&self, x: &[f64], d: &[f64], share: f64) -> f64 {
+        if self.bodies.is_empty() {
+            return 1.0;
+        }
+        let scale =
+            |x: &[f64]| -> Vec<f64> { x.iter().zip(&self.scale).map(|(x, s)| x * s).collect() };
+        let (p, d) = (&scale(x), &scale(d));
         let mut longest = 1.0_f64;
         for body in &self.bodies {
             let Some(factor) = Cholesky::new(body.matrix(p)) else {
@@ -356,7 +368,7 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_differences() {
         let (_, bodies, mut p) = links();
-        let barrier = Barrier::new(&bodies, 0.7);
+        let barrier = Barrier::new(&bodies, &vec![1.0; p.len()], 0.7);
         assert!(
             barrier.value(&p, |_, _| {}).abs() < 1e-12,
             "zero at the start"
@@ -402,7 +414,7 @@ mod tests {
     #[test]
     fn steps_end_before_the_boundary() {
         let (_, bodies, p) = links();
-        let barrier = Barrier::new(&bodies, 1.0);
+        let barrier = Barrier::new(&bodies, &vec![1.0; p.len()], 1.0);
         let mut d = vec![0.0; p.len()];
         d[bodies[0].places[4]] = 0.3;
         let longest = barrier.longest(&p, &d, 0.99);

@@ -247,7 +247,8 @@ impl<'m> FullDiscretization<'m> {
         let scratch = (0..steps.len().div_ceil(chunk))
             .map(|_| rule.lane_scratch())
             .collect();
-        let barrier = Barrier::new(&setup.bodies, setup.bodies_weight / samples.max(1) as f64);
+        let floor = setup.bodies_weight / samples.max(1) as f64;
+        let barrier = Barrier::new(&setup.bodies, &setup.scale, floor);
         Self {
             jacobian_pattern: layout.jacobian_pattern(),
             hessian_pattern: layout.hessian_pattern(),
@@ -467,38 +468,9 @@ impl<'m> FullDiscretization<'m> {
         }
     }
 
-    /// Adds σ ∂² of the bodies' barrier.
-    fn barrier_hessian(&self, sigma: f64, parameters: &mut [f64]) {
-        let mut at = self.rule.expansion().parameter_hessian.len();
-        self.barrier_curvature(|_, _, value| {
-            parameters[at] += sigma * value;
-            at += 1;
-        });
-    }
-
-    /// ∂² of the bodies' barrier at the parameters last loaded: row, column and value by the variables.
-    pub(super) fn barrier_curvature(&self, mut add: impl FnMut(usize, usize, f64)) {
-        let scale = &self.setup.scale;
-        self.barrier.hessian(&self.parameters, |i, j, value| {
-            add(i, j, value * scale[i] * scale[j]);
-        });
-    }
-
-    /// Adds ∂ of the bodies' barrier by the parameters' variables, at the parameters last loaded.
-    pub(super) fn barrier_gradient(&self, gradient: &mut [f64]) {
-        self.barrier.value(&self.parameters, |j, slope| {
-            gradient[j] += slope * self.setup.scale[j];
-        });
-    }
-
-    /// Largest step of the parameters' variables inside the bodies' domain.
-    pub(super) fn longest_parameter_step(&self, p: &[f64], d: &[f64], share: f64) -> f64 {
-        if self.setup.bodies.is_empty() {
-            return 1.0;
-        }
-        let scale = &self.setup.scale;
-        let of = |x: &[f64]| -> Vec<f64> { x.iter().zip(scale).map(|(x, s)| x * s).collect() };
-        self.barrier.longest(&of(p), &of(d), share)
+    /// The bodies' barrier, and the parameters last loaded.
+    pub(super) fn bodies(&self) -> (&Barrier, &[f64]) {
+        (&self.barrier, &self.parameters)
     }
 
     /// What the bodies' barrier adds to the objective at a point.
@@ -686,7 +658,8 @@ impl Nlp for FullDiscretization<'_> {
         self.load_parameters(x);
         gradient.fill(0.0);
         let (nx, first) = (self.layout.nx, self.layout.p());
-        self.barrier_gradient(&mut gradient[first..]);
+        self.barrier
+            .value(&self.parameters, |j, slope| gradient[first + j] += slope);
         let scratch = &mut self.fit_scratch;
         let scale = &self.setup.scale;
         prior_terms(
@@ -768,7 +741,13 @@ impl Nlp for FullDiscretization<'_> {
             }
         }
         self.prior_hessian(sigma, parameters);
-        self.barrier_hessian(sigma, parameters);
+        let own = self.rule.expansion().parameter_hessian.len()..;
+        let mut bodies = parameters[own].iter_mut();
+        self.barrier.hessian(&self.parameters, |_, _, value| {
+            if let Some(entry) = bodies.next() {
+                *entry += sigma * value;
+            }
+        });
         if self.setup.curvature == Curvature::GaussNewton {
             steps.fill(0.0);
             self.output_hessian(x, sigma, steps, parameters);
@@ -803,6 +782,6 @@ impl Nlp for FullDiscretization<'_> {
 
     fn longest_step(&self, x: &[f64], d: &[f64], share: f64) -> f64 {
         let p = self.layout.p();
-        self.longest_parameter_step(&x[p..], &d[p..], share)
+        self.barrier.longest(&x[p..], &d[p..], share)
     }
 }

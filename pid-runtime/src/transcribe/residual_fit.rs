@@ -100,7 +100,8 @@ impl Nlp for ResidualFit<'_, '_> {
         for &(k, row, col) in &self.columns {
             gradient[col as usize] += self.jacobian[k as usize] * self.c[row as usize];
         }
-        self.problem.barrier_gradient(gradient);
+        let (barrier, p) = self.problem.bodies();
+        barrier.value(p, |j, slope| gradient[j] += slope);
     }
 
     fn constraints(&mut self, _: &[f64], _: &mut [f64]) {}
@@ -123,8 +124,9 @@ impl Nlp for ResidualFit<'_, '_> {
             .hessian(&self.point, 0.0, &self.c, &mut self.hessian);
         values.fill(0.0);
         let at = |i: u32, j: u32| (i.max(j) * (i.max(j) + 1) / 2 + i.min(j)) as usize;
-        self.problem.barrier_curvature(|i, j, value| {
-            values[at(i as u32, j as u32)] += sigma * value;
+        let (barrier, p) = self.problem.bodies();
+        barrier.hessian(p, |i, j, value| {
+            values[at(i as u32, j as u32)] += sigma * value
         });
         let layout = self.problem.layout();
         let offset = layout.parameter_values();
@@ -150,6 +152,6 @@ impl Nlp for ResidualFit<'_, '_> {
     }
 
     fn longest_step(&self, p: &[f64], d: &[f64], share: f64) -> f64 {
-        self.problem.longest_parameter_step(p, d, share)
+        self.problem.bodies().0.longest(p, d, share)
     }
 }

@@ -19,7 +19,7 @@ use pid_runtime::dynamics::Hessian;
 use pid_runtime::ident::{Settings, Weighting, identify};
 use pid_runtime::solver;
 use pid_runtime::transcribe::Scheme;
-use pid_tests::mismatched::{Control, follow, record, sines};
+use pid_tests::mismatched::{Control, follow, record, sines, start};
 use pid_tests::two_link;
 
 type Failure = Box<dyn std::error::Error>;
@@ -80,11 +80,7 @@ fn grow(
     (limit, consistent, verbose): (Duration, bool, bool),
 ) -> Result<(), Failure> {
     let dataset = record(model, control, samples, step)?;
-    let start: Vec<f64> = model
-        .params()
-        .iter()
-        .map(|p| (0.8 * p.nominal).clamp(p.lower, p.upper))
-        .collect();
+    let start = start(model);
     let settings = Settings {
         weighting: Weighting::Spread,
         consistent,

@@ -228,7 +228,11 @@ impl<'m> Shooting<'m> {
             parallel: records.t.len() >= PARALLEL_INTERVALS && arcs.len() > 1,
             records,
             fit,
-            barrier: Barrier::new(&setup.bodies, setup.bodies_weight / samples.max(1) as f64),
+            barrier: Barrier::new(
+                &setup.bodies,
+                &setup.scale,
+                setup.bodies_weight / samples.max(1) as f64,
+            ),
             setup,
             stepping,
             chains,
@@ -492,9 +496,8 @@ impl Nlp for Shooting<'_> {
             self.share(),
             |j, slope, _| gradient[p + j] += slope * self.setup.scale[j],
         );
-        self.barrier.value(&self.parameters, |j, slope| {
-            gradient[p + j] += slope * self.setup.scale[j];
-        });
+        self.barrier
+            .value(&self.parameters, |j, slope| gradient[p + j] += slope);
     }
 
     fn constraints(&mut self, x: &[f64], c: &mut [f64]) {
@@ -565,8 +568,7 @@ impl Nlp for Shooting<'_> {
             },
         );
         self.barrier.hessian(&self.parameters, |i, j, value| {
-            parameters[i * (i + 1) / 2 + j] +=
-                sigma * value * self.setup.scale[i] * self.setup.scale[j];
+            parameters[i * (i + 1) / 2 + j] += sigma * value;
         });
         for (arc, out) in self.arcs.iter().zip(nodes.chunks_exact_mut(size)) {
             let mut k = 0;
@@ -591,11 +593,7 @@ impl Nlp for Shooting<'_> {
     }
 
     fn longest_step(&self, x: &[f64], d: &[f64], share: f64) -> f64 {
-        if self.setup.bodies.is_empty() {
-            return 1.0;
-        }
-        let (p, scale) = (self.n - self.np, &self.setup.scale);
-        let of = |x: &[f64]| -> Vec<f64> { x[p..].iter().zip(scale).map(|(x, s)| x * s).collect() };
-        self.barrier.longest(&of(x), &of(d), share)
+        let p = self.n - self.np;
+        self.barrier.longest(&x[p..], &d[p..], share)
     }
 }
