@@ -34,13 +34,27 @@ impl Draw {
     }
 }
 
-/// Three records (two to fit, one to judge) of `seconds` at 500 Hz, of the pendulum with effects at their parameters, driven by
-/// sines from rest; `start` may change the state at the start.
+/// [`pendulum_under`] sines.
 pub(crate) fn pendulum(
     hypothesis: &Hypothesis,
     e: &[f64],
     seconds: f64,
     start: &dyn Fn(&mut State<f64>),
+) -> Case {
+    pendulum_under(hypothesis, e, seconds, start, &|i, t| {
+        let w = 1.0 + 0.37 * i as f64;
+        1.2 * (2.1 * w * t).sin() + 0.8 * (5.3 * w * t).sin() + 0.4 * (9.7 * t).sin()
+    })
+}
+
+/// Three records (two to fit, one to judge) of `seconds` at 500 Hz, of the pendulum with effects at their parameters, from rest
+/// under an `input` by record and time; `start` may change the state at the start.
+pub(crate) fn pendulum_under(
+    hypothesis: &Hypothesis,
+    e: &[f64],
+    seconds: f64,
+    start: &dyn Fn(&mut State<f64>),
+    input: &dyn Fn(usize, f64) -> f64,
 ) -> Case {
     let nominal = Nominal::parse(PENDULUM, "nominal.toml".as_ref()).expect("a robot");
     let h = 2e-3;
@@ -51,13 +65,7 @@ pub(crate) fn pendulum(
         .iter()
         .enumerate()
         .map(|(i, &role)| {
-            let w = 1.0 + 0.37 * i as f64;
-            let u = (0..samples)
-                .map(|k| {
-                    let t = k as f64 * h;
-                    1.2 * (2.1 * w * t).sin() + 0.8 * (5.3 * w * t).sin() + 0.4 * (9.7 * t).sin()
-                })
-                .collect();
+            let u = (0..samples).map(|k| input(i, k as f64 * h)).collect();
             Record {
                 name: format!("r{i}"),
                 role,

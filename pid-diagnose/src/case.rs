@@ -90,6 +90,19 @@ impl Record {
     }
 }
 
+/// Corner of the filter behind the states that windows start from, Hz.
+const START_HZ: f64 = 30.0;
+
+/// Positions at equal times through a zero-phase filter, and their derivative.
+pub(crate) fn smoothed(t: &[f64], mut q: Vec<f64>) -> (Vec<f64>, Vec<f64>) {
+    let rate = 1.0 / (t[1] - t[0]);
+    if let Ok(filter) = signal::Butterworth::low_pass(3, START_HZ.min(0.4 * rate), rate) {
+        q = filter.both_ways(&q);
+    }
+    let v = signal::central_differences(t, &q);
+    (q, v)
+}
+
 /// Typical sizes of one joint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scale {
@@ -236,14 +249,9 @@ impl Case {
             for j in 0..n {
                 let mut q = record.q[j].clone();
                 signal::fill_missing(t, &mut q);
-                let rate = 1.0 / h;
-                if let Ok(filter) =
-                    signal::Butterworth::low_pass(3, (30.0_f64).min(0.4 * rate), rate)
-                {
-                    q = filter.both_ways(&q);
-                }
-                record.smooth_v.push(signal::central_differences(t, &q));
+                let (q, v) = smoothed(t, q);
                 record.smooth_q.push(q);
+                record.smooth_v.push(v);
             }
             records.push(record);
         }

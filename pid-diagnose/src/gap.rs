@@ -7,8 +7,9 @@
 
 use pid_runtime::data::Role;
 
-use crate::case::{Case, Record, Velocity};
+use crate::case::{Case, Record, Velocity, smoothed};
 use crate::hidden;
+use crate::nominal::EncoderSide;
 use crate::predict::{Runner, gains};
 use crate::simulate::{Hypothesis, State};
 
@@ -30,6 +31,8 @@ pub struct Gap {
 struct Windows {
     length: usize,
     starts: Vec<State<f64>>,
+    /// Position and velocity that the predictor has of each joint, at every sample.
+    path: Vec<(Vec<f64>, Vec<f64>)>,
 }
 
 fn windows(
@@ -47,6 +50,8 @@ fn windows(
     let count = last / length;
     let mut starts = Vec::with_capacity(count);
     let mut g = gains(case, hypothesis, theta, e, record.h);
+    let mut path = vec![(Vec::new(), Vec::new()); case.n()];
+    let on_link = case.nominal.encoder_side == EncoderSide::Joint;
     let mut runner = Runner::<f64>::new(case, record, hypothesis, theta, e);
     hidden::settle(&mut runner, &mut g);
     runner.predict_over(
@@ -57,9 +62,22 @@ fn windows(
             if k % length == 0 && starts.len() < count {
                 starts.push(state.clone());
             }
+            let (q, v) = if on_link {
+                (&state.q, &state.v)
+            } else {
+                (&state.drive_q, &state.drive_v)
+            };
+            for (j, joint) in path.iter_mut().enumerate() {
+                joint.0.push(q[j]);
+                joint.1.push(v[j]);
+            }
         },
     );
-    Windows { length, starts }
+    Windows {
+        length,
+        starts,
+        path,
+    }
 }
 
 /// Free run over one window: positions and velocities as the drive reports them, joint by joint at each of the samples after
@@ -231,9 +249,7 @@ pub fn gap(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role:
 }
 
 /// Draws of the noise that a floor is averaged over.
-const DRAWS: usize = 6;
-/// Corner of the filter behind the states at the starts of windows, Hz; see [`Record::smooth_q`].
-const START_HZ: f64 = 30.0;
+const DRAWS: usize = 24;
 
 /// The gap that noise alone leaves: its root mean square over some draws of the noise, and the largest of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -245,7 +261,8 @@ pub struct Floor {
 }
 
 /// The gap that noise alone leaves: free runs with the drive noise drawn anew, read with reading noise, against the same runs
-/// without, from starts as uncertain as the filtered readings are (fixed seed).
+/// without, from starts as far off as the filter makes them: it passes noise, and it rounds a motion that stops or turns (fixed
+/// seed).
 pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role: Role) -> Floor {
     let mut random = Normal::new(0x5eed);
     let n = case.n();
@@ -270,9 +287,7 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
                 )
             })
             .collect();
-        // White noise through a low pass keeps the share of its band; its derivative is that of the band.
-        let share = (2.0 * START_HZ * record.h).min(1.0).sqrt();
-        let rate = 2.0 * std::f64::consts::PI * START_HZ / 3f64.sqrt();
+        let t: Vec<f64> = (0..record.len()).map(|k| k as f64 * record.h).collect();
         for sums in &mut draws {
             let mut squares = vec![[(0.0, 0.0); 2]; n];
             let mut noisy = record.clone();
@@ -281,11 +296,16 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
                 for u in &mut noisy.u[j] {
                     *u += scale * random.next();
                 }
+                let (q, v) = &w.path[j];
+                let read = q
+                    .iter()
+                    .map(|q| q + case.noise[j].q * random.next())
+                    .collect();
+                let (smooth_q, smooth_v) = smoothed(&t, read);
                 for i in 0..w.starts.len() {
                     let k = i * w.length;
-                    let sigma = case.noise[j].q * share;
-                    noisy.smooth_q[j][k] += sigma * random.next();
-                    noisy.smooth_v[j][k] += sigma * rate * random.next();
+                    noisy.smooth_q[j][k] += smooth_q[k] - q[k];
+                    noisy.smooth_v[j][k] += smooth_v[k] - v[k];
                 }
             }
             let mut disturbed = Runner::<f64>::new(case, &noisy, hypothesis, theta, e);
@@ -353,5 +373,38 @@ impl Normal {
     fn next(&mut self) -> f64 {
         let (a, b) = (1.0 - self.uniform(), self.uniform());
         (-2.0 * a.ln()).sqrt() * (2.0 * std::f64::consts::PI * b).cos()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::pendulum_under;
+    use crate::plant::PER_JOINT;
+
+    #[test]
+    fn the_floor_knows_how_the_filter_rounds_a_motion_where_windows_start() {
+        // The input jumps where each window starts: the filtered velocity is off there by far more than the noise makes it.
+        let seconds = 0.5;
+        let nothing = Hypothesis::default();
+        let mut case = pendulum_under(&nothing, &[], 6.0, &|_| {}, &|i, t| {
+            let size = 1.5 + 0.3 * i as f64;
+            if ((t / seconds) as usize).is_multiple_of(2) {
+                size
+            } else {
+                -size
+            }
+        });
+        case.nominal.horizon = Some(seconds);
+        for record in &mut case.records {
+            let t: Vec<f64> = (0..record.len()).map(|k| k as f64 * record.h).collect();
+            let (q, v) = smoothed(&t, record.q[0].clone());
+            (record.smooth_q, record.smooth_v) = (vec![q], vec![v]);
+        }
+        let theta = vec![0.0; PER_JOINT];
+        let true_model = gap(&case, &nothing, &theta, &[], Role::Test).total;
+        let noise = floor(&case, &nothing, &theta, &[], Role::Test);
+        let ratio = true_model / noise.typical;
+        assert!((0.8..1.25).contains(&ratio), "{true_model} {noise:?}");
     }
 }

@@ -10,7 +10,8 @@
 //! Bins are switched on one after the other, each the one that gains most beside those that are on, until what it gains is not
 //! significant: a force that never ends is nearly a change of the nominal parameters, and only bins beside bins without a force tell
 //! the two apart. Bins that are on, joined where they are neighbours, are the windows to start from; their edges are parameters of
-//! the refit.
+//! the refit. For the same reason a force within some windows is nearly the opposite force outside them: where a window reaches an
+//! end of the records, the times without a force are a second start.
 
 use nalgebra::{DMatrix, DVector};
 use pid_runtime::data::Role;
@@ -27,11 +28,11 @@ const SIGNIFICANT: (f64, f64) = (25.0, 0.12);
 /// A time after every record, s.
 const NEVER: f64 = 2e5;
 
-/// Parameters of a timed effect from which a refit should start, one set for each length of bins; none if it is not timed or shows
-/// in no bin.
+/// Parameters of a timed effect from which a refit should start, for each length of bins; none if it is not timed or shows in no bin.
 pub fn starts(case: &Case, basis: &Basis, fit: &Fit, term: &Term) -> Vec<Vec<f64>> {
     BINS.iter()
-        .filter_map(|&bins| start(case, basis, fit, term, bins))
+        .filter_map(|&bins| found(case, basis, fit, term, bins))
+        .flatten()
         .collect()
 }
 
@@ -67,13 +68,13 @@ impl Profile {
     }
 }
 
-fn start(
+fn found(
     case: &Case,
     basis: &Basis,
     fit: &Fit,
     term: &Term,
     (shortest, most): (f64, usize),
-) -> Option<Vec<f64>> {
+) -> Option<Vec<Vec<f64>>> {
     let edges = term.effect.edges();
     let amplitudes = term.effect.info().amplitudes;
     let m = amplitudes.len();
@@ -88,17 +89,7 @@ fn start(
         .fold(0.0, f64::max);
     let count = ((length / shortest) as usize).clamp(1, most);
     let bin = length / count as f64;
-    let at = |bins: (usize, usize)| {
-        let mut e = vec![0.0; term.effect.info().parameters.len()];
-        for (i, &k) in edges.iter().enumerate() {
-            e[k] = match i {
-                0 => bins.0 as f64 * bin,
-                1 => bins.1 as f64 * bin,
-                _ => NEVER,
-            };
-        }
-        e
-    };
+    let at = |bins: (usize, usize)| term_at(term, &[bins], &DVector::zeros(m), bin);
     let columns: Vec<Vec<f64>> = basis
         .columns
         .column_iter()
@@ -196,39 +187,97 @@ fn start(
         .iter()
         .map(|s| *s > 0.0 && *s > SIGNIFICANT.1 * most)
         .collect();
-    let mut windows: Vec<(usize, usize, f64)> = Vec::new();
-    for b in 0..count {
-        match windows.last_mut() {
-            Some(w) if on[b] && w.1 == b => {
-                w.1 = b + 1;
-                w.2 += strength[b];
-            }
-            _ if on[b] => windows.push((b, b + 1, strength[b])),
-            _ => {}
-        }
-    }
-    if windows.is_empty() || on.iter().all(|x| *x) {
+    if on.iter().all(|x| *x == on[0]) {
         return None;
     }
-    windows.sort_by(|a, b| b.2.total_cmp(&a.2));
-    windows.truncate(edges.len() / 2);
-    windows.sort_by_key(|w| w.0);
-    let mut e = at((0, 0));
     let mut mean = DVector::zeros(m);
-    let mut weight = 0.0;
-    for (w, pair) in windows.iter().zip(edges.chunks_exact(2)) {
-        e[pair[0]] = w.0 as f64 * bin;
-        e[pair[1]] = w.1 as f64 * bin;
-        for b in w.0..w.1 {
-            mean += amplitude(b) * strength[b];
-            weight += strength[b];
+    for b in (0..count).filter(|&b| on[b]) {
+        mean += amplitude(b) * strength[b];
+    }
+    mean /= (0..count)
+        .filter(|&b| on[b])
+        .map(|b| strength[b])
+        .sum::<f64>();
+    let mut out = vec![term_at(
+        term,
+        &joined(&on, &strength, edges.len() / 2),
+        &mean,
+        bin,
+    )];
+    if on[0] || on[count - 1] {
+        let off: Vec<bool> = on.iter().map(|x| !x).collect();
+        let windows = joined(&off, &vec![1.0; count], edges.len() / 2);
+        out.push(term_at(term, &windows, &-mean, bin));
+    }
+    Some(out)
+}
+
+/// The strongest windows that neighbouring bins make, in the order of time: first bin and the one after the last.
+fn joined(on: &[bool], strength: &[f64], most: usize) -> Vec<(usize, usize)> {
+    let mut windows: Vec<(usize, usize, f64)> = Vec::new();
+    for (b, s) in strength.iter().enumerate().filter(|(b, _)| on[*b]) {
+        match windows.last_mut() {
+            Some(w) if w.1 == b => *w = (w.0, b + 1, w.2 + s),
+            _ => windows.push((b, b + 1, *s)),
         }
     }
-    for pair in edges.chunks_exact(2).skip(windows.len()) {
-        (e[pair[0]], e[pair[1]]) = (NEVER, NEVER);
+    windows.sort_by(|a, b| b.2.total_cmp(&a.2));
+    windows.truncate(most);
+    windows.sort_by_key(|w| w.0);
+    windows.into_iter().map(|w| (w.0, w.1)).collect()
+}
+
+/// Parameters of a timed effect with an amplitude within windows of bins.
+fn term_at(
+    term: &Term,
+    windows: &[(usize, usize)],
+    amplitude: &DVector<f64>,
+    bin: f64,
+) -> Vec<f64> {
+    let info = term.effect.info();
+    let mut e = vec![0.0; info.parameters.len()];
+    for (i, pair) in term.effect.edges().chunks_exact(2).enumerate() {
+        (e[pair[0]], e[pair[1]]) = windows
+            .get(i)
+            .map_or((NEVER, NEVER), |w| (w.0 as f64 * bin, w.1 as f64 * bin));
     }
-    for (i, &a) in amplitudes.iter().enumerate() {
-        e[a] = mean[i] / weight;
+    for (&a, x) in info.amplitudes.iter().zip(amplitude.iter()) {
+        e[a] = *x;
     }
-    Some(e)
+    e
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::pendulum;
+    use crate::effects;
+    use crate::fit::{Effort, Point, basis, fit};
+    use crate::plant::PER_JOINT;
+    use crate::simulate::Hypothesis;
+
+    #[test]
+    fn windows_of_a_force_are_found_also_where_the_parameters_take_its_mean() {
+        let term = Term {
+            effect: effects::by_id("external_force").expect("an effect"),
+            joint: 0,
+        };
+        let truth = [0.7, 2.4, 2.9, 4.4, 4.9, 6.5];
+        let mut e = vec![-0.5, 0.0, 0.17];
+        e.extend(truth);
+        let hypothesis = Hypothesis {
+            terms: vec![term.clone()],
+        };
+        let case = pendulum(&hypothesis, &e, 7.0, &|_| {});
+        let basis = basis(&case);
+        let zero = Point {
+            theta: vec![0.0; PER_JOINT],
+            e: Vec::new(),
+        };
+        let nominal = fit(&case, &basis, &Hypothesis::default(), zero, Effort::full(8));
+        let starts = starts(&case, &basis, &nominal, &term);
+        let near =
+            |e: &[f64]| e[0] < 0.0 && e[3..].iter().zip(truth).all(|(a, b)| (a - b).abs() <= 0.45);
+        assert!(starts.iter().any(|e| near(e)), "{starts:.2?}");
+    }
 }

@@ -234,11 +234,13 @@ mod tests {
             d.gap_before,
             d.gap_after
         );
+        let described = misjudged(None, [0.1, 0.08]).diagnosis;
+        assert_eq!(described.effect, "none");
         assert!(
-            d.gap_after < 1.5 * d.gap_floor,
+            d.gap_after < 1.1 * described.gap_after,
             "{} {}",
             d.gap_after,
-            d.gap_floor
+            described.gap_after
         );
         assert!(
             viscous

@@ -43,8 +43,10 @@ pub const SCHEMA_VERSION: u32 = 1;
 const PROVISIONAL: f64 = 0.1;
 /// Score, in margins, with which it is kept where the noise levels are not stated.
 const STRONG: f64 = 20.0;
-/// Gap over floor below which nothing is left to look for where the noise levels are not stated.
+/// Gap over floor below which nothing is left to look for.
 const NEAR: f64 = 1.4;
+/// Share by which a second effect must shrink the gap to be told by free runs alone: a slow one may leave the innovations white.
+const DRIFT: f64 = 0.3;
 /// Mean squared innovation below which no further effect is looked for.
 const EXPLAINED: f64 = 1.1;
 
@@ -395,6 +397,7 @@ fn search(case: &Case, settings: &Settings) -> Found {
     let mut ranking: Vec<Refit> = Vec::new();
     let mut refits = 0;
     let mut accepted: Vec<Term> = Vec::new();
+    let mut drifts = false;
     for round in 0..settings.most {
         let mut list = listed(&case, &basis, settings, &current);
         let number = list.len();
@@ -416,7 +419,8 @@ fn search(case: &Case, settings: &Settings) -> Found {
             2.0 * settings.least_shrink
         };
         let shrinks = after.total < (1.0 - needed) * current_gap.total;
-        let enough = relative > if round == 0 { 0.002 } else { 0.03 };
+        let enough = relative > if round == 0 { 0.002 } else { 0.03 }
+            || (drifts && after.total < (1.0 - DRIFT) * current_gap.total);
         // One of two effects may hide behind the other in free runs: it is kept until the last round shows what both give.
         // Noise levels that were settled on one effect hide part of what the other does: there the score decides.
         let open = case.noise.iter().any(|n| !n.stated);
@@ -443,11 +447,12 @@ fn search(case: &Case, settings: &Settings) -> Found {
             let second = tried.remove(0);
             ranking.insert(1.min(ranking.len()), second);
         }
-        // Nothing is left to look for where the innovations are as large as the noise, and free runs too where it was settled.
-        let white = current.train.total() < EXPLAINED * current.train.number();
-        if !take
-            || (white && (!open || current_gap.total < NEAR * noise_alone(&case, &current).typical))
-        {
+        // Nothing is left to look for where the innovations are as large as the noise, and free runs too.
+        if !take {
+            break;
+        }
+        drifts = current_gap.total > NEAR * noise_alone(&case, &current).typical;
+        if !drifts && current.train.total() < EXPLAINED * current.train.number() {
             break;
         }
     }

@@ -236,6 +236,8 @@ fn certainty(before: &Gap, after: &Gap) -> f64 {
 const MENTIONED: f64 = 0.05;
 /// Shares of the gap's square beyond the floor that make the first effect the verdict: its own, and that of all effects taken.
 const MAJORITY: (f64, f64) = (0.7, 0.8);
+/// Effects that are a verdict beside an unknown rest, at most: three and more together imitate what the library lacks.
+const TOGETHER: usize = 2;
 /// Confidence in a verdict beside which something is left, at most; and in `unknown`.
 const HIGHEST: f64 = 0.9;
 
@@ -273,6 +275,7 @@ impl Partial {
         });
         if share(self.first) > MAJORITY.0
             && explained > MAJORITY.1
+            && diagnosis.effects.len() <= TOGETHER
             && let Some(first) = diagnosis.effects.first()
         {
             diagnosis.effect = first.effect.clone();

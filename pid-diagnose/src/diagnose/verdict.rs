@@ -18,6 +18,10 @@ const NOTHING: (f64, f64, f64) = (1.4, 1.25, 1.2);
 const NOISE: (f64, f64) = (12.0, 6.0);
 const STRUCTURE: (f64, f64) = (14.0, 100.0);
 
+/// Share of the squared innovations beyond the noise that an effect may leave for their lines and bursts not to count: of a strong
+/// contact every hundredth shows.
+const NEARLY_ALL: f64 = 0.01;
+
 /// Gap over the largest floor drawn that is allowed in any case: it may differ much from draw to draw.
 const SPREAD: f64 = 1.4;
 
@@ -103,10 +107,11 @@ impl Parts<'_> {
             // Free runs from uncertain starts drift; innovations that are noise speak for the model.
             let factor = if noise_like { CALM.1 } else { 1.0 };
             let allowed = (settings.unexplained * factor * floor).max(SPREAD * noise.largest);
+            let nominal = base.train.total() / base.train.number();
+            let nearly_all = misfit - 1.0 < NEARLY_ALL * (nominal - 1.0);
             after.total > allowed
                 || misfit > settings.largest_misfit
-                || left.line > STRUCTURE.0
-                || left.burst > STRUCTURE.1
+                || (!nearly_all && (left.line > STRUCTURE.0 || left.burst > STRUCTURE.1))
         };
         let scale = misfit.max(1.0);
         // Neighbouring innovations of a misfit are not independent: the odds are tempered.
