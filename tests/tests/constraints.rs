@@ -10,11 +10,12 @@ use pid_runtime::generic::functions::{Exact, GenericFunction};
 use pid_runtime::integrate::{self, Drive, simulate};
 use pid_runtime::nlp::{Nlp, check_point};
 use pid_runtime::num_dual::DualNum;
+use pid_runtime::solver::kkt::Kkt;
 use pid_runtime::solver::kkt::sparse::SparseKkt;
 use pid_runtime::solver::{self, ip};
 use pid_runtime::transcribe::{
-    Constrained, Constraint, ConstraintError, FullDiscretization, Place, Scheme, Sense, Shooting,
-    States, Track,
+    Constrained, ConstrainedKkt, Constraint, ConstraintError, FullDiscretization, Place, Scheme,
+    Sense, Setup, Shooting, States, Structured, Track,
 };
 use pid_tests::derivatives::{
     assert_derivative, dense_hessian, dense_jacobian, lagrangian_gradient, numbers, setup, window,
@@ -153,8 +154,8 @@ impl GenericFunction for Above {
     }
 }
 
-#[test]
-fn an_active_inequality_holds_with_a_multiplier_of_the_right_sign_and_shifts_the_optimum() {
+/// A record of the double pendulum and a setup with two free inertias.
+fn double_pendulum(scheme: Scheme) -> (Track, Setup, [usize; 2]) {
     let model = &DoublePendulum;
     let d = model.dims();
     let p: Vec<f64> = model.params().iter().map(|p| p.nominal).collect();
@@ -184,7 +185,6 @@ fn an_active_inequality_holds_with_a_multiplier_of_the_right_sign_and_shifts_the
         u,
         weights: vec![1.0; 4],
     };
-    // Two inertias are free; their sum is asked to be above the true one.
     let find = |n: &str| {
         model
             .params()
@@ -192,19 +192,179 @@ fn an_active_inequality_holds_with_a_multiplier_of_the_right_sign_and_shifts_the
             .position(|p| p.name == n)
             .expect("a parameter")
     };
-    let (i, j) = (find("i1"), find("i2"));
-    let mut options = setup(
-        model,
-        Scheme::GaussLegendre(pid_runtime::transcribe::Stages::new(2).unwrap()),
-        false,
-        false,
-    );
+    let free = [find("i1"), find("i2")];
+    let mut options = setup(model, scheme, false, false);
     for k in 0..d.np {
-        let free = k == i || k == j;
-        options.lower[k] = if free { 1e-3 } else { p[k] };
-        options.upper[k] = if free { 10.0 } else { p[k] };
+        let bounds = match free.contains(&k) {
+            true => (1e-3, 10.0),
+            false => (p[k], p[k]),
+        };
+        (options.lower[k], options.upper[k]) = bounds;
         options.scale[k] = 1.0;
     }
+    (track, options, free)
+}
+
+/// A speed that a coordinate shall not exceed, softened by a parameter; depends on few of its arguments.
+struct Fastest(usize, f64);
+
+impl GenericFunction for Fastest {
+    fn outputs(&self) -> usize {
+        1
+    }
+    fn variables(&self) -> Option<Vec<usize>> {
+        Some(vec![2, 4 + self.0])
+    }
+    fn evaluate<D: DualNum<Primitive = f64> + Copy>(&self, x: &[D], p: &[D], out: &mut [D]) {
+        out[0] = x[2] * x[2] - p[self.0] * 0.1 - self.1;
+    }
+}
+
+/// Where the first coordinate shall be.
+struct At(f64);
+
+impl GenericFunction for At {
+    fn outputs(&self) -> usize {
+        1
+    }
+    fn evaluate<D: DualNum<Primitive = f64> + Copy>(&self, x: &[D], _: &[D], out: &mut [D]) {
+        out[0] = x[0].sin() - self.0.sin();
+    }
+}
+
+/// Solves by the structured system and by that of the whole matrix from the same start; the solutions and their multipliers
+/// agree, constraints of every kind hold and push.
+fn agree<P: Structured>(name: &str, program: impl Fn() -> (P, Vec<f64>), track: &Track) {
+    let (_, _, [i, j]) = double_pendulum(Scheme::Trapezoidal);
+    let np = DoublePendulum.dims().np;
+    let p: Vec<f64> = DoublePendulum.params().iter().map(|p| p.nominal).collect();
+    let speed = |k: usize| track.measured[4 * k + 2].powi(2);
+    // At samples that are nodes of shooting too.
+    let fastest = (0..51).step_by(10).map(speed).fold(0.0, f64::max);
+    let constraint = |name: &str, place, sense, function| Constraint {
+        name: name.to_owned(),
+        place,
+        sense,
+        function,
+    };
+    let constraints = || {
+        vec![
+            constraint(
+                "sum",
+                Place::Parameters,
+                Sense::AtMost,
+                Arc::new(Exact::new(Above(i, j, p[i] + p[j] + 0.01), 4, np)) as _,
+            ),
+            constraint(
+                "speed",
+                Place::EveryNode,
+                Sense::AtMost,
+                Arc::new(Exact::new(Fastest(i, 0.95 * fastest - 0.1 * p[i]), 4, np)) as _,
+            ),
+            constraint(
+                "first",
+                Place::Node(0),
+                Sense::Equal,
+                Arc::new(Exact::new(At(track.measured[0] + 0.001), 4, np)) as _,
+            ),
+        ]
+    };
+    let held: Vec<bool> = (0..np).map(|k| k != i && k != j).collect();
+    let settings = solver::Settings {
+        objective_scale: 61.0,
+        tol: 1e-12,
+        ..solver::Settings::default()
+    };
+    let mut found = Vec::new();
+    for structured in [true, false] {
+        let (inner, start) = program();
+        let mut problem = Constrained::new(inner, constraints()).unwrap();
+        let x0 = problem.extend(&start);
+        let mut kkt: Box<dyn Kkt> = match structured {
+            true => Box::new(ConstrainedKkt::new(&problem, &held)),
+            false => Box::new(SparseKkt::new(&problem)),
+        };
+        let solution = ip::solve(&mut problem, kkt.as_mut(), &x0, &settings, &mut |_, _| {
+            ControlFlow::Continue(())
+        });
+        assert!(
+            solution.status.converged(),
+            "{name}, structured {structured}: {:?} after {} iterations",
+            solution.status,
+            solution.log.len()
+        );
+        let check = check_point(&mut problem, &solution.x, &solution.lambda);
+        assert!(
+            check.primal_inf < 1e-9 && check.dual_inf < 1e-6,
+            "{name}, structured {structured}: {check:?}"
+        );
+        let own = problem.inner().m();
+        let pushing = |l: &&f64| **l > 1e-6;
+        let [sum, rest @ .., first] = &solution.lambda[own..] else {
+            panic!("multipliers of the constraints");
+        };
+        assert!(*sum > 1e-4 && first.abs() > 1e-4, "{name}: {sum} {first}");
+        let active = rest.iter().filter(pushing).count();
+        assert!(active > 0 && active < rest.len(), "{name}: {active} active");
+        found.push(solution);
+    }
+    let difference = |a: &[f64], b: &[f64]| {
+        let pairs = a.iter().zip(b);
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0_f64, f64::max)
+    };
+    let (a, b) = (&found[0], &found[1]);
+    assert!(
+        difference(&a.x, &b.x) < 1e-8,
+        "{name}: {:.1e}",
+        difference(&a.x, &b.x)
+    );
+    let size = b.lambda.iter().fold(0.0_f64, |s, l| s.max(l.abs()));
+    assert!(
+        difference(&a.lambda, &b.lambda) < 1e-6 * size,
+        "{name}: multipliers {:.1e}",
+        difference(&a.lambda, &b.lambda)
+    );
+}
+
+#[test]
+fn the_structured_system_and_the_whole_matrix_find_the_same_optimum() {
+    for scheme in [
+        Scheme::Trapezoidal,
+        Scheme::GaussLegendre(pid_runtime::transcribe::Stages::new(2).unwrap()),
+    ] {
+        let (track, options, _) = double_pendulum(scheme);
+        let p: Vec<f64> = DoublePendulum.params().iter().map(|p| p.nominal).collect();
+        let tracks = std::slice::from_ref(&track);
+        agree(
+            &format!("{scheme:?}"),
+            || {
+                let full = FullDiscretization::new(&DoublePendulum, tracks, options.clone());
+                let start = full.starting_point(&p);
+                (full, start)
+            },
+            &track,
+        );
+        agree(
+            &format!("{scheme:?}, shooting"),
+            || {
+                let shooting = Shooting::new(&DoublePendulum, tracks, options.clone(), 6, None);
+                let start = shooting.starting_point(&p);
+                (shooting, start)
+            },
+            &track,
+        );
+    }
+}
+
+#[test]
+fn an_active_inequality_holds_with_a_multiplier_of_the_right_sign_and_shifts_the_optimum() {
+    let model = &DoublePendulum;
+    let d = model.dims();
+    let p: Vec<f64> = model.params().iter().map(|p| p.nominal).collect();
+    // Two inertias are free; their sum is asked to be above the true one.
+    let (track, options, [i, j]) = double_pendulum(Scheme::GaussLegendre(
+        pid_runtime::transcribe::Stages::new(2).unwrap(),
+    ));
     let sum = p[i] + p[j] + 0.01;
     let full = FullDiscretization::new(model, std::slice::from_ref(&track), options);
     let start = full.starting_point(&p);

@@ -37,6 +37,12 @@ pub trait GenericFunction: Send + Sync {
     /// Number of values.
     fn outputs(&self) -> usize;
 
+    /// Positions in (x, p) that the values depend on, ascending; `None` for all of them. Derivatives are evaluated there alone, and are
+    /// zero elsewhere: the cost of a constraint at every node grows with the square of their number.
+    fn variables(&self) -> Option<Vec<usize>> {
+        None
+    }
+
     /// The values; lengths: `x` 2 nq, `p` np, `out` [`Self::outputs`].
     fn evaluate<D: DualNum<Primitive = f64> + Copy>(&self, x: &[D], p: &[D], out: &mut [D]);
 }
@@ -45,6 +51,10 @@ pub trait GenericFunction: Send + Sync {
 pub trait PointFunction: Send + Sync {
     /// Number of values.
     fn outputs(&self) -> usize;
+    /// Positions in (x, p) that the values depend on, ascending; `None` for all of them.
+    fn variables(&self) -> Option<Vec<usize>> {
+        None
+    }
     /// The values.
     fn value(&self, x: &[f64], p: &[f64], out: &mut [f64]);
     /// The values and ∂g/∂(x, p), dense, row by row: `jacobian[row * (nx + np) + column]`.
@@ -59,12 +69,21 @@ pub struct Exact<F> {
     function: F,
     nx: usize,
     np: usize,
+    variables: Vec<usize>,
 }
 
 impl<F: GenericFunction> Exact<F> {
     /// Of a function of `nx` states (2 nq) and `np` parameters.
     pub fn new(function: F, nx: usize, np: usize) -> Self {
-        Self { function, nx, np }
+        let variables = function.variables();
+        let mut variables = variables.unwrap_or_else(|| (0..nx + np).collect());
+        variables.retain(|i| *i < nx + np);
+        Self {
+            function,
+            nx,
+            np,
+            variables,
+        }
     }
 
     fn over<D: DualNum<Primitive = f64> + Copy>(&self, x: &[f64], p: &[f64]) -> (Vec<D>, Vec<D>) {
@@ -88,6 +107,10 @@ impl<F: GenericFunction> PointFunction for Exact<F> {
         self.function.outputs()
     }
 
+    fn variables(&self) -> Option<Vec<usize>> {
+        Some(self.variables.clone())
+    }
+
     fn value(&self, x: &[f64], p: &[f64], out: &mut [f64]) {
         self.function.evaluate(x, p, out);
     }
@@ -96,7 +119,8 @@ impl<F: GenericFunction> PointFunction for Exact<F> {
         let (mut z, mut y) = self.over::<Dual64>(x, p);
         let nz = z.len();
         self.function.evaluate(x, p, out);
-        for column in 0..nz {
+        jacobian[..nz * y.len()].fill(0.0);
+        for &column in &self.variables {
             z[column].eps = 1.0;
             self.at(&z, &mut y);
             z[column].eps = 0.0;
@@ -109,8 +133,9 @@ impl<F: GenericFunction> PointFunction for Exact<F> {
     fn hessian(&self, x: &[f64], p: &[f64], lambda: &[f64], hessian: &mut [f64]) {
         let (mut z, mut y) = self.over::<HyperDual64>(x, p);
         let nz = z.len();
-        for i in 0..nz {
-            for j in 0..=i {
+        hessian[..nz * nz].fill(0.0);
+        for (k, &i) in self.variables.iter().enumerate() {
+            for &j in &self.variables[..=k] {
                 z[i].eps1 = 1.0;
                 z[j].eps2 = 1.0;
                 self.at(&z, &mut y);

@@ -9,7 +9,8 @@
 //!
 //! A constraint holds for the parameters alone, at one node, or at every node of the program (a path constraint). It is a
 //! function over any dual number ([`crate::generic::functions`]), so its derivatives are exact. The linear system is
-//! [`crate::solver::kkt::sparse::SparseKkt`]: rows across steps break the structure of a discretization.
+//! [`super::ConstrainedKkt`], which eliminates the constraints' rows into those of their nodes;
+//! [`crate::solver::kkt::sparse::SparseKkt`] serves as well and forgets the structure.
 
 use super::{FullDiscretization, Shooting};
 use crate::generic::functions::PointFunction;
@@ -107,14 +108,15 @@ pub enum ConstraintError {
 }
 
 /// One evaluation of a constraint.
-struct Block {
-    constraint: usize,
-    /// Position of the state, `None` for constraints on the parameters.
+pub(super) struct Block {
+    pub(super) constraint: usize,
+    /// Node and position of its state, `None` for constraints on the parameters.
+    pub(super) node: Option<usize>,
     state: Option<usize>,
     /// First row.
-    row: usize,
+    pub(super) row: usize,
     /// First slack, for inequalities.
-    slack: Option<usize>,
+    pub(super) slack: Option<usize>,
 }
 
 /// A program with constraints added; see the module's documentation.
@@ -122,6 +124,8 @@ pub struct Constrained<P> {
     inner: P,
     constraints: Vec<Constraint>,
     blocks: Vec<Block>,
+    /// Positions in (x, p) that each constraint depends on at its place.
+    local: Vec<Vec<usize>>,
     n: usize,
     m: usize,
     nx: usize,
@@ -149,14 +153,21 @@ impl<P: States> Constrained<P> {
         let (mut row, mut variable) = (inner.m(), inner.n());
         let mut blocks = Vec::new();
         let mut largest = 0;
+        let mut local = Vec::new();
         for (k, constraint) in constraints.iter().enumerate() {
             let size = constraint.function.outputs();
             largest = largest.max(size);
-            let states: Vec<Option<usize>> = match constraint.place {
+            let variables = constraint.function.variables();
+            let mut variables = variables.unwrap_or_else(|| (0..nx + np).collect());
+            if constraint.place == Place::Parameters {
+                variables.retain(|i| *i >= nx);
+            }
+            local.push(variables);
+            let places: Vec<Option<usize>> = match constraint.place {
                 Place::Parameters => vec![None],
-                Place::EveryNode => nodes.iter().map(|&at| Some(at)).collect(),
+                Place::EveryNode => (0..nodes.len()).map(Some).collect(),
                 Place::Node(node) => match nodes.get(node) {
-                    Some(&at) => vec![Some(at)],
+                    Some(_) => vec![Some(node)],
                     None => {
                         return Err(ConstraintError::NoSuchNode {
                             name: constraint.name.clone(),
@@ -166,12 +177,13 @@ impl<P: States> Constrained<P> {
                     }
                 },
             };
-            for state in states {
+            for node in places {
                 let slack = (constraint.sense == Sense::AtMost).then_some(variable);
                 variable += if slack.is_some() { size } else { 0 };
                 blocks.push(Block {
                     constraint: k,
-                    state,
+                    node,
+                    state: node.map(|node| nodes[node]),
                     row,
                     slack,
                 });
@@ -182,20 +194,20 @@ impl<P: States> Constrained<P> {
         let mut hessian_pattern = inner.hessian_pattern().clone();
         let nz = nx + np;
         for block in &blocks {
+            let local = &local[block.constraint];
             let place = |i: usize| place(block.state, first_p, nx, i);
             for r in 0..constraints[block.constraint].function.outputs() {
-                for column in (0..nz).filter_map(place) {
-                    jacobian_pattern.push(block.row + r, column);
+                for &i in local {
+                    jacobian_pattern.push(block.row + r, place(i));
                 }
                 if let Some(slack) = block.slack {
                     jacobian_pattern.push(block.row + r, slack + r);
                 }
             }
-            for i in 0..nz {
-                for j in 0..=i {
-                    if let (Some(a), Some(b)) = (place(i), place(j)) {
-                        hessian_pattern.push(a.max(b), a.min(b));
-                    }
+            for (k, &i) in local.iter().enumerate() {
+                for &j in &local[..=k] {
+                    let (a, b) = (place(i), place(j));
+                    hessian_pattern.push(a.max(b), a.min(b));
                 }
             }
         }
@@ -206,6 +218,7 @@ impl<P: States> Constrained<P> {
             first_p,
             scale,
             blocks,
+            local,
             jacobian_pattern,
             hessian_pattern,
             zero: vec![0.0; nx],
@@ -226,6 +239,20 @@ impl<P: States> Constrained<P> {
     /// The program without the constraints, to read states and residuals from the first variables of a point.
     pub fn inner_mut(&mut self) -> &mut P {
         &mut self.inner
+    }
+
+    pub(super) fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// Positions in (x, p) that a constraint depends on at its place.
+    pub(super) fn local(&self, constraint: usize) -> &[usize] {
+        &self.local[constraint]
+    }
+
+    /// Number of values of a constraint.
+    pub(super) fn outputs(&self, constraint: usize) -> usize {
+        self.constraints[constraint].function.outputs()
     }
 
     /// A start of the program without constraints, extended by slacks that fulfil the inequalities where they can.
@@ -256,12 +283,11 @@ impl<P: States> Constrained<P> {
     }
 }
 
-/// Variable of entry `i` of (x, p); states of a constraint on the parameters have none.
-fn place(state: Option<usize>, first_p: usize, nx: usize, i: usize) -> Option<usize> {
-    if i < nx {
-        state.map(|at| at + i)
-    } else {
-        Some(first_p + i - nx)
+/// Variable of entry `i` of (x, p); constraints on the parameters have no entries of a state.
+fn place(state: Option<usize>, first_p: usize, nx: usize, i: usize) -> usize {
+    match i.checked_sub(nx) {
+        Some(j) => first_p + j,
+        None => state.unwrap_or(0) + i,
     }
 }
 
@@ -334,16 +360,14 @@ impl<P: States> Nlp for Constrained<P> {
                 .map_or(&self.zero[..], |at| &x[at..at + self.nx]);
             function.jacobian(state, &self.p, &mut self.g[..size], &mut self.jacobian);
             for r in 0..size {
-                for i in 0..nz {
-                    if place(block.state, self.first_p, self.nx, i).is_some() {
-                        let factor = if i < self.nx {
-                            1.0
-                        } else {
-                            self.scale[i - self.nx]
-                        };
-                        values[k] = factor * self.jacobian[r * nz + i];
-                        k += 1;
-                    }
+                for &i in &self.local[block.constraint] {
+                    let factor = if i < self.nx {
+                        1.0
+                    } else {
+                        self.scale[i - self.nx]
+                    };
+                    values[k] = factor * self.jacobian[r * nz + i];
+                    k += 1;
                 }
                 if block.slack.is_some() {
                     values[k] = 1.0;
@@ -377,13 +401,11 @@ impl<P: States> Nlp for Constrained<P> {
                     self.scale[i - self.nx]
                 }
             };
-            for i in 0..nz {
-                for j in 0..=i {
-                    let there = |i| place(block.state, self.first_p, self.nx, i).is_some();
-                    if there(i) && there(j) {
-                        values[k] = factor(i) * factor(j) * self.hessian[i * nz + j];
-                        k += 1;
-                    }
+            let local = &self.local[block.constraint];
+            for (at, &i) in local.iter().enumerate() {
+                for &j in &local[..=at] {
+                    values[k] = factor(i) * factor(j) * self.hessian[i * nz + j];
+                    k += 1;
                 }
             }
         }

@@ -292,7 +292,12 @@ impl<'m> FullDiscretization<'m> {
 
     /// The linear system of the program, some parameters held.
     pub fn system(&self, held: &[bool]) -> StructuredKkt {
-        let kkt = StructuredKkt::new(self.layout.clone(), held, self.segment_steps());
+        self.system_of(self.layout.clone(), held)
+    }
+
+    /// The same with a layout of more entries.
+    pub(super) fn system_of(&self, layout: Layout, held: &[bool]) -> StructuredKkt {
+        let kkt = StructuredKkt::new(layout, held, self.segment_steps());
         if self.setup.scheme.explicit() {
             // Their steps grow stiff motions, explicit Euler sevenfold near rest; the lengths above allow for it.
             kkt.growing_to(1e9)

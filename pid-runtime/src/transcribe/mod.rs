@@ -3,6 +3,7 @@
 mod bodies;
 mod butcher;
 mod constrained;
+mod constrained_kkt;
 mod expansion;
 mod explicit_form;
 mod explicit_lanes;
@@ -18,6 +19,7 @@ mod tableau;
 
 pub use bodies::Body;
 pub use constrained::{Constrained, Constraint, ConstraintError, Place, Sense, States};
+pub use constrained_kkt::{ConstrainedKkt, Roomy, Structured};
 pub use explicit_form::ExplicitForm;
 pub use fit::Output;
 pub use full_discretization::{Curvature, FullDiscretization, Setup, Track};

@@ -2,19 +2,23 @@
 //! friction that the model lacks.
 //!
 //! ```text
-//! scaling [--two-link N,N,…] [--arm N,N,…] [--limit SECONDS] [--consistent true] [--verbose true]
+//! scaling [--two-link N,N,…] [--arm N,N,…] [--limit SECONDS] [--consistent true] [--verbose true] [--records FOLDER]
 //! ```
 //!
 //! The two-link robot moves under sums of sines at 50 Hz, the six-axis arm (84 parameters) under inverse-dynamics control at 100 Hz;
 //! the record grows with N. Starts are the true values times 0.8. Seconds are of the processor, all threads together;
 //! memory is the largest of the process so far, so numbers of samples shall grow.
+//! `--records` writes the records as CSV (t, q, dq, u), for other programs, and solves nothing.
 #![allow(clippy::print_stdout, reason = "a command that prints a table")]
 
+use std::fs;
 use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use cpu_time::ProcessTime;
 use pid_models::{Arm6, TwoLink};
+use pid_runtime::data::Dataset;
 use pid_runtime::dynamics::Hessian;
 use pid_runtime::ident::{Settings, Weighting, identify};
 use pid_runtime::solver;
@@ -27,6 +31,7 @@ type Failure = Box<dyn std::error::Error>;
 fn main() -> Result<(), Failure> {
     let mut sizes = [vec![1_000, 10_000, 100_000], vec![1_000, 10_000]];
     let (mut limit, mut consistent, mut verbose) = (600.0, false, false);
+    let mut folder: Option<PathBuf> = None;
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         let value = args
@@ -41,6 +46,7 @@ fn main() -> Result<(), Failure> {
             "--arm" => sizes[1] = list()?,
             "--consistent" => consistent = value.parse()?,
             "--verbose" => verbose = value.parse()?,
+            "--records" => folder = Some(value.into()),
             "--limit" => limit = value.parse()?,
             other => {
                 return Err(format!("unknown option {other}; see the head of this file").into());
@@ -55,6 +61,13 @@ fn main() -> Result<(), Failure> {
         .zip(sizes.iter().zip([0.02, 0.01]))
     {
         if sizes.is_empty() {
+            continue;
+        }
+        if let Some(folder) = &folder {
+            for &samples in sizes {
+                let file = format!("{}_{samples}.csv", model.name());
+                write(&record(model, control, samples, step)?, &folder.join(file))?;
+            }
             continue;
         }
         println!(
@@ -110,6 +123,24 @@ fn grow(
         run.status.reason()
     );
     Ok(())
+}
+
+/// Writes the record of a data set as CSV.
+fn write(dataset: &Dataset, file: &Path) -> Result<(), Failure> {
+    let record = &dataset.experiments[0];
+    let nq = record.nq;
+    let mut text = String::from("t");
+    for name in ["q", "dq", "u"] {
+        (1..=nq).for_each(|j| text += &format!(",{name}{j}"));
+    }
+    for (k, t) in record.t.iter().enumerate() {
+        let row = k * nq..(k + 1) * nq;
+        let v = record.v.as_ref().ok_or("the record has velocities")?;
+        let numbers = [&record.q[row.clone()], &v[row.clone()], &record.u[row]].concat();
+        text += &format!("\n{t:?}");
+        numbers.iter().for_each(|x| text += &format!(",{x:?}"));
+    }
+    Ok(fs::write(file, text + "\n")?)
 }
 
 /// Largest memory of this process so far, MiB, where the system tells.

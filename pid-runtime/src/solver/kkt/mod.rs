@@ -108,6 +108,12 @@ pub trait Kkt: Send {
         None
     }
 
+    /// Tells the solution that the next [`Kkt::limit`] speaks of, where it is not that of the last solve: of several solves with the
+    /// last factorization that make up one. No effect by default.
+    fn remember(&mut self, dx: &[f64]) {
+        let _ = dx;
+    }
+
     /// Covariance-like inverse of the reduced Hessian in the given variables: the block of the inverse KKT matrix, row-major
     /// `vars.len()²`. Uses the last factorization.
     fn inverse_block(&mut self, vars: &[usize], n: usize, m: usize) -> Vec<f64> {

@@ -542,6 +542,16 @@ impl Kkt for StructuredKkt {
         self.reduced.limit(radius)
     }
 
+    fn remember(&mut self, dx: &[f64]) {
+        let p = self.layout.p();
+        for (j, column) in self.columns.iter().enumerate() {
+            if let Some(i) = column {
+                self.dp[*i as usize] = dx[p + j];
+            }
+        }
+        self.reduced.remember(&self.dp);
+    }
+
     fn factorise(&mut self, values: KktValues<'_>) -> Result<Regularisation, KktError> {
         self.reduced.unlimited();
         if !values
