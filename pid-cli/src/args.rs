@@ -163,6 +163,15 @@ pub(crate) enum InertiasArg {
     Fixed,
 }
 
+/// When links are kept bodies of positive density.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ConsistentArg {
+    /// One more fit in log-Cholesky coordinates.
+    After,
+    /// At every iterate of one fit.
+    Throughout,
+}
+
 /// Arguments of `pid identify`.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct IdentifyArgs {
@@ -223,15 +232,12 @@ pub(crate) struct IdentifyArgs {
     /// Interval of 95 % of a parameter by its profile likelihood; may be repeated.
     #[arg(long, value_name = "NAME")]
     pub(crate) profile: Vec<String>,
-    /// Fit once more with every link whose ten parameters are free in log-Cholesky coordinates: bodies of positive density, a
-    /// positive definite mass matrix in every pose. Prints what that costs and what it mends.
-    #[arg(long, conflicts_with_all = ["profile", "bootstrap"])]
-    pub(crate) consistent: bool,
-    /// Keep every link all of whose ten inertial parameters the model has a body of positive density while fitting: the mass matrix
-    /// is positive definite at every iterate, what the data do not determine stays near the start. For arms with all parameters
-    /// open and noisy records; one fit, where --consistent fits twice.
-    #[arg(long, conflicts_with = "consistent")]
-    pub(crate) keep_consistent: bool,
+    /// Keep links all of whose ten inertial parameters the model has bodies of positive density, with a positive definite mass
+    /// matrix in every pose: `after` the fit, by one more in log-Cholesky coordinates that prints what it costs and what it mends, or
+    /// `throughout` one fit, by a barrier: for arms with all parameters open and noisy records. What the data do not determine
+    /// then stays near the start.
+    #[arg(long, value_name = "WHEN", num_args = 0..=1, require_equals = true, default_missing_value = "after")]
+    pub(crate) consistent: Option<ConsistentArg>,
     /// Look for the effect that the model lacks as well, with the nominal values and ranges of its declaration, as `pid diagnose
     /// --model` does; its report goes to the folder `diagnosis` in that of the results. Done without asking on the embedded data.
     #[arg(long)]

@@ -91,6 +91,10 @@ pub(crate) enum CliError {
         "--consistent: the model has no link whose ten inertial parameters are all free\n  help: declare links with `inertial: free`, or hold none of their parameters"
     )]
     NoLinks,
+    #[error(
+        "--consistent fits once more in other coordinates, which have neither profiles nor a bootstrap\n  help: keep links consistent in every fit by --consistent=throughout"
+    )]
+    ConsistentAfter,
     #[error(transparent)]
     Bootstrap(#[from] BootstrapError),
     #[error("--private needs one of the models that `pid models` lists")]

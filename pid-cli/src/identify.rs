@@ -15,7 +15,8 @@ use pid_runtime::solver::{self, Algorithm, Iteration, Status};
 use pid_runtime::transcribe::{Adaptive, Curvature};
 
 use crate::args::{
-    HessianArg, HorizonArg, IdentifyArgs, InitialArg, MethodArg, SamplingArg, SolverArg, WeightsArg,
+    ConsistentArg, HessianArg, HorizonArg, IdentifyArgs, InitialArg, MethodArg, SamplingArg,
+    SolverArg, WeightsArg,
 };
 use crate::assemble::{Fit, assemble};
 use crate::cause::Cause;
@@ -48,6 +49,10 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
         stated.iter().for_each(|&(j, value)| start[j] = value);
     }
     let profiled = profiled(model.params(), &args.profile)?;
+    if args.consistent == Some(ConsistentArg::After) && (args.bootstrap > 0 || !profiled.is_empty())
+    {
+        return Err(CliError::ConsistentAfter);
+    }
     let started = Instant::now();
     let mut choice = None;
     if args.horizon == Some(HorizonArg::Auto) && settings.method != Method::EquationError {
@@ -88,8 +93,8 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     )?;
     let mut intervals = Vec::new();
     let identification = match args.consistent {
-        false => identification,
-        true => {
+        None | Some(ConsistentArg::Throughout) => identification,
+        Some(ConsistentArg::After) => {
             let mut news = |news: &ident::Progress<'_>| {
                 let i = news.iteration;
                 progress.step(format!(
@@ -209,7 +214,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         Some(HorizonArg::Auto) | None => horizon::by_rule(dataset),
     };
     Settings {
-        consistent: args.keep_consistent,
+        consistent: args.consistent == Some(ConsistentArg::Throughout),
         method,
         scheme: args.scheme,
         substeps: args.substeps,
