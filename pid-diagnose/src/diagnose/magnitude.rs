@@ -146,28 +146,37 @@ pub(super) fn deviations(case: &Case, fit: &Fit) -> Option<Vec<f64>> {
     )
 }
 
-/// Whether every effect of a fit has an amplitude beyond its own standard deviation, `eᵀ C⁻¹ e > m` over its m amplitudes (A. Wald
-/// 1943), C the larger of the two [`covariances`]; an effect without an absent point is judged by its first parameter. Phases, rests
-/// and edges tell where an effect is, not that there is one.
-pub(super) fn determined(case: &Case, fit: &Fit) -> bool {
+/// How many of its own standard deviations the amplitudes of each effect of a fit reach, `√(eᵀ C⁻¹ e / m)` over its m amplitudes
+/// (A. Wald 1943), C the larger of the two [`covariances`]; an effect without an absent point is judged by its first parameter.
+/// Phases, rests and edges tell where an effect is, not that there is one.
+pub(super) fn sizes(case: &Case, fit: &Fit) -> Vec<f64> {
     let Some((curved, blocks)) = covariances(case, fit) else {
-        return false;
+        return vec![0.0; fit.hypothesis.terms.len()];
     };
     let size = fit.point.theta.len();
     let (starts, _) = fit.hypothesis.offsets();
-    fit.hypothesis.terms.iter().zip(starts).all(|(term, at)| {
-        let own = match term.effect.info().amplitudes {
-            [] => &[0][..],
-            amplitudes => amplitudes,
-        };
-        let m = own.len();
-        let e = DVector::from_fn(m, |i, _| fit.point.e[at + own[i]]);
-        [&curved, &blocks].iter().all(|c| {
-            let part = DMatrix::from_fn(m, m, |i, k| c[(size + at + own[i], size + at + own[k])]);
-            part.cholesky()
-                .is_some_and(|f| e.dot(&f.solve(&e)) > m as f64)
+    fit.hypothesis
+        .terms
+        .iter()
+        .zip(starts)
+        .map(|(term, at)| {
+            let own = match term.effect.info().amplitudes {
+                [] => &[0][..],
+                amplitudes => amplitudes,
+            };
+            let m = own.len();
+            let e = DVector::from_fn(m, |i, _| fit.point.e[at + own[i]]);
+            [&curved, &blocks]
+                .iter()
+                .map(|c| {
+                    let place = |i: usize| size + at + own[i];
+                    let part = DMatrix::from_fn(m, m, |i, k| c[(place(i), place(k))]);
+                    part.cholesky()
+                        .map_or(0.0, |f| (e.dot(&f.solve(&e)) / m as f64).sqrt())
+                })
+                .fold(f64::INFINITY, f64::min)
         })
-    })
+        .collect()
 }
 
 /// The effects of a fit with their magnitudes and standard deviations, the larger of the two that [`covariances`] gives.

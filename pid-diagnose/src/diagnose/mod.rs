@@ -30,7 +30,7 @@ use crate::simulate::Hypothesis;
 use crate::thin::{lengthen, thin};
 use crate::windows;
 use backward::backward;
-use magnitude::size_in_deviations;
+use magnitude::{size_in_deviations, sizes};
 use refit::{Refit, refit};
 pub use residue::Residue;
 use residue::residue;
@@ -397,6 +397,7 @@ fn search(case: &Case, settings: &Settings) -> Found {
     let mut ranking: Vec<Refit> = Vec::new();
     let mut refits = 0;
     let mut accepted: Vec<Term> = Vec::new();
+    let mut alone: Option<Fit> = None;
     let mut drifts = false;
     for round in 0..settings.most {
         let mut list = listed(&case, &basis, settings, &current);
@@ -439,6 +440,9 @@ fn search(case: &Case, settings: &Settings) -> Found {
                 current = again(&case, &basis, &current);
                 current_gap = measured(&case, &current);
             }
+            if accepted.len() == 1 {
+                alone = Some(current.clone());
+            }
         }
         if round == 0 {
             ranking = tried;
@@ -463,6 +467,17 @@ fn search(case: &Case, settings: &Settings) -> Found {
         current_gap = measured(&case, &current);
         accepted.remove(dropped);
         ranking.remove(0);
+    }
+    // Two effects neither of which has a size of its own beside the other imitate together what the library lacks.
+    let weak = |s: &f64| *s < settings.least_size;
+    if let Some(first) = alone
+        && accepted.len() > 1
+        && sizes(&case, &current).iter().all(weak)
+    {
+        current = first;
+        current_gap = measured(&case, &current);
+        accepted.truncate(1);
+        ranking.remove(1);
     }
     if current_gap.total > (1.0 - settings.least_shrink) * before.total {
         current = base.clone();

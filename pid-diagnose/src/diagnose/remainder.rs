@@ -14,7 +14,7 @@
 use pid_runtime::data::Role;
 use rayon::prelude::*;
 
-use super::magnitude::{determined, name};
+use super::magnitude::{name, sizes};
 use super::refit::{Refit, refit};
 use super::{Diagnosis, Ranked, Remainder, Settings, TOUCH, listed, measured};
 use crate::case::Case;
@@ -111,8 +111,10 @@ pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit) -> Partia
             let mut case = case.clone();
             let (next, directions) = renewed(&mut case, &tried[i].fit, &sensors);
             let after = measured(&case, &next);
-            (after.total < gap.total && !at_an_end(&case, &next) && determined(&case, &next))
-                .then_some((i, case, next, directions, after))
+            (after.total < gap.total
+                && !at_an_end(&case, &next)
+                && sizes(&case, &next).iter().all(|s| *s > 1.0))
+            .then_some((i, case, next, directions, after))
         });
         let Some((i, itself, next, ways, after)) = taken_now else {
             if taken == 0 {
@@ -238,6 +240,8 @@ const MENTIONED: f64 = 0.05;
 const MAJORITY: (f64, f64) = (0.7, 0.8);
 /// Effects that are a verdict beside an unknown rest, at most: three and more together imitate what the library lacks.
 const TOGETHER: usize = 2;
+/// Probability of the first effect among its rivals from which it is: where all of them leave much, odds are worth less.
+const LEADS: f64 = 0.95;
 /// Confidence in a verdict beside which something is left, at most; and in `unknown`.
 const HIGHEST: f64 = 0.9;
 
@@ -276,6 +280,7 @@ impl Partial {
         if share(self.first) > MAJORITY.0
             && explained > MAJORITY.1
             && diagnosis.effects.len() <= TOGETHER
+            && diagnosis.ranking[0].probability > LEADS
             && let Some(first) = diagnosis.effects.first()
         {
             diagnosis.effect = first.effect.clone();
