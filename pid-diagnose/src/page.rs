@@ -284,7 +284,14 @@ fn effect(e: &Named) -> Markup {
 /// Gap before, after, floor on one scale.
 fn gaps(d: &Diagnosis) -> Markup {
     let (before, after) = d.gap_intervals;
-    let text = |x: f64, (a, b): (f64, f64)| format!("{x:.4}  ({a:.4} to {b:.4})");
+    let text = |x: f64, (a, b): (f64, f64)| {
+        if a < b {
+            format!("{x:.4}  ({a:.4} to {b:.4})")
+        } else {
+            // One window has no scatter.
+            format!("{x:.4}")
+        }
+    };
     plot::bars(
         &[
             (

@@ -9,8 +9,8 @@ use pid_runtime::nlp::Nlp;
 use pid_runtime::solver::kkt::sparse::SparseKkt;
 use pid_runtime::solver::kkt::structured::StructuredKkt;
 use pid_runtime::solver::kkt::{Kkt, KktValues};
-use pid_runtime::transcribe::{Curvature, FullDiscretization, Loss, Scheme, Setup, Track};
-use pid_tests::two_link;
+use pid_runtime::transcribe::{Curvature, FullDiscretization, Loss, Scheme, Setup};
+use pid_tests::{recorded, two_link};
 
 fn main() {
     divan::main();
@@ -20,18 +20,7 @@ fn main() {
 fn problem(samples: usize) -> FullDiscretization<'static> {
     let p = two_link::truth();
     let dataset = two_link::simulated(&p, samples).expect("simulates");
-    let e = &dataset.experiments[0];
-    let v = e.v.as_ref().expect("recorded");
-    let states: Vec<f64> = (0..samples)
-        .flat_map(|k| [e.q[2 * k], e.q[2 * k + 1], v[2 * k], v[2 * k + 1]])
-        .collect();
-    let track = Track {
-        t: e.t.clone(),
-        measured: states.clone(),
-        guess: states,
-        u: e.u.clone(),
-        weights: vec![1.0; 4],
-    };
+    let track = recorded(&dataset.experiments[0]).expect("recorded velocities");
     let infos = TwoLink.params();
     let setup = Setup {
         scheme: Scheme::ImplicitMidpoint,

@@ -10,7 +10,9 @@ pub mod two_link;
 
 use std::path::{Path, PathBuf};
 
+use pid_runtime::data::Experiment;
 use pid_runtime::dynamics::ParamInfo;
+use pid_runtime::transcribe::Track;
 
 /// A folder of the shared records, or `None` (with a printed line) where they are absent.
 #[allow(clippy::print_stdout, reason = "a skipped test says so")]
@@ -24,6 +26,20 @@ pub fn shared(path: &str) -> Option<PathBuf> {
         println!("skipped: ../shared/{path} is not beside the workspace");
         None
     }
+}
+
+/// A window over a whole record of positions and velocities, to start from the readings, all weights one; `None` without velocities.
+pub fn recorded(e: &Experiment) -> Option<Track> {
+    let nq = e.q.len() / e.t.len();
+    let rows = e.q.chunks_exact(nq).zip(e.v.as_ref()?.chunks_exact(nq));
+    let states: Vec<f64> = rows.flat_map(|(q, v)| [q, v].concat()).collect();
+    Some(Track {
+        t: e.t.clone(),
+        measured: states.clone(),
+        guess: states,
+        u: e.u.clone(),
+        weights: vec![1.0; 2 * nq],
+    })
 }
 
 /// Name in this project of a column of the peers' table of starts.

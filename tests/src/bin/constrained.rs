@@ -22,10 +22,11 @@ use pid_runtime::solver::kkt::Kkt;
 use pid_runtime::solver::kkt::sparse::SparseKkt;
 use pid_runtime::solver::{self, ip};
 use pid_runtime::transcribe::{
-    Constrained, ConstrainedKkt, Constraint, FullDiscretization, Place, Scheme, Sense, Track,
+    Constrained, ConstrainedKkt, Constraint, FullDiscretization, Place, Scheme, Sense,
 };
 use pid_tests::derivatives::setup;
 use pid_tests::mismatched::{record, sines};
+use pid_tests::recorded;
 
 /// Square of the shoulder's speed below a limit.
 struct Speed(f64);
@@ -62,19 +63,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for samples in sizes.split(',') {
         let samples: usize = samples.parse()?;
         let dataset = record(&TwoLink, &sines, samples, 0.02)?;
-        let e = &dataset.experiments[0];
-        let v = e.v.as_ref().ok_or("the record has velocities")?;
-        let rows = e.q.chunks_exact(2).zip(v.chunks_exact(2));
-        let states: Vec<f64> = rows.flat_map(|(q, v)| [q, v].concat()).collect();
-        let track = Track {
-            t: e.t.clone(),
-            measured: states.clone(),
-            guess: states,
-            u: e.u.clone(),
-            weights: vec![1.0; 4],
-        };
+        let track = recorded(&dataset.experiments[0]).ok_or("the record has velocities")?;
         let p: Vec<f64> = TwoLink.params().iter().map(|i| i.nominal).collect();
-        let fastest = v.iter().step_by(2).fold(0.0_f64, |a, v| a.max(v * v));
+        let speeds = track.measured.iter().skip(2).step_by(4);
+        let fastest = speeds.fold(0.0_f64, |a, v| a.max(v * v));
         let mut options = setup(&TwoLink, Scheme::Trapezoidal, false, false);
         for (j, info) in TwoLink.params().iter().enumerate() {
             (options.lower[j], options.upper[j]) = (info.lower, info.upper);
