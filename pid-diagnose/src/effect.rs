@@ -13,9 +13,10 @@
 use std::fmt;
 use std::sync::Arc;
 
+use crate::chain::{Chain, Surroundings};
 use crate::kernels;
 use crate::plant::Plant;
-use crate::rigid::{Body, Hinge, Surroundings, V3, Workspace, mass_and_bias};
+use crate::rigid::V3;
 use crate::scalar::{Lanes, Scalar};
 
 /// Lanes of one pass of derivatives.
@@ -398,17 +399,15 @@ impl<T: Model + Law<f64> + Law<Wide> + Law<num_dual::Dual64>> Effect for T {
 pub trait Pick: Scalar {
     /// The equation over this scalar.
     fn of(effect: &dyn Effect) -> &dyn Law<Self>;
-    /// [`mass_and_bias`] in the form that suits this scalar.
+    /// [`Chain::mass_and_bias`] in the form that suits this scalar.
     fn rigid(
-        hinges: &[Hinge],
-        bodies: &[Body<Self>],
+        chain: &mut Chain<Self>,
         around: &Surroundings<Self>,
         motion: (&[Self], &[Self]),
-        work: &mut Workspace<Self>,
         mass: &mut [Self],
         bias: &mut [Self],
     ) {
-        mass_and_bias(hinges, bodies, around, motion, work, mass, bias);
+        chain.mass_and_bias(around, motion, mass, bias);
     }
     /// Solves the rows and columns of `a x = b` whose status is not 0 by Cholesky factorization into `l`; the others are zero.
     fn solve(m: usize, a: &[Self], b: &[Self], status: &[i8], l: &mut [Self], x: &mut [Self]) {
@@ -425,15 +424,13 @@ impl Pick for Wide {
         effect.wide()
     }
     fn rigid(
-        hinges: &[Hinge],
-        bodies: &[Body<Self>],
+        chain: &mut Chain<Self>,
         around: &Surroundings<Self>,
         (q, v): (&[Self], &[Self]),
-        work: &mut Workspace<Self>,
         mass: &mut [Self],
         bias: &mut [Self],
     ) {
-        kernels::mass_and_bias(hinges, bodies, around, q, v, work, mass, bias);
+        kernels::mass_and_bias(chain, around, q, v, mass, bias);
     }
     fn solve(m: usize, a: &[Self], b: &[Self], status: &[i8], l: &mut [Self], x: &mut [Self]) {
         kernels::reduced(m, a, b, status, l, x);

@@ -54,6 +54,7 @@
 #[cfg(test)]
 mod bench;
 pub mod case;
+pub mod chain;
 pub mod channel;
 pub mod diagnose;
 pub mod effect;

@@ -22,11 +22,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::case::{Case, Record};
+use crate::chain::Surroundings;
 use crate::effect::Commands;
 use crate::fit::{Direction, Fit, all_gains, linearise, value};
 use crate::plant::{PER_JOINT, Plant};
 use crate::predict::{Runner, substeps};
-use crate::rigid::{Surroundings, Workspace, mass_and_bias};
 use crate::simulate::Machine;
 
 /// Length of a motion, s.
@@ -229,29 +229,20 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
     let around = Surroundings {
         gravity: plant.gravity,
         tip_force: None,
-        tool: plant.tool,
     };
     let feed = plant.clone();
     let mut machine = Machine::<f64>::new(plant, &fit.hypothesis, fit.point.e.clone());
     let geared = machine.gears.iter().any(Option::is_some);
     let steps = substeps(h, geared);
     let dt = h / steps as f64;
-    let (mut work, mut mass, mut bias) = (Workspace::new(n), vec![0.0; n * n], vec![0.0; n]);
+    let (mut chain, mut mass, mut bias) = (feed.chain(), vec![0.0; n * n], vec![0.0; n]);
     let mut u = vec![vec![0.0; samples]; n];
     let mut state = None;
     for k in 0..samples {
         let reference: Vec<(f64, f64, f64)> = waves.iter().map(|w| w.at(k as f64 * h)).collect();
         let q: Vec<f64> = reference.iter().map(|r| r.0).collect();
         let v: Vec<f64> = reference.iter().map(|r| r.1).collect();
-        mass_and_bias(
-            &feed.hinges,
-            &feed.bodies,
-            &around,
-            (&q, &v),
-            &mut work,
-            &mut mass,
-            &mut bias,
-        );
+        chain.mass_and_bias(&around, (&q, &v), &mut mass, &mut bias);
         let mut command = vec![0.0; n];
         for j in 0..n {
             let mut torque = bias[j] + feed.rotor[j] * reference[j].2;

@@ -3,6 +3,7 @@
 //! Per joint k, in this order: mass, centre of mass (3), inertia about it (6), rotor inertia, motor gain, Coulomb friction,
 //! viscous friction. A deviation of 1 is one tolerance: `m = m₀ + Δm θ`, and so on.
 
+use crate::chain::Chain;
 use crate::nominal::Nominal;
 use crate::rigid::{Body, Hinge, V3};
 use crate::scalar::Scalar;
@@ -80,6 +81,11 @@ impl<D: Scalar> Plant<D> {
             plant.viscous.push(x(VISCOUS));
         }
         plant
+    }
+
+    /// Its links, ready to be evaluated.
+    pub fn chain(&self) -> Chain<D> {
+        Chain::new(&self.hinges, &self.bodies, self.tool)
     }
 }
 

@@ -32,6 +32,8 @@ pub trait Scalar:
     fn sine(self) -> Self;
     /// Cosine.
     fn cosine(self) -> Self;
+    /// Sine and cosine.
+    fn sine_cosine(self) -> (Self, Self);
     /// Exponential.
     fn exponential(self) -> Self;
     /// Square root.
@@ -77,6 +79,9 @@ impl<D: DualNum<Primitive = f64> + Copy + Send + Sync + 'static> Scalar for D {
     }
     fn cosine(self) -> Self {
         self.cos()
+    }
+    fn sine_cosine(self) -> (Self, Self) {
+        self.sin_cos()
     }
     fn exponential(self) -> Self {
         self.exp()
@@ -227,6 +232,11 @@ impl<const N: usize> Scalar for Lanes<N> {
     fn cosine(self) -> Self {
         let (s, c) = self.re.sin_cos();
         self.chain(c, -s)
+    }
+    #[inline(always)]
+    fn sine_cosine(self) -> (Self, Self) {
+        let (s, c) = self.re.sin_cos();
+        (self.chain(s, c), self.chain(c, -s))
     }
     #[inline(always)]
     fn exponential(self) -> Self {

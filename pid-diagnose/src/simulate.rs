@@ -1,8 +1,8 @@
 //! One substep of the robot with its effects, over any [`Scalar`]; see [`effect`](crate::effect) for the equation.
 
+use crate::chain::{Chain, Surroundings};
 use crate::effect::{After, Commands, Forces, Friction, Gear, Pick, Site, Term};
 use crate::plant::Plant;
-use crate::rigid::{Surroundings, Workspace};
 use crate::scalar::Scalar;
 
 /// A hypothesis: the effects present beside the nominal structure.
@@ -62,7 +62,7 @@ pub struct Machine<'h, D: Pick> {
     /// Time of the first command since the start of what was recorded, s: effects that depend on time count from there.
     pub begin: f64,
     rotors: Vec<usize>,
-    work: Workspace<D>,
+    chain: Chain<D>,
     mass: Vec<D>,
     bias: Vec<D>,
     matrix: Vec<D>,
@@ -104,6 +104,7 @@ impl<'h, D: Pick> Machine<'h, D> {
         let rotors: Vec<usize> = (0..n).filter(|&j| gears[j].is_some()).collect();
         let m = n + rotors.len();
         let zero = D::nil();
+        let chain = plant.chain();
         Machine {
             plant,
             hypothesis,
@@ -114,7 +115,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             gears,
             begin: 0.0,
             rotors,
-            work: Workspace::new(n),
+            chain,
             mass: vec![zero; n * n],
             bias: vec![zero; n],
             matrix: vec![zero; m * m],
@@ -157,7 +158,6 @@ impl<'h, D: Pick> Machine<'h, D> {
         Surroundings {
             gravity: self.plant.gravity,
             tip_force,
-            tool: self.plant.tool,
         }
     }
 
@@ -166,11 +166,9 @@ impl<'h, D: Pick> Machine<'h, D> {
         let zero = vec![D::nil(); self.n()];
         let around = self.around(self.begin, 1e-3);
         D::rigid(
-            &self.plant.hinges,
-            &self.plant.bodies,
+            &mut self.chain,
             &around,
             (q, &zero),
-            &mut self.work,
             &mut self.mass,
             &mut self.bias,
         );
@@ -279,11 +277,9 @@ impl<'h, D: Pick> Machine<'h, D> {
         }
         let around = self.around(t, dt);
         D::rigid(
-            &self.plant.hinges,
-            &self.plant.bodies,
+            &mut self.chain,
             &around,
             (&self.half_q, &self.half_v),
-            &mut self.work,
             &mut self.mass,
             &mut self.bias,
         );

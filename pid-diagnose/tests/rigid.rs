@@ -1,7 +1,8 @@
 //! The chain against closed forms written independently, and against the principle of virtual work.
 
 use num_dual::Dual64;
-use pid_diagnose::rigid::{Body, Hinge, Surroundings, Workspace, mass_and_bias};
+use pid_diagnose::chain::{Chain, Surroundings};
+use pid_diagnose::rigid::{Body, Hinge, add_point};
 
 const EYE: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
@@ -42,10 +43,10 @@ fn evaluate(
     let around = Surroundings {
         gravity: [0.0, 0.0, -9.81],
         tip_force: force,
-        tool: [0.05, 0.02, -0.3],
     };
-    let (mut work, mut m, mut b) = (Workspace::new(n), vec![0.0; n * n], vec![0.0; n]);
-    mass_and_bias(hinges, bodies, &around, (q, v), &mut work, &mut m, &mut b);
+    let mut chain = Chain::new(hinges, bodies, [0.05, 0.02, -0.3]);
+    let (mut m, mut b) = (vec![0.0; n * n], vec![0.0; n]);
+    chain.mass_and_bias(&around, (q, v), &mut m, &mut b);
     (m, b)
 }
 
@@ -139,14 +140,9 @@ fn the_mass_matrix_is_the_kinetic_energy_and_the_bias_keeps_it() {
         let around = Surroundings {
             gravity: [lift(0.0); 3],
             tip_force: None,
-            tool: [0.0; 3],
         };
-        let (mut w, mut m, mut b) = (
-            Workspace::new(n),
-            vec![lift(0.0); n * n],
-            vec![lift(0.0); n],
-        );
-        mass_and_bias(&hinges, &bodies, &around, (q, v), &mut w, &mut m, &mut b);
+        let (mut m, mut b) = (vec![lift(0.0); n * n], vec![lift(0.0); n]);
+        Chain::new(&hinges, &bodies, [0.0; 3]).mass_and_bias(&around, (q, v), &mut m, &mut b);
         (m, b)
     };
     let still: Vec<Dual64> = q.iter().map(|&x| Dual64::from(x)).collect();
@@ -198,5 +194,138 @@ fn a_force_on_the_tool_does_virtual_work() {
         down[j] -= 1e-6;
         let work = nalgebra::Vector3::from(f).dot(&((tool(up) - tool(down)) / 2e-6));
         assert!((without[j] - with[j] - work).abs() < 1e-8, "joint {j}");
+    }
+}
+
+/// Points of every link of a chain in base axes.
+fn places(hinges: &[Hinge], points: &[[f64; 3]], q: &[f64]) -> Vec<nalgebra::Vector3<f64>> {
+    use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+    let (mut turn, mut at) = (Matrix3::identity(), Vector3::zeros());
+    let mut out = Vec::new();
+    for (h, q) in hinges.iter().zip(q) {
+        at += turn * Vector3::from(h.origin);
+        turn *= Matrix3::from_fn(|i, j| h.rotation[i][j]);
+        let axis = Vector3::from(h.axis);
+        if h.revolute {
+            turn *= Rotation3::from_axis_angle(&Unit::new_normalize(axis), *q).into_inner();
+        } else {
+            at += turn * axis * *q;
+        }
+        out.extend(points.iter().map(|p| at + turn * Vector3::from(*p)));
+    }
+    out
+}
+
+#[test]
+fn chains_of_point_masses_obey_newton_whatever_their_axes() {
+    let (c, s) = (0.7_f64.cos(), 0.7_f64.sin());
+    let about_y = [[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]];
+    let tilted = [[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]];
+    let (x, y, z, down) = (
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0],
+        [0.0, 0.0, -1.0],
+    );
+    let chains: [&[(bool, [f64; 3], [[f64; 3]; 3])]; 9] = [
+        &[(true, y, EYE)],
+        &[(false, x, tilted)],
+        &[
+            (true, y, EYE),
+            (true, y, about_y),
+            (true, [0.0, -1.0, 0.0], EYE),
+        ],
+        &[(false, x, EYE), (true, y, EYE), (true, y, EYE)],
+        &[
+            (true, z, EYE),
+            (false, z, EYE),
+            (true, z, EYE),
+            (false, down, EYE),
+        ],
+        &[(true, z, EYE), (false, down, about_y)],
+        &[(true, z, EYE), (false, x, EYE), (false, y, tilted)],
+        &[
+            (false, y, EYE),
+            (false, z, tilted),
+            (true, x, EYE),
+            (true, down, EYE),
+            (true, z, EYE),
+        ],
+        &[
+            (true, z, EYE),
+            (true, y, EYE),
+            (true, y, EYE),
+            (true, x, tilted),
+            (true, [0.0, -0.6, 0.8], about_y),
+            (true, [0.0, -0.6, 0.8], EYE),
+        ],
+    ];
+    let points = [
+        [0.1, 0.0, 0.2],
+        [-0.2, 0.1, 0.0],
+        [0.0, -0.1, 0.1],
+        [0.05, 0.2, -0.1],
+    ];
+    let masses = [0.7, 0.4, 1.1, 0.6];
+    for (number, kinds) in chains.iter().enumerate() {
+        let n = kinds.len();
+        let hinges: Vec<Hinge> = kinds
+            .iter()
+            .enumerate()
+            .map(|(k, &(revolute, axis, rotation))| Hinge {
+                revolute,
+                axis,
+                origin: [0.1 - 0.05 * k as f64, 0.02 * k as f64, 0.3],
+                rotation,
+            })
+            .collect();
+        let mut body = Body {
+            mass: 0.0,
+            moment: [0.0; 3],
+            inertia: [0.0; 6],
+        };
+        for (p, m) in points.iter().zip(masses) {
+            add_point(&mut body, m, *p);
+        }
+        let q: Vec<f64> = (0..n).map(|k| 0.4 - 0.3 * k as f64).collect();
+        let v: Vec<f64> = (0..n).map(|k| 1.3 - 0.8 * k as f64).collect();
+        let (m, b) = evaluate(&hinges, &vec![body; n], None, &q, &v);
+        let moved = |along: &[f64], h: f64| {
+            let q: Vec<f64> = q.iter().zip(along).map(|(q, d)| q + h * d).collect();
+            places(&hinges, &points, &q)
+        };
+        let slopes: Vec<Vec<nalgebra::Vector3<f64>>> = (0..n)
+            .map(|j| {
+                let unit: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == j))).collect();
+                let (up, down) = (moved(&unit, 1e-5), moved(&unit, -1e-5));
+                up.iter().zip(&down).map(|(a, b)| (a - b) / 2e-5).collect()
+            })
+            .collect();
+        let (up, here, down) = (moved(&v, 1e-4), moved(&v, 0.0), moved(&v, -1e-4));
+        let gravity = nalgebra::Vector3::new(0.0, 0.0, -9.81);
+        for i in 0..n {
+            let mut expected = 0.0;
+            let mut row = vec![0.0; n];
+            for p in 0..here.len() {
+                let mass = masses[p % masses.len()];
+                let acceleration = (up[p] - here[p] * 2.0 + down[p]) / 1e-8;
+                expected += mass * slopes[i][p].dot(&(acceleration - gravity));
+                for (x, slope) in row.iter_mut().zip(&slopes) {
+                    *x += mass * slopes[i][p].dot(&slope[p]);
+                }
+            }
+            assert!(
+                (b[i] - expected).abs() < 1e-5,
+                "chain {number}, joint {i}: {} {expected}",
+                b[i]
+            );
+            for (j, x) in row.iter().enumerate() {
+                assert!(
+                    (m[i * n + j] - x).abs() < 1e-8,
+                    "chain {number}: M[{i}][{j}] {} {x}",
+                    m[i * n + j]
+                );
+            }
+        }
     }
 }

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 use super::causes::{Cause, Kind, LISTED, OUTSIDE, Sizes};
 use super::motion::{Motion, Room, reference};
 use super::world::{STEP, World};
+use crate::chain::Surroundings;
 use crate::nominal::{Nominal, NominalError};
 use crate::plant::{PER_JOINT, Plant};
-use crate::rigid::{Surroundings, Workspace, mass_and_bias};
 
 /// What a study consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -245,18 +245,11 @@ fn dynamics(plant: &Plant<f64>, q: &[f64], v: &[f64]) -> (DMatrix<f64>, Vec<f64>
     let around = Surroundings {
         gravity: plant.gravity,
         tip_force: None,
-        tool: plant.tool,
     };
     let (mut mass, mut bias) = (vec![0.0; n * n], vec![0.0; n]);
-    mass_and_bias(
-        &plant.hinges,
-        &plant.bodies,
-        &around,
-        (q, v),
-        &mut Workspace::new(n),
-        &mut mass,
-        &mut bias,
-    );
+    plant
+        .chain()
+        .mass_and_bias(&around, (q, v), &mut mass, &mut bias);
     (DMatrix::from_row_slice(n, n, &mass), bias)
 }
 

@@ -11,8 +11,9 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::causes::{Cause, Kind};
+use crate::chain::{Chain, Surroundings};
 use crate::plant::Plant;
-use crate::rigid::{Surroundings, Workspace, add_point, mass_and_bias};
+use crate::rigid::add_point;
 
 /// Integration step, s.
 pub(super) const STEP: f64 = 1e-4;
@@ -40,7 +41,7 @@ pub(super) struct World<'a> {
     load: Vec<f64>,
     dropped: usize,
     kept: f64,
-    work: Workspace<f64>,
+    chain: Chain<f64>,
     mass: Vec<f64>,
     bias: Vec<f64>,
 }
@@ -67,6 +68,7 @@ impl<'a> World<'a> {
             }
         }
         let mut world = World {
+            chain: plant.chain(),
             plant,
             causes,
             n,
@@ -79,7 +81,6 @@ impl<'a> World<'a> {
             load: vec![0.0; n],
             dropped: 0,
             kept: 0.0,
-            work: Workspace::new(n),
             mass: vec![0.0; n * n],
             bias: vec![0.0; n],
             rotor,
@@ -107,18 +108,11 @@ impl<'a> World<'a> {
         let surroundings = Surroundings {
             gravity: self.plant.gravity,
             tip_force: push,
-            tool: self.plant.tool,
         };
         let n = self.n;
-        mass_and_bias(
-            &self.plant.hinges,
-            &self.plant.bodies,
-            &surroundings,
-            (&self.q.as_slice()[..n], &self.v.as_slice()[..n]),
-            &mut self.work,
-            &mut self.mass,
-            &mut self.bias,
-        );
+        let motion = (&self.q.as_slice()[..n], &self.v.as_slice()[..n]);
+        self.chain
+            .mass_and_bias(&surroundings, motion, &mut self.mass, &mut self.bias);
     }
 
     /// Once per sample, before the steps: what the drive makes of a command.
