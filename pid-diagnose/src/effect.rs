@@ -13,8 +13,6 @@
 use std::fmt;
 use std::sync::Arc;
 
-use crate::chain::{Chain, Surroundings};
-use crate::kernels;
 use crate::plant::Plant;
 use crate::rigid::V3;
 use crate::scalar::{Lanes, Scalar};
@@ -23,6 +21,10 @@ use crate::scalar::{Lanes, Scalar};
 pub const LANES: usize = 8;
 /// Lanes of the inner loop.
 pub type Wide = Lanes<LANES>;
+/// Directions of [`Narrow`].
+pub const FEW: usize = 4;
+/// Few derivatives side by side: most refits differentiate in an effect's parameters alone.
+pub type Narrow = Lanes<FEW>;
 
 /// Where an effect acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -323,6 +325,8 @@ pub trait Effect: Send + Sync {
     fn plain(&self) -> &dyn Law<f64>;
     /// Over lanes of derivatives.
     fn wide(&self) -> &dyn Law<Wide>;
+    /// Over few of them.
+    fn narrow(&self) -> &dyn Law<Narrow>;
     /// Over single duals, for tests and users' own derivatives.
     fn dual(&self) -> &dyn Law<num_dual::Dual64>;
 }
@@ -362,7 +366,7 @@ pub trait Model: Send + Sync {
     }
 }
 
-impl<T: Model + Law<f64> + Law<Wide> + Law<num_dual::Dual64>> Effect for T {
+impl<T: Model + Law<f64> + Law<Wide> + Law<Narrow> + Law<num_dual::Dual64>> Effect for T {
     fn info(&self) -> &'static Info {
         Model::info(self)
     }
@@ -390,6 +394,9 @@ impl<T: Model + Law<f64> + Law<Wide> + Law<num_dual::Dual64>> Effect for T {
     fn wide(&self) -> &dyn Law<Wide> {
         self
     }
+    fn narrow(&self) -> &dyn Law<Narrow> {
+        self
+    }
     fn dual(&self) -> &dyn Law<num_dual::Dual64> {
         self
     }
@@ -399,20 +406,6 @@ impl<T: Model + Law<f64> + Law<Wide> + Law<num_dual::Dual64>> Effect for T {
 pub trait Pick: Scalar {
     /// The equation over this scalar.
     fn of(effect: &dyn Effect) -> &dyn Law<Self>;
-    /// [`Chain::mass_and_bias`] in the form that suits this scalar.
-    fn rigid(
-        chain: &mut Chain<Self>,
-        around: &Surroundings<Self>,
-        motion: (&[Self], &[Self]),
-        mass: &mut [Self],
-        bias: &mut [Self],
-    ) {
-        chain.mass_and_bias(around, motion, mass, bias);
-    }
-    /// Solves the rows and columns of `a x = b` whose status is not 0 by Cholesky factorization into `l`; the others are zero.
-    fn solve(m: usize, a: &[Self], b: &[Self], status: &[i8], l: &mut [Self], x: &mut [Self]) {
-        crate::simulate::reduced(m, a, b, status, l, x);
-    }
 }
 impl Pick for f64 {
     fn of(effect: &dyn Effect) -> &dyn Law<f64> {
@@ -423,17 +416,10 @@ impl Pick for Wide {
     fn of(effect: &dyn Effect) -> &dyn Law<Wide> {
         effect.wide()
     }
-    fn rigid(
-        chain: &mut Chain<Self>,
-        around: &Surroundings<Self>,
-        (q, v): (&[Self], &[Self]),
-        mass: &mut [Self],
-        bias: &mut [Self],
-    ) {
-        kernels::mass_and_bias(chain, around, q, v, mass, bias);
-    }
-    fn solve(m: usize, a: &[Self], b: &[Self], status: &[i8], l: &mut [Self], x: &mut [Self]) {
-        kernels::reduced(m, a, b, status, l, x);
+}
+impl Pick for Narrow {
+    fn of(effect: &dyn Effect) -> &dyn Law<Narrow> {
+        effect.narrow()
     }
 }
 impl Pick for num_dual::Dual64 {

@@ -12,11 +12,12 @@ use pid_runtime::data::Role;
 use rayon::prelude::*;
 
 use crate::case::{Case, Record, Velocity};
-use crate::effect::{LANES, Wide};
+use crate::effect::{FEW, LANES, Pick};
 use crate::hidden;
 use crate::observer::Gain;
 use crate::plant::PER_JOINT;
 use crate::predict::{Runner, gains, rows};
+use crate::scalar::{Lanes, Scalar};
 use crate::simulate::Hypothesis;
 
 /// Standard deviation of a deviation, in tolerances.
@@ -201,76 +202,97 @@ pub fn linearise(
     let records: Vec<usize> = (0..case.records.len())
         .filter(|&i| case.records[i].role == role)
         .collect();
-    let passes = directions.len().div_ceil(LANES).max(1);
-    let jobs: Vec<(usize, usize)> = (0..passes)
+    // Wide passes as long as they are more than half full.
+    let mut passes: Vec<&[Direction<'_>]> = Vec::new();
+    let mut left = directions;
+    while left.len() > FEW {
+        let (pass, rest) = left.split_at(left.len().min(LANES));
+        passes.push(pass);
+        left = rest;
+    }
+    if !left.is_empty() || passes.is_empty() {
+        passes.push(left);
+    }
+    let jobs: Vec<(usize, usize)> = (0..passes.len())
         .flat_map(|p| records.iter().map(move |&r| (p, r)))
         .collect();
-    let results: Vec<Vec<(f64, [f64; LANES])>> = jobs
+    let results: Vec<Vec<f64>> = jobs
         .par_iter()
-        .map(|&(pass, record)| {
-            let own = &directions
-                [(pass * LANES).min(directions.len())..((pass + 1) * LANES).min(directions.len())];
-            let mut theta: Vec<Wide> = at
-                .theta
-                .iter()
-                .map(|&re| Wide {
-                    re,
-                    eps: [0.0; LANES],
-                })
-                .collect();
-            let mut e: Vec<Wide> =
-                at.e.iter()
-                    .map(|&re| Wide {
-                        re,
-                        eps: [0.0; LANES],
-                    })
-                    .collect();
-            for (lane, d) in own.iter().enumerate() {
-                match d {
-                    Direction::Theta(x) => {
-                        for (t, x) in theta.iter_mut().zip(*x) {
-                            t.eps[lane] = *x;
-                        }
-                    }
-                    Direction::Effect(i) => e[*i].eps[lane] = 1.0,
-                }
-            }
-            let mut rows = Vec::with_capacity(case.records[record].len() * case.n() * 2);
-            Runner::<Wide>::new(case, &case.records[record], hypothesis, &theta, &e).predict(
-                &gains[record],
-                &mut |_, _, _, x| {
-                    let fine = x.re.abs() < LARGEST && x.eps.iter().all(|e| e.abs() < 1e12);
-                    rows.push(if fine {
-                        (x.re, x.eps)
-                    } else {
-                        (tame(x.re), [0.0; LANES])
-                    });
-                },
-                &mut |_, _| {},
-            );
-            rows
+        .map(|&(pass, r)| {
+            let own = passes[pass];
+            let over = if own.len() > FEW {
+                one_pass::<LANES>
+            } else {
+                one_pass::<FEW>
+            };
+            over(case, &case.records[r], hypothesis, at, &gains[r], own)
         })
         .collect();
-    let lengths: Vec<usize> = (0..records.len()).map(|r| results[r].len()).collect();
-    let total: usize = lengths.iter().sum();
+    let width = |pass: usize| 1 + passes[pass].len();
+    let lengths: Vec<usize> = (0..records.len())
+        .map(|slot| results[slot].len() / width(0))
+        .collect();
     let mut out = Linear {
-        r: DVector::zeros(total),
-        j: DMatrix::zeros(total, directions.len()),
+        r: DVector::zeros(lengths.iter().sum()),
+        j: DMatrix::zeros(lengths.iter().sum(), directions.len()),
     };
-    for (&(pass, _), (rows, slot)) in jobs
-        .iter()
-        .zip(results.iter().zip((0..records.len()).cycle()))
-    {
-        let offset: usize = lengths[..slot].iter().sum();
-        let width = (directions.len() - (pass * LANES).min(directions.len())).min(LANES);
-        for (i, (re, eps)) in rows.iter().enumerate() {
-            out.r[offset + i] = *re;
-            for lane in 0..width {
-                out.j[(offset + i, pass * LANES + lane)] = eps[lane];
+    let mut column = 0;
+    for (pass, of_records) in results.chunks(records.len().max(1)).enumerate() {
+        let mut row = 0;
+        for rows in of_records {
+            for x in rows.chunks_exact(width(pass)) {
+                out.r[row] = x[0];
+                for (lane, slope) in x[1..].iter().enumerate() {
+                    out.j[(row, column + lane)] = *slope;
+                }
+                row += 1;
             }
         }
+        column += passes[pass].len();
     }
     out
+}
+
+/// Innovations of one record, each followed by its derivatives in the directions, at most `N`.
+fn one_pass<const N: usize>(
+    case: &Case,
+    record: &Record,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    gains: &[Gain],
+    directions: &[Direction<'_>],
+) -> Vec<f64>
+where
+    Lanes<N>: Pick,
+{
+    let lift = |x: &[f64]| x.iter().map(|&x| Lanes::<N>::constant(x)).collect();
+    let (mut theta, mut e): (Vec<Lanes<N>>, Vec<Lanes<N>>) = (lift(&at.theta), lift(&at.e));
+    for (lane, d) in directions.iter().enumerate() {
+        match d {
+            Direction::Theta(x) => {
+                for (t, x) in theta.iter_mut().zip(*x) {
+                    t.eps[lane] = *x;
+                }
+            }
+            Direction::Effect(i) => e[*i].eps[lane] = 1.0,
+        }
+    }
+    let mut rows = Vec::with_capacity(record.len() * case.n() * 2 * (1 + directions.len()));
+    Runner::<Lanes<N>>::new(case, record, hypothesis, &theta, &e).predict(
+        gains,
+        &mut |_, _, _, x| {
+            let fine = x.re.abs() < LARGEST && x.eps.iter().all(|e| e.abs() < 1e12);
+            if fine {
+                rows.push(x.re);
+                rows.extend_from_slice(&x.eps[..directions.len()]);
+            } else {
+                rows.push(tame(x.re));
+                rows.resize(rows.len() + directions.len(), 0.0);
+            }
+        },
+        &mut |_, _| {},
+    );
+    rows
 }
 
 /// Directions of θ that the train records determine beyond their tolerance, from the Jacobian at the nominal values.

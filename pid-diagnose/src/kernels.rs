@@ -1,34 +1,16 @@
-//! The two inner loops of a substep for lanes of derivatives, compiled for AVX2 with FMA beside the portable form and chosen at
-//! run time. The bodies are the generic functions of [`chain`](crate::chain) and [`simulate`](crate::simulate).
+//! The inner loop, compiled for AVX2 with FMA beside the portable form and chosen at run time.
 
 use multiversion::multiversion;
 
-use crate::chain::{Chain, Surroundings};
-use crate::effect::Wide;
-use crate::simulate;
+use crate::effect::{Commands, Pick};
+use crate::simulate::{Machine, State};
 
-/// [`Chain::mass_and_bias`] over lanes.
+/// One substep, see [`Machine::step`]; everything generic that it calls is compiled into it.
 #[multiversion(targets("x86_64+avx2+fma"))]
-pub(crate) fn mass_and_bias(
-    chain: &mut Chain<Wide>,
-    around: &Surroundings<Wide>,
-    q: &[Wide],
-    v: &[Wide],
-    mass: &mut [Wide],
-    bias: &mut [Wide],
+pub(crate) fn step<D: Pick>(
+    machine: &mut Machine<'_, D>,
+    state: &mut State<D>,
+    commands: &[Commands<'_>],
 ) {
-    chain.mass_and_bias(around, (q, v), mass, bias);
-}
-
-/// Solution of the rows that move, over lanes.
-#[multiversion(targets("x86_64+avx2+fma"))]
-pub(crate) fn reduced(
-    m: usize,
-    a: &[Wide],
-    b: &[Wide],
-    status: &[i8],
-    l: &mut [Wide],
-    x: &mut [Wide],
-) {
-    simulate::reduced(m, a, b, status, l, x);
+    machine.advance(state, commands);
 }

@@ -2,6 +2,7 @@
 
 use crate::chain::{Chain, Surroundings};
 use crate::effect::{After, Commands, Forces, Friction, Gear, Pick, Site, Term};
+use crate::kernels;
 use crate::plant::Plant;
 use crate::scalar::Scalar;
 
@@ -147,6 +148,7 @@ impl<'h, D: Pick> Machine<'h, D> {
         &self.e[at..at + self.hypothesis.terms[i].effect.info().parameters.len()]
     }
 
+    #[inline(always)]
     fn around(&self, t: f64, dt: f64) -> Surroundings<D> {
         let mut tip_force: Option<[D; 3]> = None;
         for (i, term) in self.hypothesis.terms.iter().enumerate() {
@@ -165,13 +167,8 @@ impl<'h, D: Pick> Machine<'h, D> {
     fn rest_bias(&mut self, q: &[D]) {
         let zero = vec![D::nil(); self.n()];
         let around = self.around(self.begin, 1e-3);
-        D::rigid(
-            &mut self.chain,
-            &around,
-            (q, &zero),
-            &mut self.mass,
-            &mut self.bias,
-        );
+        self.chain
+            .mass_and_bias(&around, (q, &zero), &mut self.mass, &mut self.bias);
     }
 
     /// The state in which the drives at their first inputs hold the robot at the drive-side positions `q`, `v`.
@@ -259,6 +256,12 @@ impl<'h, D: Pick> Machine<'h, D> {
 
     /// Moves the state by one substep of `at(j).dt` from `at(j).t`; `commands` holds the inputs of each joint.
     pub fn step(&mut self, state: &mut State<D>, commands: &[Commands<'_>]) {
+        kernels::step(self, state, commands);
+    }
+
+    /// [`Machine::step`] for the processor features of its caller.
+    #[inline(always)]
+    pub(crate) fn advance(&mut self, state: &mut State<D>, commands: &[Commands<'_>]) {
         let n = self.n();
         let m = n + self.rotors.len();
         let (t, dt) = (self.begin + commands[0].t, commands[0].dt);
@@ -276,8 +279,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             self.site_v[j] = state.drive_v[j] + state.acceleration[n + r] * half;
         }
         let around = self.around(t, dt);
-        D::rigid(
-            &mut self.chain,
+        self.chain.mass_and_bias(
             &around,
             (&self.half_q, &self.half_v),
             &mut self.mass,
@@ -449,6 +451,7 @@ impl<'h, D: Pick> Machine<'h, D> {
     }
 
     /// Velocities after the step, with dry friction: the active set is found on values, derivatives belong to it.
+    #[inline(always)]
     fn solve(&mut self, m: usize) {
         for i in 0..m * m {
             self.values[i] = self.matrix[i].value();
@@ -511,7 +514,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                 _ => self.rhs[c],
             };
         }
-        D::solve(
+        reduced(
             m,
             &self.matrix,
             &self.rhs,
@@ -521,6 +524,7 @@ impl<'h, D: Pick> Machine<'h, D> {
         );
     }
 
+    #[inline(always)]
     fn dry(&self, c: usize) -> f64 {
         match (self.levels[c], self.status[c]) {
             (Some((f, _)), 1) => f.value(),
@@ -532,14 +536,7 @@ impl<'h, D: Pick> Machine<'h, D> {
 
 /// Solves the rows and columns whose status is not 0 by Cholesky factorization; the others are zero.
 #[inline(always)]
-pub(crate) fn reduced<D: Scalar>(
-    m: usize,
-    a: &[D],
-    b: &[D],
-    status: &[i8],
-    l: &mut [D],
-    x: &mut [D],
-) {
+fn reduced<D: Scalar>(m: usize, a: &[D], b: &[D], status: &[i8], l: &mut [D], x: &mut [D]) {
     for i in 0..m {
         if status[i] == 0 {
             x[i] = D::nil();
