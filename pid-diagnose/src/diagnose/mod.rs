@@ -353,7 +353,8 @@ fn once(case: &Case, settings: &Settings) -> Found {
         None => (found, None),
     };
     if found.diagnosis.effect == "unknown" {
-        let partial = remainder::partial(&found.case, settings, &found.base);
+        let floor = found.diagnosis.gap_floor;
+        let partial = remainder::partial(&found.case, settings, &found.base, floor);
         partial.describe(&mut found.diagnosis);
         found.base = partial.base;
         found.fit = partial.fit;
@@ -468,11 +469,9 @@ fn search(case: &Case, settings: &Settings) -> Found {
         accepted.remove(dropped);
         ranking.remove(0);
     }
-    // Two effects neither of which has a size of its own beside the other imitate together what the library lacks.
-    let weak = |s: &f64| *s < settings.least_size;
     if let Some(first) = alone
         && accepted.len() > 1
-        && sizes(&case, &current).iter().all(weak)
+        && without_size(&sizes(&case, &current), settings)
     {
         current = first;
         current_gap = measured(&case, &current);
@@ -521,6 +520,18 @@ fn search(case: &Case, settings: &Settings) -> Found {
         rivals: ranking.into_iter().map(|r| r.fit).collect(),
         case,
     }
+}
+
+/// Size, in its own deviations, below which a second effect is chance even beside a first one that has a size.
+const CHANCE: f64 = 2.0;
+
+/// Whether the second of two effects is none, by the [`sizes`] of both beside each other: two that are both small imitate together
+/// what the library lacks, and a second one may take up what the smooth form of a contact leaves.
+fn without_size(sizes: &[f64], settings: &Settings) -> bool {
+    let [first, second, ..] = *sizes else {
+        return false;
+    };
+    second < CHANCE || first.max(second) < settings.least_size
 }
 
 /// All candidates on top of a fit, with their starts.
@@ -604,4 +615,20 @@ fn measured(case: &Case, fit: &Fit) -> Gap {
 
 fn test_value(case: &Case, fit: &Fit) -> f64 {
     value(case, &fit.hypothesis, &fit.point, &fit.gains, Role::Test).surprise()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_second_effect_needs_a_size_of_its_own() {
+        let none = |sizes: &[f64]| without_size(sizes, &Settings::default());
+        // Beside a backlash, what its smooth form leaves.
+        assert!(none(&[40.0, 1.6]));
+        // Two that imitate a third together.
+        assert!(none(&[2.4, 2.8]));
+        assert!(!none(&[2.4, 9.0]) && !none(&[40.0, 2.4]));
+        assert!(!none(&[1.0]) && !none(&[]));
+    }
 }

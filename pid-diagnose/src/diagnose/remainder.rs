@@ -23,8 +23,8 @@ use crate::gap::Gap;
 use crate::levels::{errors, left, settle, slow};
 use crate::screen::screen;
 
-/// Most effects taken.
-const MOST: usize = 4;
+/// Most effects taken: two are named or listed, a third denies them a verdict.
+const MOST: usize = 3;
 /// Candidates refitted in each round.
 const REFITS: usize = 9;
 /// Fewest windows with a scatter of their own.
@@ -58,8 +58,8 @@ pub(super) struct Partial {
     pub(super) refits: usize,
 }
 
-/// Tunes the nominal structure and takes the effects that pay.
-pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit) -> Partial {
+/// Tunes the nominal structure and takes the effects that pay; `floor` is the gap that noise alone leaves.
+pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit, floor: f64) -> Partial {
     let sensors: Vec<(f64, f64)> = case.noise.iter().map(|n| (n.q, n.v)).collect();
     let mut case = case.clone();
     slow(&mut case);
@@ -85,7 +85,8 @@ pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit) -> Partia
         refits: REFITS,
         ..settings.clone()
     };
-    while taken < MOST {
+    let mut most = MOST;
+    while taken < most {
         let list = listed(&case, &directions, settings, &current);
         let (best, slopes) = screen(&case, &directions, &current, &list);
         let mut tried = refit(
@@ -130,6 +131,14 @@ pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit) -> Partia
         ranking.insert(taken, first);
         taken += 1;
         (case, current, directions, gap) = (itself, next, ways, after);
+        if taken == 1
+            && !leads(
+                share(before.total, alone, floor),
+                odds(&ranking, 1)[0].probability,
+            )
+        {
+            most = TOGETHER;
+        }
     }
     Partial {
         case,
@@ -245,26 +254,33 @@ const LEADS: f64 = 0.95;
 /// Confidence in a verdict beside which something is left, at most; and in `unknown`.
 const HIGHEST: f64 = 0.9;
 
+/// Share of the squared gap beyond the floor that effects with the gap `after` explain.
+fn share(before: f64, after: f64, floor: f64) -> f64 {
+    let possible = before * before - floor * floor;
+    if possible > 0.0 {
+        ((before * before - after * after) / possible).clamp(0.0, 1.0)
+    } else {
+        0.0
+    }
+}
+
+/// Whether the first effect explains most by itself, and its rivals nearly never: what any verdict beside an unknown rest needs.
+fn leads(explained: f64, probability: f64) -> bool {
+    explained > MAJORITY.0 && probability > LEADS
+}
+
 impl Partial {
     /// Says in a diagnosis what the effects explain and what is left.
     pub(super) fn describe(&self, diagnosis: &mut Diagnosis) {
         let (before, after) = (self.before.total, self.after.total);
         let floor = diagnosis.gap_floor;
-        let possible = before * before - floor * floor;
-        let share = |gap: f64| {
-            if possible > 0.0 {
-                ((before * before - gap * gap) / possible).clamp(0.0, 1.0)
-            } else {
-                0.0
-            }
-        };
-        let explained = share(after);
+        let explained = share(before, after, floor);
         diagnosis.effects = name(&self.case, &self.fit);
         (diagnosis.gap_before, diagnosis.gap_after) = (before, after);
         diagnosis.gap_intervals = (self.before.interval(), self.after.interval());
         diagnosis.gap_joints = self.after.joints.clone();
         diagnosis.gap_joints_before = self.before.joints.clone();
-        diagnosis.ranking = self.lines();
+        diagnosis.ranking = odds(&self.ranking, self.taken);
         diagnosis.refits += self.refits;
         diagnosis.confusion_set = diagnosis
             .ranking
@@ -277,11 +293,13 @@ impl Partial {
             explained,
             missing_force: Vec::new(),
         });
-        if share(self.first) > MAJORITY.0
+        if let Some(first) = diagnosis.effects.first()
+            && leads(
+                share(before, self.first, floor),
+                diagnosis.ranking[0].probability,
+            )
             && explained > MAJORITY.1
             && diagnosis.effects.len() <= TOGETHER
-            && diagnosis.ranking[0].probability > LEADS
-            && let Some(first) = diagnosis.effects.first()
         {
             diagnosis.effect = first.effect.clone();
             diagnosis.joint = first.joint;
@@ -289,40 +307,64 @@ impl Partial {
             diagnosis.confidence = diagnosis.ranking[0].probability.min(HIGHEST);
         }
     }
+}
 
-    /// The ranking with odds: those of the first round among each other, the later ones in their own.
-    fn lines(&self) -> Vec<Ranked> {
-        let own = |i: usize| i == 0 || i >= self.taken;
-        // A candidate that scored more but did not pay on motions never fitted counts as an equal, not as better.
-        let most = if self.taken > 0 {
-            self.ranking[0].score
-        } else {
-            f64::INFINITY
-        };
-        let score = |i: usize| self.ranking[i].score.min(most);
-        let best = (0..self.ranking.len())
+/// A ranking, of which the first `taken` are taken, with odds: those of the first round among each other, the later ones in their own.
+fn odds(ranking: &[Refit], taken: usize) -> Vec<Ranked> {
+    let own = |i: usize| i == 0 || i >= taken;
+    // A candidate that scored more but did not pay on motions never fitted counts as an equal, not as better.
+    let most = if taken > 0 {
+        ranking[0].score
+    } else {
+        f64::INFINITY
+    };
+    let score = |i: usize| ranking[i].score.min(most);
+    let best = (0..ranking.len())
+        .filter(|&i| own(i))
+        .map(score)
+        .fold(0.0, f64::max);
+    let weight = |score: f64| (0.5 * (score - best)).exp();
+    let sum: f64 = weight(0.0)
+        + (0..ranking.len())
             .filter(|&i| own(i))
-            .map(score)
-            .fold(0.0, f64::max);
-        let weight = |score: f64| (0.5 * (score - best)).exp();
-        let sum: f64 = weight(0.0)
-            + (0..self.ranking.len())
-                .filter(|&i| own(i))
-                .map(|i| weight(score(i)))
-                .sum::<f64>();
-        self.ranking
-            .iter()
-            .enumerate()
-            .map(|(i, r)| Ranked {
-                effect: r.term.effect.info().id.to_owned(),
-                joint: r.term.shown_joint(),
-                score: r.score,
-                probability: if own(i) {
-                    weight(score(i)) / sum
-                } else {
-                    1.0 - weight(0.0).min(1.0)
-                },
-            })
-            .collect()
+            .map(|i| weight(score(i)))
+            .sum::<f64>();
+    ranking
+        .iter()
+        .enumerate()
+        .map(|(i, r)| Ranked {
+            effect: r.term.effect.info().id.to_owned(),
+            joint: r.term.shown_joint(),
+            score: r.score,
+            probability: if own(i) {
+                weight(score(i)) / sum
+            } else {
+                1.0 - weight(0.0).min(1.0)
+            },
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_explained_share_is_that_of_squares_beyond_the_floor() {
+        // Half of the square between 0.5² and 0.1².
+        let half = f64::sqrt(0.5 * (0.25 + 0.01));
+        assert!((share(0.5, half, 0.1) - 0.5).abs() < 1e-12);
+        assert_eq!(share(0.5, 0.05, 0.1), 1.0);
+        assert_eq!(share(0.5, 0.6, 0.1), 0.0);
+        // Nothing to explain.
+        assert_eq!(share(0.1, 0.05, 0.1), 0.0);
+    }
+
+    #[test]
+    fn a_first_effect_leads_by_its_own_share_and_by_its_odds() {
+        assert!(leads(0.75, 0.97));
+        // Of two rivals that explain the same, neither is the verdict, however much both explain.
+        assert!(!leads(0.99, 0.5));
+        assert!(!leads(0.6, 1.0));
     }
 }

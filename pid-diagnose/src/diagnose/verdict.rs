@@ -40,6 +40,53 @@ pub(super) fn white(left: &Residue) -> bool {
     left.line < NOISE.0 && left.burst < NOISE.1
 }
 
+/// What a model leaves, for [`Leaves::unexplained`].
+#[derive(Debug, Clone, Copy)]
+struct Leaves {
+    /// Gap on the test records.
+    gap: f64,
+    /// What noise alone leaves of it, typically and at most.
+    floor: (f64, f64),
+    /// Mean squared innovation, of the nominal structure and of the model.
+    misfit: (f64, f64),
+    /// Its lines and bursts.
+    residue: Residue,
+    /// Whether the noise is stated.
+    stated: bool,
+}
+
+impl Leaves {
+    /// Whether something is left that neither noise nor the model explains; `named`: the model has effects.
+    fn unexplained(&self, named: bool, settings: &Settings) -> bool {
+        let Leaves {
+            gap,
+            floor: (typical, largest),
+            misfit: (nominal, misfit),
+            residue: left,
+            stated,
+        } = *self;
+        let noise_like = misfit < CALM.0 && white(&left);
+        if !named {
+            // Nothing that is named has to be excused: the nominal structure must leave no more than noise.
+            let factors = if noise_like && stated {
+                (settings.unexplained, SPREAD)
+            } else {
+                (NOTHING.0, NOTHING.2)
+            };
+            return gap > (factors.0 * typical).max(factors.1 * largest)
+                || misfit > NOTHING.1
+                || !white(&left);
+        }
+        // Free runs from uncertain starts drift; innovations that are noise speak for the model.
+        let factor = if noise_like { CALM.1 } else { 1.0 };
+        let allowed = (settings.unexplained * factor * typical).max(SPREAD * largest);
+        let nearly_all = misfit - 1.0 < NEARLY_ALL * (nominal - 1.0);
+        gap > allowed
+            || misfit > settings.largest_misfit
+            || (!nearly_all && (left.line > STRUCTURE.0 || left.burst > STRUCTURE.1))
+    }
+}
+
 /// What a verdict is made from.
 pub(super) struct Parts<'a> {
     pub(super) case: &'a Case,
@@ -91,28 +138,14 @@ impl Parts<'_> {
         let noise = noise_alone(case, &fit);
         let floor = noise.typical;
         let stated = case.noise.iter().all(|n| n.stated);
-        let noise_like = misfit < CALM.0 && white(&left);
-        let unexplained = if named.is_empty() {
-            // Nothing that is named has to be excused: the nominal structure must leave no more than noise.
-            let (typical, largest) = if noise_like && stated {
-                (settings.unexplained, SPREAD)
-            } else {
-                (NOTHING.0, NOTHING.2)
-            };
-            after.total > (typical * floor).max(largest * noise.largest)
-                || misfit > NOTHING.1
-                || left.line > NOISE.0
-                || left.burst > NOISE.1
-        } else {
-            // Free runs from uncertain starts drift; innovations that are noise speak for the model.
-            let factor = if noise_like { CALM.1 } else { 1.0 };
-            let allowed = (settings.unexplained * factor * floor).max(SPREAD * noise.largest);
-            let nominal = base.train.total() / base.train.number();
-            let nearly_all = misfit - 1.0 < NEARLY_ALL * (nominal - 1.0);
-            after.total > allowed
-                || misfit > settings.largest_misfit
-                || (!nearly_all && (left.line > STRUCTURE.0 || left.burst > STRUCTURE.1))
+        let leaves = Leaves {
+            gap: after.total,
+            floor: (noise.typical, noise.largest),
+            misfit: (base.train.total() / base.train.number(), misfit),
+            residue: left,
+            stated,
         };
+        let unexplained = leaves.unexplained(!named.is_empty(), settings);
         let scale = misfit.max(1.0);
         // Neighbouring innovations of a misfit are not independent: the odds are tempered.
         let temper = |score: f64| score / (2.0 * (2.0 + 2.0 * (scale - 1.0)));
@@ -257,4 +290,69 @@ pub(super) fn lagging_velocity(case: &Case, settings: &Settings) -> Option<(Term
                 c.mismatch / c.with_lag.max(1e-12),
             )
         })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Noise and nothing else.
+    const QUIET: Leaves = Leaves {
+        gap: 0.010,
+        floor: (0.010, 0.011),
+        misfit: (1.0, 1.0),
+        residue: Residue {
+            burst: 2.0,
+            line: 8.0,
+            memory: 1.0,
+            unseen: 1.0,
+        },
+        stated: true,
+    };
+
+    fn with(change: impl Fn(&mut Leaves)) -> Leaves {
+        let mut leaves = QUIET;
+        change(&mut leaves);
+        leaves
+    }
+
+    #[test]
+    fn lines_and_bursts_of_a_contact_do_not_count_where_it_explains_nearly_all() {
+        let settings = Settings::default();
+        let contact = with(|l| (l.misfit, l.residue.line) = ((400.0, 1.5), 60.0));
+        assert!(!contact.unexplained(true, &settings));
+        // The same lines beside a cause of which a twentieth is left.
+        let half = with(|l| (l.misfit, l.residue.line) = ((10.0, 1.45), 60.0));
+        assert!(half.unexplained(true, &settings));
+        // More than the noise in all is never explained.
+        let much = with(|l| l.misfit = (400.0, 1.7));
+        assert!(much.unexplained(true, &settings));
+    }
+
+    #[test]
+    fn nothing_is_missing_only_where_nothing_but_noise_is_left() {
+        let settings = Settings::default();
+        assert!(!QUIET.unexplained(false, &settings));
+        for loud in [
+            with(|l| l.gap = 0.020),
+            with(|l| l.misfit = (1.3, 1.3)),
+            with(|l| l.residue.line = 13.0),
+            with(|l| l.residue.burst = 7.0),
+        ] {
+            assert!(loud.unexplained(false, &settings), "{loud:?}");
+        }
+        // A level that was taken from the records themselves excuses less.
+        let drifting = with(|l| l.gap = 0.018);
+        assert!(!drifting.unexplained(false, &settings));
+        assert!(with(|l| (l.gap, l.stated) = (0.018, false)).unexplained(false, &settings));
+    }
+
+    #[test]
+    fn white_innovations_excuse_a_drift_of_free_runs_beside_an_effect() {
+        let settings = Settings::default();
+        let drifting = with(|l| (l.gap, l.misfit.0) = (0.030, 5.0));
+        assert!(!drifting.unexplained(true, &settings));
+        let coloured = with(|l| (l.gap, l.misfit.0, l.residue.line) = (0.030, 5.0, 13.0));
+        assert!(coloured.unexplained(true, &settings));
+    }
 }
