@@ -28,7 +28,7 @@ impl Cause {
         let settings = Settings::default();
         let report = match subject.nominal() {
             Some(nominal) => {
-                let nominal = Nominal::new(nominal.clone()).map_err(CaseError::from)?;
+                let nominal = Nominal::new(nominal.clone());
                 Report::new(nominal, dataset, &settings, false)?
             }
             None => Report::of_dataset(subject.model(), dataset, &settings, false)?,

@@ -5,8 +5,8 @@ use std::path::Path;
 use pid_runtime::data::{DataError, Dataset, InputHold, Role, VelocityKind};
 use pid_runtime::signal;
 
-use crate::chain::Surroundings;
 use crate::effect::Unit;
+use crate::linkage::Surroundings;
 use crate::nominal::{Nominal, NominalError};
 use crate::plant::{PER_JOINT, Plant};
 use crate::regular;
@@ -372,13 +372,13 @@ impl Case {
             gravity: plant.gravity,
             tip_force: None,
         };
-        let (mut chain, mut mass, mut bias) = (plant.chain(), vec![0.0; n * n], vec![0.0; n]);
+        let (mut linkage, mut mass, mut bias) = (plant.linkage(), vec![0.0; n * n], vec![0.0; n]);
         let mut seen = vec![Vec::new(); n];
         let (mut passing, mut count) = (vec![vec![0.0; n]; n], 0.0_f64);
         for r in &self.records {
             for k in (0..r.len()).step_by((r.len() / 20).max(1)) {
                 let q: Vec<f64> = (0..n).map(|j| r.smooth_q[j][k]).collect();
-                chain.mass_and_bias(&around, (&q, &vec![0.0; n]), &mut mass, &mut bias);
+                linkage.mass_and_bias(&around, (&q, &vec![0.0; n]), &mut mass, &mut bias);
                 let mut m = nalgebra::DMatrix::from_row_slice(n, n, &mass);
                 for j in 0..n {
                     m[(j, j)] += plant.rotor[j];

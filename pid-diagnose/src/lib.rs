@@ -54,7 +54,6 @@
 #[cfg(test)]
 mod bench;
 pub mod case;
-pub mod chain;
 pub mod channel;
 pub mod diagnose;
 pub mod effect;
@@ -64,6 +63,7 @@ pub mod gap;
 mod hidden;
 mod kernels;
 mod levels;
+pub mod linkage;
 pub mod locate;
 pub mod next;
 pub mod noise;

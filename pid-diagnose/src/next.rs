@@ -22,9 +22,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::case::{Case, Record};
-use crate::chain::Surroundings;
 use crate::effect::Commands;
 use crate::fit::{Direction, Fit, all_gains, linearise, value};
+use crate::linkage::Surroundings;
 use crate::plant::{PER_JOINT, Plant};
 use crate::predict::{Runner, substeps};
 use crate::simulate::Machine;
@@ -235,14 +235,14 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
     let geared = machine.gears.iter().any(Option::is_some);
     let steps = substeps(h, geared);
     let dt = h / steps as f64;
-    let (mut chain, mut mass, mut bias) = (feed.chain(), vec![0.0; n * n], vec![0.0; n]);
+    let (mut linkage, mut mass, mut bias) = (feed.linkage(), vec![0.0; n * n], vec![0.0; n]);
     let mut u = vec![vec![0.0; samples]; n];
     let mut state = None;
     for k in 0..samples {
         let reference: Vec<(f64, f64, f64)> = waves.iter().map(|w| w.at(k as f64 * h)).collect();
         let q: Vec<f64> = reference.iter().map(|r| r.0).collect();
         let v: Vec<f64> = reference.iter().map(|r| r.1).collect();
-        chain.mass_and_bias(&around, (&q, &v), &mut mass, &mut bias);
+        linkage.mass_and_bias(&around, (&q, &v), &mut mass, &mut bias);
         let mut command = vec![0.0; n];
         for j in 0..n {
             let mut torque = bias[j] + feed.rotor[j] * reference[j].2;

@@ -1,4 +1,4 @@
-//! What is known of the robot before looking at the data, as the simulation takes it: a chain of joints, each with its drive.
+//! What is known of the robot before looking at the data, as the simulation takes it: a tree of joints, each with its drive.
 //!
 //! The description itself is [`pid_interpret::nominal`]'s; this module reads its values off, joint by joint.
 
@@ -20,14 +20,6 @@ pub enum NominalError {
     /// It cannot be read.
     #[error(transparent)]
     Description(#[from] description::NominalError),
-    /// It is not a chain.
-    #[error(
-        "joint `{joint}` does not hang on the joint before it; a diagnosis takes a chain, listed base to tip\n  help: leave `parent` out, or diagnose each chain by itself"
-    )]
-    Branch {
-        /// The joint.
-        joint: String,
-    },
     /// Records and description disagree.
     #[error(
         "nominal.toml describes {nominal} joints, dataset.toml {data}; give both the same joints, base to tip"
@@ -123,7 +115,7 @@ impl Nominal {
     /// Reads `nominal.toml` of a folder.
     ///
     /// # Errors
-    /// If it is absent, malformed, holds values that cannot be meant, or branches.
+    /// If it is absent, malformed, or holds values that cannot be meant.
     pub fn read(folder: &Path) -> Result<Self, NominalError> {
         Self::read_file(&folder.join("nominal.toml"))
     }
@@ -133,20 +125,20 @@ impl Nominal {
     /// # Errors
     /// As [`Nominal::read`].
     pub fn read_file(path: &Path) -> Result<Self, NominalError> {
-        Self::new(description::Nominal::read(path)?)
+        Ok(Self::new(description::Nominal::read(path)?))
     }
 
     /// Of a declared robot: nominal values and tolerances are those of its parameters. What is known of the measurement may stand in a
     /// `measurement.toml` of the folder of the records, if there is one.
     ///
     /// # Errors
-    /// As [`description::Nominal::of_declared`], and if it branches.
+    /// As [`description::Nominal::of_declared`].
     pub fn of_declared(model: &dyn Dynamics, folder: Option<&Path>) -> Result<Self, NominalError> {
         let measurement = folder.map(|folder| folder.join("measurement.toml"));
-        Self::new(description::Nominal::of_declared(
+        Ok(Self::new(description::Nominal::of_declared(
             model,
             measurement.as_deref(),
-        )?)
+        )?))
     }
 
     /// From the text of the file; `path` is for messages.
@@ -154,24 +146,16 @@ impl Nominal {
     /// # Errors
     /// As [`Nominal::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, NominalError> {
-        Self::new(description::Nominal::parse(path, text)?)
+        Ok(Self::new(description::Nominal::parse(path, text)?))
     }
 
     /// From a description.
-    ///
-    /// # Errors
-    /// If it branches.
-    pub fn new(description: description::Nominal) -> Result<Self, NominalError> {
+    pub fn new(description: description::Nominal) -> Self {
         let robot = description.robot();
         let measurement = description.measurement();
         let mut joints = Vec::with_capacity(robot.joints.len());
         let mut velocity_filter_hz = None;
         for (k, (joint, channel)) in robot.joints.iter().zip(&measurement.channels).enumerate() {
-            if joint.parent != k.checked_sub(1) {
-                return Err(NominalError::Branch {
-                    joint: joint.name.clone(),
-                });
-            }
             let (revolute, axis) = match joint.kind {
                 JointKind::Prismatic(axis) => (false, axis),
                 JointKind::Revolute(axis) => (true, axis),
@@ -196,6 +180,7 @@ impl Nominal {
             joints.push(Joint {
                 name: joint.name.clone(),
                 hinge: Hinge {
+                    parent: joint.parent,
                     revolute,
                     axis,
                     origin: [0, 1, 2].map(|i| number(&joint.origin[i])),
@@ -211,7 +196,7 @@ impl Nominal {
                 torque_peak: channel.torque_peak,
             });
         }
-        Ok(Nominal {
+        Nominal {
             name: robot.name.clone(),
             gravity: [0, 1, 2].map(|i| number(&robot.gravity[i])),
             tool: measurement.tool.unwrap_or([0.0; 3]),
@@ -220,7 +205,7 @@ impl Nominal {
             horizon: measurement.horizon,
             joints,
             description,
-        })
+        }
     }
 
     /// Number of joints.
@@ -228,7 +213,7 @@ impl Nominal {
         self.joints.len()
     }
 
-    /// Geometry of the chain.
+    /// Geometry of the links.
     pub fn hinges(&self) -> Vec<Hinge> {
         self.joints.iter().map(|j| j.hinge.clone()).collect()
     }

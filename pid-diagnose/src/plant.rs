@@ -3,7 +3,7 @@
 //! Per joint k, in this order: mass, centre of mass (3), inertia about it (6), rotor inertia, motor gain, Coulomb friction,
 //! viscous friction. A deviation of 1 is one tolerance: `m = m₀ + Δm θ`, and so on.
 
-use crate::chain::Chain;
+use crate::linkage::Linkage;
 use crate::nominal::Nominal;
 use crate::rigid::{Body, Hinge, V3};
 use crate::scalar::Scalar;
@@ -84,8 +84,8 @@ impl<D: Scalar> Plant<D> {
     }
 
     /// Its links, ready to be evaluated.
-    pub fn chain(&self) -> Chain<D> {
-        Chain::new(&self.hinges, &self.bodies, self.tool)
+    pub fn linkage(&self) -> Linkage<D> {
+        Linkage::new(&self.hinges, &self.bodies, self.tool)
     }
 }
 

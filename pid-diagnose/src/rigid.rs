@@ -1,5 +1,5 @@
-//! Rigid links over any [`Scalar`]: where they hang, their inertial parameters, and 3-vectors; the chain of them is in
-//! [`chain`](crate::chain).
+//! Rigid links over any [`Scalar`]: where they hang, their inertial parameters, and 3-vectors; the tree of them is
+//! [`linkage`](crate::linkage).
 
 use crate::scalar::Scalar;
 
@@ -21,6 +21,8 @@ pub struct Body<D> {
 /// Where a link hangs on its parent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hinge {
+    /// The link it hangs on, listed before; `None`: the base.
+    pub parent: Option<usize>,
     /// Turns (`true`) or slides.
     pub revolute: bool,
     /// Unit axis in the link's frame.

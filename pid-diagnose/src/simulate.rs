@@ -1,8 +1,8 @@
 //! One substep of the robot with its effects, over any [`Scalar`]; see [`effect`](crate::effect) for the equation.
 
-use crate::chain::{Chain, Surroundings};
 use crate::effect::{After, Commands, Forces, Friction, Gear, Pick, Site, Term};
 use crate::kernels;
+use crate::linkage::{Linkage, Surroundings};
 use crate::plant::Plant;
 use crate::scalar::Scalar;
 
@@ -63,7 +63,7 @@ pub struct Machine<'h, D: Pick> {
     /// Time of the first command since the start of what was recorded, s: effects that depend on time count from there.
     pub begin: f64,
     rotors: Vec<usize>,
-    chain: Chain<D>,
+    linkage: Linkage<D>,
     mass: Vec<D>,
     bias: Vec<D>,
     matrix: Vec<D>,
@@ -105,7 +105,7 @@ impl<'h, D: Pick> Machine<'h, D> {
         let rotors: Vec<usize> = (0..n).filter(|&j| gears[j].is_some()).collect();
         let m = n + rotors.len();
         let zero = D::nil();
-        let chain = plant.chain();
+        let linkage = plant.linkage();
         Machine {
             plant,
             hypothesis,
@@ -116,7 +116,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             gears,
             begin: 0.0,
             rotors,
-            chain,
+            linkage,
             mass: vec![zero; n * n],
             bias: vec![zero; n],
             matrix: vec![zero; m * m],
@@ -167,7 +167,7 @@ impl<'h, D: Pick> Machine<'h, D> {
     fn rest_bias(&mut self, q: &[D]) {
         let zero = vec![D::nil(); self.n()];
         let around = self.around(self.begin, 1e-3);
-        self.chain
+        self.linkage
             .mass_and_bias(&around, (q, &zero), &mut self.mass, &mut self.bias);
     }
 
@@ -279,7 +279,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             self.site_v[j] = state.drive_v[j] + state.acceleration[n + r] * half;
         }
         let around = self.around(t, dt);
-        self.chain.mass_and_bias(
+        self.linkage.mass_and_bias(
             &around,
             (&self.half_q, &self.half_v),
             &mut self.mass,

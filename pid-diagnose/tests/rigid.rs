@@ -1,18 +1,27 @@
-//! The chain against closed forms written independently, and against the principle of virtual work.
+//! The links against closed forms written independently, and against the principle of virtual work.
 
 use num_dual::Dual64;
-use pid_diagnose::chain::{Chain, Surroundings};
+use pid_diagnose::linkage::{Linkage, Surroundings};
 use pid_diagnose::rigid::{Body, Hinge, add_point};
 
 const EYE: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 fn hinge(revolute: bool, axis: [f64; 3], origin: [f64; 3]) -> Hinge {
     Hinge {
+        parent: None,
         revolute,
         axis,
         origin,
         rotation: EYE,
     }
+}
+
+/// Hinges one on the other.
+fn chain(mut hinges: Vec<Hinge>) -> Vec<Hinge> {
+    for (k, hinge) in hinges.iter_mut().enumerate() {
+        hinge.parent = k.checked_sub(1);
+    }
+    hinges
 }
 
 /// A point mass with inertia about its own y axis.
@@ -44,19 +53,19 @@ fn evaluate(
         gravity: [0.0, 0.0, -9.81],
         tip_force: force,
     };
-    let mut chain = Chain::new(hinges, bodies, [0.05, 0.02, -0.3]);
+    let mut linkage = Linkage::new(hinges, bodies, [0.05, 0.02, -0.3]);
     let (mut m, mut b) = (vec![0.0; n * n], vec![0.0; n]);
-    chain.mass_and_bias(&around, (q, v), &mut m, &mut b);
+    linkage.mass_and_bias(&around, (q, v), &mut m, &mut b);
     (m, b)
 }
 
 #[test]
 fn a_planar_double_pendulum_has_its_textbook_equations() {
     let (l1, r1, r2, m1, m2, i1, i2, g) = (0.4, 0.17, 0.14, 6.0, 4.0, 0.088, 0.043, 9.81);
-    let hinges = [
+    let hinges = chain(vec![
         hinge(true, [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]),
         hinge(true, [0.0, 1.0, 0.0], [0.0, 0.0, -l1]),
-    ];
+    ]);
     let bodies = [body(m1, [0.0, 0.0, -r1], i1), body(m2, [0.0, 0.0, -r2], i2)];
     for (q, v) in [
         ([0.3, -0.8], [1.2, -0.7]),
@@ -87,10 +96,10 @@ fn a_planar_double_pendulum_has_its_textbook_equations() {
 #[test]
 fn a_slide_on_a_turning_arm_feels_centrifugal_and_coriolis_forces() {
     // Arm about z, mass on a slide along its x axis: M = diag(m x², m), b = (2 m x ẋ ω, −m x ω²).
-    let hinges = [
+    let hinges = chain(vec![
         hinge(true, [0.0, 0.0, 1.0], [0.0; 3]),
         hinge(false, [1.0, 0.0, 0.0], [0.0; 3]),
-    ];
+    ]);
     let bodies = [body(0.0, [0.0; 3], 0.0), body(2.0, [0.0; 3], 0.0)];
     let (x, w, dx) = (0.7, 1.3, -0.4);
     let (m, b) = evaluate(&hinges, &bodies, None, &[0.9, x], &[w, dx]);
@@ -108,12 +117,12 @@ fn the_mass_matrix_is_the_kinetic_energy_and_the_bias_keeps_it() {
     // Along the free motion q̈ = −M⁻¹ b the energy rate vᵀ(M q̈ + b) vanishes; with gravity off, vᵀ b = −½ vᵀ Ṁ v... checked as
     // d(½ vᵀ M v)/dt = 0 through duals in time.
     let tilted = [[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]];
-    let mut hinges = vec![
+    let mut hinges = chain(vec![
         hinge(true, [0.0, 0.0, 1.0], [0.0, 0.1, 0.2]),
         hinge(true, [0.0, 1.0, 0.0], [0.03, 0.0, 0.2]),
         hinge(false, [1.0, 0.0, 0.0], [0.0, 0.0, 0.3]),
         hinge(true, [0.6, 0.0, 0.8], [0.1, 0.0, 0.06]),
-    ];
+    ]);
     hinges[1].rotation = tilted;
     hinges[3].rotation = tilted;
     let bodies: Vec<Body<f64>> = (0..4)
@@ -142,7 +151,7 @@ fn the_mass_matrix_is_the_kinetic_energy_and_the_bias_keeps_it() {
             tip_force: None,
         };
         let (mut m, mut b) = (vec![lift(0.0); n * n], vec![lift(0.0); n]);
-        Chain::new(&hinges, &bodies, [0.0; 3]).mass_and_bias(&around, (q, v), &mut m, &mut b);
+        Linkage::new(&hinges, &bodies, [0.0; 3]).mass_and_bias(&around, (q, v), &mut m, &mut b);
         (m, b)
     };
     let still: Vec<Dual64> = q.iter().map(|&x| Dual64::from(x)).collect();
@@ -170,10 +179,10 @@ fn the_mass_matrix_is_the_kinetic_energy_and_the_bias_keeps_it() {
 
 #[test]
 fn a_force_on_the_tool_does_virtual_work() {
-    let hinges = [
+    let hinges = chain(vec![
         hinge(true, [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]),
         hinge(true, [1.0, 0.0, 0.0], [0.1, 0.0, -0.4]),
-    ];
+    ]);
     let bodies = [
         body(1.0, [0.0, 0.0, -0.1], 0.01),
         body(1.0, [0.0, 0.0, -0.1], 0.01),
@@ -197,12 +206,15 @@ fn a_force_on_the_tool_does_virtual_work() {
     }
 }
 
-/// Points of every link of a chain in base axes.
+/// Points of every link in base axes.
 fn places(hinges: &[Hinge], points: &[[f64; 3]], q: &[f64]) -> Vec<nalgebra::Vector3<f64>> {
     use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
-    let (mut turn, mut at) = (Matrix3::identity(), Vector3::zeros());
+    let mut frames: Vec<(Matrix3<f64>, Vector3<f64>)> = Vec::new();
     let mut out = Vec::new();
     for (h, q) in hinges.iter().zip(q) {
+        let (mut turn, mut at) = h
+            .parent
+            .map_or((Matrix3::identity(), Vector3::zeros()), |p| frames[p]);
         at += turn * Vector3::from(h.origin);
         turn *= Matrix3::from_fn(|i, j| h.rotation[i][j]);
         let axis = Vector3::from(h.axis);
@@ -212,53 +224,90 @@ fn places(hinges: &[Hinge], points: &[[f64; 3]], q: &[f64]) -> Vec<nalgebra::Vec
             at += turn * axis * *q;
         }
         out.extend(points.iter().map(|p| at + turn * Vector3::from(*p)));
+        frames.push((turn, at));
     }
     out
 }
 
+const X: [f64; 3] = [1.0, 0.0, 0.0];
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+const Z: [f64; 3] = [0.0, 0.0, 1.0];
+const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
+const SLANTED: [f64; 3] = [0.0, -0.6, 0.8];
+
+/// Robots: parent, revolute or not, axis and rotation of each hinge (0: none, 1: about z, 2: about y).
+type Kind = (Option<usize>, bool, [f64; 3], usize);
+const ROBOTS: [&[Kind]; 12] = [
+    &[(None, true, Y, 0)],
+    &[(None, false, X, 1)],
+    &[
+        (None, true, Y, 0),
+        (Some(0), true, Y, 2),
+        (Some(1), true, [0.0, -1.0, 0.0], 0),
+    ],
+    &[
+        (None, false, X, 0),
+        (Some(0), true, Y, 0),
+        (Some(1), true, Y, 0),
+    ],
+    &[
+        (None, true, Z, 0),
+        (Some(0), false, Z, 0),
+        (Some(1), true, Z, 0),
+        (Some(2), false, DOWN, 0),
+    ],
+    &[(None, true, Z, 0), (Some(0), false, DOWN, 2)],
+    &[
+        (None, true, Z, 0),
+        (Some(0), false, X, 0),
+        (Some(1), false, Y, 1),
+    ],
+    &[
+        (None, false, Y, 0),
+        (Some(0), false, Z, 1),
+        (Some(1), true, X, 0),
+        (Some(2), true, DOWN, 0),
+        (Some(3), true, Z, 0),
+    ],
+    &[
+        (None, true, Z, 0),
+        (Some(0), true, Y, 0),
+        (Some(1), true, Y, 0),
+        (Some(2), true, X, 1),
+        (Some(3), true, SLANTED, 2),
+        (Some(4), true, SLANTED, 0),
+    ],
+    // Two arms on one link.
+    &[
+        (None, true, Y, 0),
+        (Some(0), true, Y, 0),
+        (Some(0), true, Y, 2),
+    ],
+    // Two robots on one base.
+    &[
+        (None, true, Y, 0),
+        (Some(0), true, X, 0),
+        (None, false, Z, 1),
+        (Some(2), true, Y, 0),
+    ],
+    // A trunk with two arms, one of which branches again.
+    &[
+        (None, true, Z, 0),
+        (Some(0), true, X, 0),
+        (Some(1), false, SLANTED, 2),
+        (Some(0), true, Y, 1),
+        (Some(3), true, Y, 0),
+        (Some(3), true, Z, 0),
+    ],
+];
+
 #[test]
-fn chains_of_point_masses_obey_newton_whatever_their_axes() {
+fn trees_of_point_masses_obey_newton_whatever_their_axes() {
     let (c, s) = (0.7_f64.cos(), 0.7_f64.sin());
-    let about_y = [[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]];
-    let tilted = [[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]];
-    let (x, y, z, down) = (
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [0.0, 0.0, 1.0],
-        [0.0, 0.0, -1.0],
-    );
-    let chains: [&[(bool, [f64; 3], [[f64; 3]; 3])]; 9] = [
-        &[(true, y, EYE)],
-        &[(false, x, tilted)],
-        &[
-            (true, y, EYE),
-            (true, y, about_y),
-            (true, [0.0, -1.0, 0.0], EYE),
-        ],
-        &[(false, x, EYE), (true, y, EYE), (true, y, EYE)],
-        &[
-            (true, z, EYE),
-            (false, z, EYE),
-            (true, z, EYE),
-            (false, down, EYE),
-        ],
-        &[(true, z, EYE), (false, down, about_y)],
-        &[(true, z, EYE), (false, x, EYE), (false, y, tilted)],
-        &[
-            (false, y, EYE),
-            (false, z, tilted),
-            (true, x, EYE),
-            (true, down, EYE),
-            (true, z, EYE),
-        ],
-        &[
-            (true, z, EYE),
-            (true, y, EYE),
-            (true, y, EYE),
-            (true, x, tilted),
-            (true, [0.0, -0.6, 0.8], about_y),
-            (true, [0.0, -0.6, 0.8], EYE),
-        ],
+    let turns = [
+        EYE,
+        [[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]],
+        [[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]],
     ];
     let points = [
         [0.1, 0.0, 0.2],
@@ -267,16 +316,17 @@ fn chains_of_point_masses_obey_newton_whatever_their_axes() {
         [0.05, 0.2, -0.1],
     ];
     let masses = [0.7, 0.4, 1.1, 0.6];
-    for (number, kinds) in chains.iter().enumerate() {
+    for (number, kinds) in ROBOTS.iter().enumerate() {
         let n = kinds.len();
         let hinges: Vec<Hinge> = kinds
             .iter()
             .enumerate()
-            .map(|(k, &(revolute, axis, rotation))| Hinge {
+            .map(|(k, &(parent, revolute, axis, turn))| Hinge {
+                parent,
                 revolute,
                 axis,
                 origin: [0.1 - 0.05 * k as f64, 0.02 * k as f64, 0.3],
-                rotation,
+                rotation: turns[turn],
             })
             .collect();
         let mut body = Body {
@@ -289,10 +339,14 @@ fn chains_of_point_masses_obey_newton_whatever_their_axes() {
         }
         let q: Vec<f64> = (0..n).map(|k| 0.4 - 0.3 * k as f64).collect();
         let v: Vec<f64> = (0..n).map(|k| 1.3 - 0.8 * k as f64).collect();
-        let (m, b) = evaluate(&hinges, &vec![body; n], None, &q, &v);
+        let push = nalgebra::Vector3::new(3.0, -2.0, 1.0);
+        let (m, b) = evaluate(&hinges, &vec![body; n], Some(push.into()), &q, &v);
+        // The tool is a point without mass of the last link.
+        let mut all = points.to_vec();
+        all.push([0.05, 0.02, -0.3]);
         let moved = |along: &[f64], h: f64| {
             let q: Vec<f64> = q.iter().zip(along).map(|(q, d)| q + h * d).collect();
-            places(&hinges, &points, &q)
+            places(&hinges, &all, &q)
         };
         let slopes: Vec<Vec<nalgebra::Vector3<f64>>> = (0..n)
             .map(|j| {
@@ -304,10 +358,12 @@ fn chains_of_point_masses_obey_newton_whatever_their_axes() {
         let (up, here, down) = (moved(&v, 1e-4), moved(&v, 0.0), moved(&v, -1e-4));
         let gravity = nalgebra::Vector3::new(0.0, 0.0, -9.81);
         for i in 0..n {
-            let mut expected = 0.0;
+            let mut expected = -slopes[i][here.len() - 1].dot(&push);
             let mut row = vec![0.0; n];
             for p in 0..here.len() {
-                let mass = masses[p % masses.len()];
+                let Some(mass) = masses.get(p % all.len()) else {
+                    continue;
+                };
                 let acceleration = (up[p] - here[p] * 2.0 + down[p]) / 1e-8;
                 expected += mass * slopes[i][p].dot(&(acceleration - gravity));
                 for (x, slope) in row.iter_mut().zip(&slopes) {
@@ -316,13 +372,13 @@ fn chains_of_point_masses_obey_newton_whatever_their_axes() {
             }
             assert!(
                 (b[i] - expected).abs() < 1e-5,
-                "chain {number}, joint {i}: {} {expected}",
+                "robot {number}, joint {i}: {} {expected}",
                 b[i]
             );
             for (j, x) in row.iter().enumerate() {
                 assert!(
                     (m[i * n + j] - x).abs() < 1e-8,
-                    "chain {number}: M[{i}][{j}] {} {x}",
+                    "robot {number}: M[{i}][{j}] {} {x}",
                     m[i * n + j]
                 );
             }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::causes::{Cause, Kind, LISTED, OUTSIDE, Sizes};
 use super::motion::{Motion, Room, reference};
 use super::world::{STEP, World};
-use crate::chain::Surroundings;
+use crate::linkage::Surroundings;
 use crate::nominal::{Nominal, NominalError};
 use crate::plant::{PER_JOINT, Plant};
 
@@ -248,7 +248,7 @@ fn dynamics(plant: &Plant<f64>, q: &[f64], v: &[f64]) -> (DMatrix<f64>, Vec<f64>
     };
     let (mut mass, mut bias) = (vec![0.0; n * n], vec![0.0; n]);
     plant
-        .chain()
+        .linkage()
         .mass_and_bias(&around, (q, v), &mut mass, &mut bias);
     (DMatrix::from_row_slice(n, n, &mass), bias)
 }

@@ -1,4 +1,4 @@
-//! The simulated robot: rigid chain with rotors, gears, dry friction by impulses, causes by their definitions.
+//! The simulated robot: rigid links with rotors, gears, dry friction by impulses, causes by their definitions.
 //!
 //! Symplectic Euler at 0.1 ms: `v⁺ = v + δ M⁻¹ (τ − b) − M⁻¹ λ` with friction impulses `λ ∈ δ·level·Sgn(v⁺)` by projected
 //! Gauss-Seidel sweeps (J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics, 1988), then `q⁺ = q + δ v⁺`.
@@ -11,7 +11,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::causes::{Cause, Kind};
-use crate::chain::{Chain, Surroundings};
+use crate::linkage::{Linkage, Surroundings};
 use crate::plant::Plant;
 use crate::rigid::add_point;
 
@@ -41,7 +41,7 @@ pub(super) struct World<'a> {
     load: Vec<f64>,
     dropped: usize,
     kept: f64,
-    chain: Chain<f64>,
+    linkage: Linkage<f64>,
     mass: Vec<f64>,
     bias: Vec<f64>,
 }
@@ -68,7 +68,7 @@ impl<'a> World<'a> {
             }
         }
         let mut world = World {
-            chain: plant.chain(),
+            linkage: plant.linkage(),
             plant,
             causes,
             n,
@@ -111,7 +111,7 @@ impl<'a> World<'a> {
         };
         let n = self.n;
         let motion = (&self.q.as_slice()[..n], &self.v.as_slice()[..n]);
-        self.chain
+        self.linkage
             .mass_and_bias(&surroundings, motion, &mut self.mass, &mut self.bias);
     }
 

@@ -1,4 +1,4 @@
-//! Mass matrix and bias forces of a chain, in frames whose third axis is the hinge's.
+//! Mass matrix and bias forces of a tree of links, in frames whose third axis is the hinge's.
 //!
 //! The same algorithms as in R. Featherstone, Rigid Body Dynamics Algorithms, 2008, tables 5.1 (recursive Newton-Euler) and 6.2
 //! (composite bodies), with 3-vectors. In these frames a hinge turns two components and leaves the third, the axis picks one
@@ -9,7 +9,7 @@ use std::ops::Mul;
 use crate::rigid::{Body, Hinge, M3, V3, add, cross, times};
 use crate::scalar::Scalar;
 
-/// What the chain is subject to beside its drives.
+/// What the links are subject to beside its drives.
 #[derive(Debug, Clone, Copy)]
 pub struct Surroundings<D> {
     /// Acceleration of gravity in base axes, m/s².
@@ -43,6 +43,9 @@ enum Mount {
 /// One link.
 #[derive(Debug, Clone)]
 struct Link<D> {
+    parent: Option<usize>,
+    /// Whether the last link is this one or hangs on it.
+    carries_tool: bool,
     revolute: bool,
     rotation: Rotation,
     mount: Mount,
@@ -51,14 +54,26 @@ struct Link<D> {
     body: Body<D>,
     /// Sine and cosine of the coordinate of a revolute hinge, or the coordinate of a slide and 0.
     at: (D, D),
+    motion: Motion<D>,
     force: V3<D>,
     torque: V3<D>,
     composite: Body<D>,
 }
 
-/// A chain of links, ready to be evaluated.
+/// How a link moves without acceleration of the hinges.
+#[derive(Debug, Clone, Copy)]
+struct Motion<D> {
+    /// Angular velocity.
+    w: V3<D>,
+    /// Its rate of change.
+    al: V3<D>,
+    /// Acceleration of the frame's origin, less gravity.
+    acc: V3<D>,
+}
+
+/// A tree of links, ready to be evaluated.
 #[derive(Debug, Clone)]
-pub struct Chain<D> {
+pub struct Linkage<D> {
     links: Vec<Link<D>>,
     /// Where a force on the tool acts, in the last link's frame, m.
     tool: V3<f64>,
@@ -67,54 +82,63 @@ pub struct Chain<D> {
 /// Largest deviation of an axis from another to count as parallel: rounding of the sine and cosine of a right angle.
 const PARALLEL: f64 = 1e-12;
 
-impl<D: Scalar> Chain<D> {
+impl<D: Scalar> Linkage<D> {
     /// From hinges and bodies (one each per link) and the tool point in the last link's frame, m.
     pub fn new(hinges: &[Hinge], bodies: &[Body<D>], tool: V3<f64>) -> Self {
-        // Rotation from the frame used here to the parent link's own.
-        let mut frame = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let mut rotation = Rotation::Still;
-        let links = hinges
-            .iter()
-            .zip(bodies)
-            .map(|(hinge, body)| {
-                let arm = turned_back(&frame, hinge.origin);
-                let home = product(&transposed(&frame), &hinge.rotation);
-                let [x, y, z] = turned(&home, hinge.axis);
-                let mount = if x.abs().max(y.abs()) > PARALLEL {
-                    let own = around(hinge.axis);
-                    frame = own;
-                    Mount::Turned(product(&home, &own))
-                } else if z > 0.0 {
-                    frame = transposed(&home);
-                    Mount::Same
-                } else {
-                    let half_turn = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
-                    frame = product(&transposed(&home), &half_turn);
-                    Mount::Opposite
-                };
-                rotation = match (rotation, hinge.revolute, mount) {
+        let base = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        // Rotations from the frames used here to the links' own.
+        let mut frames: Vec<M3<f64>> = Vec::with_capacity(hinges.len());
+        let mut links: Vec<Link<D>> = Vec::with_capacity(hinges.len());
+        for (hinge, body) in hinges.iter().zip(bodies) {
+            let (outer, rotation) = hinge
+                .parent
+                .map_or((base, Rotation::Still), |p| (frames[p], links[p].rotation));
+            let home = product(&transposed(&outer), &hinge.rotation);
+            let [x, y, z] = turned(&home, hinge.axis);
+            let (frame, mount) = if x.abs().max(y.abs()) > PARALLEL {
+                let own = around(hinge.axis);
+                (own, Mount::Turned(product(&home, &own)))
+            } else if z > 0.0 {
+                (transposed(&home), Mount::Same)
+            } else {
+                let half_turn = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
+                (product(&transposed(&home), &half_turn), Mount::Opposite)
+            };
+            let body = seen(body, &frame);
+            let zero = [D::nil(); 3];
+            links.push(Link {
+                parent: hinge.parent,
+                carries_tool: false,
+                revolute: hinge.revolute,
+                rotation: match (rotation, hinge.revolute, mount) {
                     (Rotation::Still, false, _) => Rotation::Still,
                     (Rotation::Still, true, _) => Rotation::Planar,
                     (Rotation::Planar, _, Mount::Same | Mount::Opposite) => Rotation::Planar,
                     _ => Rotation::General,
-                };
-                let body = seen(body, &frame);
-                Link {
-                    revolute: hinge.revolute,
-                    rotation,
-                    mount,
-                    arm,
-                    body,
-                    at: (D::nil(), D::nil()),
-                    force: [D::nil(); 3],
-                    torque: [D::nil(); 3],
-                    composite: body,
-                }
-            })
-            .collect();
-        Chain {
+                },
+                mount,
+                arm: turned_back(&outer, hinge.origin),
+                body,
+                at: (D::nil(), D::nil()),
+                motion: Motion {
+                    w: zero,
+                    al: zero,
+                    acc: zero,
+                },
+                force: zero,
+                torque: zero,
+                composite: body,
+            });
+            frames.push(frame);
+        }
+        let mut next = links.len().checked_sub(1);
+        while let Some(k) = next {
+            links[k].carries_tool = true;
+            next = links[k].parent;
+        }
+        Linkage {
             links,
-            tool: turned_back(&frame, tool),
+            tool: frames.last().map_or(tool, |frame| turned_back(frame, tool)),
         }
     }
 
@@ -137,25 +161,32 @@ impl<D: Scalar> Chain<D> {
     #[inline(always)]
     fn outwards(&mut self, around: &Surroundings<D>, q: &[D], v: &[D]) {
         let zero = [D::nil(); 3];
-        let (mut w, mut al, mut acc) = (zero, zero, around.gravity.map(|g| -g));
+        let base = Motion {
+            w: zero,
+            al: zero,
+            acc: around.gravity.map(|g| -g),
+        };
         let mut push = around.tip_force;
-        let mut parent = Rotation::Still;
         let n = self.links.len();
-        for (k, link) in self.links.iter_mut().enumerate() {
-            if link.revolute {
+        for k in 0..n {
+            let (before, rest) = self.links.split_at_mut(k);
+            let link = &mut rest[0];
+            let (outer, Motion { mut w, mut al, acc }) = match link.parent {
+                Some(p) => (before[p].rotation, before[p].motion),
+                None => (Rotation::Still, base),
+            };
+            let acc = if link.revolute {
                 link.at = q[k].sine_cosine();
-                acc = carried(parent, acc, w, al, link.arm);
+                carried(outer, acc, w, al, link.arm)
             } else {
                 link.at = (q[k], D::nil());
-                if parent != Rotation::Still {
-                    acc = carried(parent, acc, w, al, link.reach());
-                }
-            }
-            acc = link.back(acc);
+                carried(outer, acc, w, al, link.reach())
+            };
+            let mut acc = link.back(acc);
             match link.rotation {
                 Rotation::Still => {}
                 Rotation::Planar => {
-                    if parent == Rotation::Planar && link.mount == Mount::Opposite {
+                    if outer == Rotation::Planar && link.mount == Mount::Opposite {
                         w[2] = -w[2];
                     }
                     if link.revolute {
@@ -194,7 +225,7 @@ impl<D: Scalar> Chain<D> {
                     link.torque = add(link.torque, own);
                 }
             }
-            if let Some(f) = push {
+            if let Some(f) = push.filter(|_| link.carries_tool) {
                 let f = link.back(f);
                 push = Some(f);
                 if k + 1 == n {
@@ -205,12 +236,12 @@ impl<D: Scalar> Chain<D> {
                     }
                 }
             }
+            link.motion = Motion { w, al, acc };
             link.composite = link.body;
-            parent = link.rotation;
         }
     }
 
-    /// Gathers forces and composite bodies from the tip to the base.
+    /// Gathers forces and composite bodies from the tips to the base.
     #[inline(always)]
     fn inwards(&mut self, mass: &mut [D], bias: &mut [D]) {
         let n = self.links.len();
@@ -228,27 +259,33 @@ impl<D: Scalar> Chain<D> {
                 mass[k * n + k] = m;
                 ([D::nil(), D::nil(), m], [h[1], -h[0], D::nil()])
             };
+            let mut child = link;
             for p in (0..k).rev() {
-                let child = if p + 1 == k { link } else { &before[p + 1] };
-                (f, t) = child.towards_base(f, t);
-                let entry = before[p].along(f, t);
+                let entry = if child.parent == Some(p) {
+                    (f, t) = child.towards_base(f, t);
+                    child = &before[p];
+                    child.along(f, t)
+                } else {
+                    // Another branch.
+                    D::nil()
+                };
                 mass[k * n + p] = entry;
                 mass[p * n + k] = entry;
             }
-            if let Some(parent) = before.last_mut() {
+            if let Some(p) = link.parent {
+                let parent = &mut before[p];
                 let (f, t) = link.towards_base(link.force, link.torque);
-                if k > 1 {
+                if parent.parent.is_some() {
                     parent.force = add(parent.force, f);
                     parent.torque = add(parent.torque, t);
                     link.join(&mut parent.composite);
                 } else {
-                    // Of the first link only what its hinge feels counts.
-                    let own = parent.along(parent.force, parent.torque);
+                    // Of a link on the base only what its hinge feels counts.
                     let felt = parent.along(f, t);
                     if parent.revolute {
-                        parent.torque[2] = own + felt;
+                        parent.torque[2] += felt;
                     } else {
-                        parent.force[2] = own + felt;
+                        parent.force[2] += felt;
                     }
                     link.join_root(parent);
                 }
@@ -368,7 +405,7 @@ impl<D: Scalar> Link<D> {
         parent.mass += m;
     }
 
-    /// Adds to the first link's composite body what its hinge feels of this one's.
+    /// Adds to the composite body of a link on the base what its hinge feels of this one's.
     #[inline(always)]
     fn join_root(&self, root: &mut Link<D>) {
         if !root.revolute {
