@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use pid_diagnose::case::CaseError;
 use pid_diagnose::diagnose::{Diagnosis, Settings};
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::report::Report;
