@@ -18,6 +18,7 @@ use super::magnitude::{name, sizes};
 use super::refit::{Refit, refit};
 use super::{Diagnosis, Ranked, Remainder, Settings, TOUCH, listed, measured};
 use crate::case::Case;
+use crate::effect::Unit;
 use crate::fit::{Basis, Effort, Fit, basis, fit, ranges};
 use crate::gap::Gap;
 use crate::levels::{errors, left, settle, slow};
@@ -153,7 +154,8 @@ pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit, floor: f6
     }
 }
 
-/// Whether an amplitude of the last effect ended at the end of its range: the effect then stands for something else.
+/// Whether an amplitude of the last effect, or its number of periods, ended at the end of its range: the effect then stands for
+/// something else.
 fn at_an_end(case: &Case, fit: &Fit) -> bool {
     let Some(term) = fit.hypothesis.terms.last() else {
         return false;
@@ -161,9 +163,12 @@ fn at_an_end(case: &Case, fit: &Fit) -> bool {
     let info = term.effect.info();
     let first = fit.point.e.len() - info.parameters.len();
     let ranges = ranges(case, &fit.hypothesis);
-    info.amplitudes.iter().any(|&a| {
-        let (low, high) = ranges[first + a];
-        let x = fit.point.e[first + a];
+    info.parameters.iter().enumerate().any(|(i, parameter)| {
+        if !info.amplitudes.contains(&i) && parameter.unit != Unit::Wave {
+            return false;
+        }
+        let (low, high) = ranges[first + i];
+        let x = fit.point.e[first + i];
         let edge = 1e-3 * (high - low);
         // Zero is where the effect is absent.
         (x < low + edge && low != 0.0) || x > high - edge

@@ -1,6 +1,11 @@
 //! Force ripple over the position: additional force a sin(w q) + b cos(w q) = A sin(w q + φ).
 //!
+//! The motion passes one and a half of its periods at least: less shows no period, and would stand for any force that depends on
+//! the position, a soft stop among them.
+//!
 //! Source: P. C. Krause et al., Analysis of Electric Machinery and Drive Systems, 2013, section 15.7.
+
+use std::f64::consts::TAU;
 
 use crate::effect::{Forces, Info, Kind, Law, Model, Site, Unit, parameter};
 use crate::plant::Plant;
@@ -20,12 +25,9 @@ static INFO: Info = Info {
     parameters: &[
         parameter("sine", "N*m", Unit::Torque, -2.0, 2.0),
         parameter("cosine", "N*m", Unit::Torque, -2.0, 2.0),
-        parameter("periods_per_unit", "1/rad", Unit::Wave, 3.0, 140.0),
+        parameter("periods_per_unit", "1/rad", Unit::Wave, 1.5 * TAU, 140.0),
     ],
     starts: &[
-        &[0.01, 0.01, 4.0],
-        &[0.01, 0.01, 6.2],
-        &[0.01, 0.01, 8.4],
         &[0.01, 0.01, 10.6],
         &[0.01, 0.01, 12.8],
         &[0.01, 0.01, 15.0],
