@@ -404,10 +404,13 @@ impl<T: Model + Law<f64> + Law<Wide> + Law<Narrow> + Law<num_dual::Dual64>> Effe
 
 /// Scalars for which every [`Effect`] offers its equation.
 pub trait Pick: Scalar {
+    /// Whether it is a plain number: what was solved for values is solved.
+    const PLAIN: bool = false;
     /// The equation over this scalar.
     fn of(effect: &dyn Effect) -> &dyn Law<Self>;
 }
 impl Pick for f64 {
+    const PLAIN: bool = true;
     fn of(effect: &dyn Effect) -> &dyn Law<f64> {
         effect.plain()
     }

@@ -96,7 +96,7 @@ impl<D: Scalar> Linkage<D> {
             let home = product(&transposed(&outer), &hinge.rotation);
             let [x, y, z] = turned(&home, hinge.axis);
             let (frame, mount) = if x.abs().max(y.abs()) > PARALLEL {
-                let own = around(hinge.axis);
+                let own = frame_about(hinge.axis);
                 (own, Mount::Turned(product(&home, &own)))
             } else if z > 0.0 {
                 (transposed(&home), Mount::Same)
@@ -513,7 +513,7 @@ fn seen<D: Scalar>(body: &Body<D>, frame: &M3<f64>) -> Body<D> {
 }
 
 /// A rotation whose third column is a unit axis; axes of coordinates give permutations.
-fn around(axis: V3<f64>) -> M3<f64> {
+fn frame_about(axis: V3<f64>) -> M3<f64> {
     let least = (0..3)
         .min_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs()))
         .unwrap_or(0);

@@ -502,6 +502,13 @@ impl<'h, D: Pick> Machine<'h, D> {
                     }
                 }
             }
+            if stable && D::PLAIN {
+                for (next, x) in self.next.iter_mut().zip(&x) {
+                    *next = D::constant(*x);
+                }
+                self.value_x = x;
+                return;
+            }
             if stable {
                 break;
             }
