@@ -259,6 +259,27 @@ fn structured_and_sparse_systems_have_one_solution() {
             };
             close(&solutions[0].0, &solutions[1].0);
             close(&solutions[0].1, &solutions[1].1);
+            // The limit holds for the part in the parameters, of the last solution or of the one it is told of.
+            let (mut dx, mut dl) = solutions.swap_remove(0);
+            let norm = |dx: &[f64]| {
+                let p = &dx[dx.len() - problem.setup().scale.len()..];
+                p.iter().map(|d| d * d).sum::<f64>().sqrt()
+            };
+            let free = norm(&dx);
+            let before = structured.limit(0.1 * free).expect("a solution");
+            assert!((before - free).abs() <= 1e-9 * free, "{before} {free}");
+            structured.solve(&rx, &rc, &mut dx, &mut dl);
+            let limited = norm(&dx);
+            assert!(
+                limited <= 0.1001 * free && limited > 0.05 * free,
+                "{limited} {free}"
+            );
+            structured.remember(&dx);
+            let before = structured.limit(f64::INFINITY).expect("a solution");
+            assert!(
+                (before - limited).abs() <= 1e-9 * free,
+                "{before} {limited}"
+            );
         }
     }
 }

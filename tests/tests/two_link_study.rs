@@ -6,7 +6,7 @@ use pid_models::TwoLink;
 use pid_runtime::data::{Dataset, Horizon, Role};
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::gap::metrics::{FreeRunSettings, free_run_table};
-use pid_runtime::ident::{self, Run, Settings, Weighting};
+use pid_runtime::ident::{self, Method, Run, Settings, Weighting};
 use pid_runtime::transcribe::Scheme;
 use pid_tests::{shared, starts};
 
@@ -103,5 +103,38 @@ fn second_order_schemes_reach_one_optimum_from_all_starts() {
             j[0] < 1.0 && j[1] < 1e-3 && j[2] < 1e-2,
             "{scheme:?}: J = {j:?}"
         );
+    }
+}
+
+/// From ten starts, explicit Euler, within 1 % of the best objective: CasADi and IPOPT reach it from none of them with one arc, from 3
+/// with 5 nodes and from 8 with 20 (iteration limit 1000, violation below 1e-6; `--bin shooting_study` has all numbers of nodes).
+#[test]
+fn few_nodes_reach_the_best_known_objective_from_most_starts() {
+    let (Some(folder), Some(table)) = (
+        shared("data/seed_two_link"),
+        shared("bench/initial_parameters.csv"),
+    ) else {
+        return;
+    };
+    let dataset = Dataset::read(&folder).expect("readable");
+    let table = std::fs::read_to_string(table).expect("readable");
+    let starts = starts(&table, TwoLink.params()).expect("a column per parameter");
+    for (nodes, lift, least) in [(1, true, 9), (5, false, 6), (20, false, 9)] {
+        let settings = Settings {
+            method: Method::Shooting,
+            nodes,
+            lift,
+            ..settings(Scheme::ExplicitEuler)
+        };
+        let run = |start: &Vec<f64>| {
+            let found = ident::identify(&TwoLink, &dataset, &settings, Some(start), &mut |_| {
+                ControlFlow::Continue(())
+            });
+            found.expect("identifies").best().clone()
+        };
+        let runs: Vec<Run> = starts[..10].iter().map(run).collect();
+        let near = |r: &&Run| r.check.primal_inf < 1e-6 && r.objective <= 1.01 * 0.044253;
+        let near = runs.iter().filter(near).count();
+        assert!(near >= least, "{nodes} nodes: {near} of 10");
     }
 }

@@ -1,5 +1,6 @@
 //! Full discretization over the training windows, from every start.
 
+use super::approach::{APPROACH, LONG_APPROACH, approach};
 use super::assemble::{assemble, with_bodies};
 use super::starts::Report;
 use super::trajectory::{Reached, from_starts, reached};
@@ -10,33 +11,8 @@ use crate::solver::kkt::Kkt;
 use crate::solver::kkt::sparse::SparseKkt;
 use crate::solver::{self, ip};
 use crate::transcribe::{Curvature, ExplicitForm, FullDiscretization, ResidualFit, Scheme};
-use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// How long Gauss-Newton iterations go on before the exact Hessian takes over.
-#[derive(Debug, Clone, Copy)]
-struct Approach {
-    /// Most iterations.
-    most: usize,
-    /// Violation of the steps, and relative change of the objective, below which it takes over.
-    near: f64,
-    settled: f64,
-}
-
-const APPROACH: Approach = Approach {
-    most: 60,
-    near: 1e-1,
-    settled: 5e-2,
-};
-/// Share of a step from which its change of the objective counts.
-const WHOLE: f64 = 0.5;
-/// With links kept bodies. Stiff joints (a wrist whose friction outweighs its inertia a hundredfold) leave multipliers at the
-/// violation above that mean nothing yet: an arm of 84 parameters then did not converge at 3 000 samples and more.
-const LONG_APPROACH: Approach = Approach {
-    most: 150,
-    near: 1e-3,
-    settled: 1e-2,
-};
 /// Optimality error at which the preparing fit of the residual ends.
 const PREPARED: f64 = 1e-2;
 
@@ -190,40 +166,4 @@ fn solve(
     let motion = problem.states(&solution.x);
     solution.objective -= problem.barrier(&solution.x);
     reached(problem, index, start, solution, motion, iterations, started)
-}
-
-/// Gauss-Newton iterations until the steps nearly hold: far from that the multipliers, and with them the exact curvature of the
-/// constraints, mean nothing. Returns the iterations it took.
-fn approach(
-    problem: &mut FullDiscretization<'_>,
-    kkt: &mut dyn Kkt,
-    x: &mut Vec<f64>,
-    (options, how): (&crate::solver::Settings, Approach),
-    report: &mut Report<'_>,
-) -> usize {
-    problem.set_curvature(Curvature::GaussNewton);
-    let mut previous = f64::INFINITY;
-    let options = crate::solver::Settings {
-        max_iterations: how.most,
-        ..options.clone()
-    };
-    let mut news = |line: &crate::solver::Iteration, _: &[f64]| {
-        // A step that was cut short tells nothing.
-        let settled = line.alpha >= WHOLE
-            && (line.objective - previous).abs() <= how.settled * line.objective.abs();
-        previous = line.objective;
-        if report("approaching by Gauss-Newton", line).is_break()
-            || line.primal_inf < how.near && settled
-        {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    };
-    let near = ip::solve(problem, kkt, x, &options, &mut news);
-    problem.set_curvature(Curvature::Exact);
-    if near.objective.is_finite() {
-        *x = near.x;
-    }
-    near.log.len().saturating_sub(1)
 }

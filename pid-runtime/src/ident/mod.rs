@@ -10,6 +10,7 @@
 //! Settings reproduce the paper's problem (K. Schäfer et al., Section V-A: explicit Euler, unit weights, one window) exactly; the
 //! defaults are those that serve on measured records.
 
+mod approach;
 mod assemble;
 mod cross_validation;
 mod equation_error;

@@ -49,8 +49,8 @@ pub enum Weighting {
 pub enum Prepare {
     /// The start is handed over as it is, states at the data.
     Nothing,
-    /// Full discretization: iterations by Gauss-Newton until the steps nearly hold, from parameters that are trusted. Nothing where
-    /// single or multiple shooting integrates the steps.
+    /// Iterations by Gauss-Newton until the constraints nearly hold, from parameters that are trusted. Nothing in single shooting,
+    /// which has none.
     Motion,
     /// The parameters are first fitted with the states held at the data, which forgets a bad start; then as [`Prepare::Motion`].
     #[default]

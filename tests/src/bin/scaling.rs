@@ -1,8 +1,9 @@
-//! How time and memory of an identification grow with the record: trapezoidal rule, one window, noise, and a plant with Stribeck
-//! friction that the model lacks.
+//! How time and memory of an identification grow with the record: trapezoidal rule, noise, and a plant with Stribeck friction that
+//! the model lacks; one window, or restart windows of a length.
 //!
 //! ```text
-//! scaling [--two-link N,N,…] [--arm N,N,…] [--limit SECONDS] [--consistent true] [--verbose true] [--records FOLDER]
+//! scaling [--two-link N,N,…] [--arm N,N,…] [--window SECONDS] [--limit SECONDS] [--consistent true] [--verbose true]
+//!         [--records FOLDER]
 //! ```
 //!
 //! The two-link robot moves under sums of sines at 50 Hz, the six-axis arm (84 parameters) under inverse-dynamics control at 100 Hz;
@@ -18,7 +19,7 @@ use std::time::Duration;
 
 use cpu_time::ProcessTime;
 use pid_models::{Arm6, TwoLink};
-use pid_runtime::data::Dataset;
+use pid_runtime::data::{Dataset, Horizon};
 use pid_runtime::dynamics::Hessian;
 use pid_runtime::ident::{Settings, Weighting, identify};
 use pid_runtime::solver;
@@ -31,6 +32,7 @@ type Failure = Box<dyn std::error::Error>;
 fn main() -> Result<(), Failure> {
     let mut sizes = [vec![1_000, 10_000, 100_000], vec![1_000, 10_000]];
     let (mut limit, mut consistent, mut verbose) = (600.0, false, false);
+    let mut horizon = Horizon::Record;
     let mut folder: Option<PathBuf> = None;
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
@@ -47,6 +49,7 @@ fn main() -> Result<(), Failure> {
             "--consistent" => consistent = value.parse()?,
             "--verbose" => verbose = value.parse()?,
             "--records" => folder = Some(value.into()),
+            "--window" => horizon = Horizon::Seconds(value.parse()?),
             "--limit" => limit = value.parse()?,
             other => {
                 return Err(format!("unknown option {other}; see the head of this file").into());
@@ -79,7 +82,8 @@ fn main() -> Result<(), Failure> {
             "samples  iterations            J   seconds  ms/iteration  µs/iteration/sample  peak MiB"
         );
         for &samples in sizes {
-            grow(model, control, samples, step, (limit, consistent, verbose))?;
+            let how = (horizon, limit, consistent, verbose);
+            grow(model, control, samples, step, how)?;
         }
     }
     Ok(())
@@ -90,13 +94,14 @@ fn grow(
     control: &Control,
     samples: usize,
     step: f64,
-    (limit, consistent, verbose): (Duration, bool, bool),
+    (horizon, limit, consistent, verbose): (Horizon, Duration, bool, bool),
 ) -> Result<(), Failure> {
     let dataset = record(model, control, samples, step)?;
     let start = start(model);
     let settings = Settings {
         weighting: Weighting::Spread,
         consistent,
+        horizon,
         solver: solver::Settings {
             max_time: Some(limit),
             ..Settings::default().solver

@@ -161,6 +161,17 @@ impl Kkt for ShootingKkt {
         }
         left
     }
+
+    fn limit(&mut self, radius: f64) -> Option<f64> {
+        self.inner.limit(radius)
+    }
+
+    fn remember(&mut self, dx: &[f64]) {
+        for (&at, d) in self.variables.iter().zip(dx) {
+            self.dx[at] = *d;
+        }
+        self.inner.remember(&self.dx);
+    }
 }
 
 /// The system for a program with its held parameters.
