@@ -225,6 +225,11 @@ pub(crate) struct IdentifyArgs {
     /// Parameter that is held at its start; may be repeated.
     #[arg(long, value_name = "NAME")]
     pub(crate) hold: Vec<String>,
+    /// Relation between parameters and states, such as "mass_a + mass_b <= 12.5", "viscous_left == viscous_right" or "v_elbow <= 4":
+    /// LEFT <= RIGHT, >= or ==, with + - * /, sin, cos, tan, exp, ln, sqrt, abs. With a state, q_JOINT or v_JOINT, it holds at every
+    /// sample, in shooting at every node. Names that are not words stand in quotes. May be repeated.
+    #[arg(long, value_name = "RELATION")]
+    pub(crate) constrain: Vec<String>,
     /// Standard deviations from the scatter of the windows' gradients (sandwich form): right for noise of any correlation
     /// within a window. Needs twice as many windows as free parameters.
     #[arg(long)]

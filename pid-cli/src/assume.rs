@@ -10,6 +10,7 @@ use pid_runtime::ident::{Likelihood, Settings};
 use pid_runtime::transcribe::{Loss, Prior};
 
 use crate::args::IdentifyArgs;
+use crate::constrain;
 use crate::error::CliError;
 use crate::source::Subject;
 
@@ -44,6 +45,9 @@ pub(crate) fn apply(
                 name: name.clone(),
             })?);
     }
+    let relations = args.constrain.iter();
+    let relations = relations.map(|text| constrain::parse(text, model));
+    settings.constraints = relations.collect::<Result<_, _>>()?;
     settings.likelihood = likelihood;
     settings.sandwich = args.sandwich;
     Ok(values)

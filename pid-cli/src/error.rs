@@ -123,6 +123,12 @@ pub(crate) enum CliError {
         "{option}: the model has no parameter `{name}`\n  help: the report lists the model's parameters"
     )]
     NoParameter { option: &'static str, name: String },
+    #[error("--constrain \"{text}\": {reason}")]
+    Constraint { text: String, reason: String },
+    #[error(
+        "--constrain speaks of the model's parameters, --consistent=after fits others\n  help: --consistent=throughout fits the model's own"
+    )]
+    ConstrainedAfter,
     #[error(transparent)]
     CrossValidation(#[from] CrossValidationError),
     #[error("the result cannot be written as JSON: {0}")]

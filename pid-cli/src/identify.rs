@@ -53,6 +53,9 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     {
         return Err(CliError::ConsistentAfter);
     }
+    if args.consistent == Some(ConsistentArg::After) && !settings.constraints.is_empty() {
+        return Err(CliError::ConstrainedAfter);
+    }
     let started = Instant::now();
     let mut choice = None;
     if args.horizon == Some(HorizonArg::Auto) && settings.method != Method::EquationError {
@@ -261,6 +264,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         },
         likelihood: None,
         hold: Vec::new(),
+        constraints: Vec::new(),
         sandwich: false,
         starts: if embedded && args.starts.is_none() {
             3

@@ -36,6 +36,7 @@ mod assemble;
 mod assume;
 mod cause;
 mod consistent;
+mod constrain;
 mod coverage;
 mod demo;
 mod diagnose;

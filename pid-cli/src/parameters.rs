@@ -59,6 +59,15 @@ pub(crate) fn read(path: &Path, params: &[ParamInfo]) -> Result<Vec<f64>, Parame
     parse(&file, &text, params)
 }
 
+/// The name that a mistyped one may stand for.
+pub(crate) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Option<String> {
+    names
+        .map(|n| (strsim::osa_distance(name, n), n))
+        .filter(|(distance, n)| *distance <= n.len() / 2)
+        .min()
+        .map(|(_, n)| n.to_owned())
+}
+
 fn parse(file: &str, text: &str, params: &[ParamInfo]) -> Result<Vec<f64>, ParameterFileError> {
     let named: BTreeMap<String, f64> = if text.trim_start().starts_with('{') {
         let report = Report::from_json(text).map_err(|error| ParameterFileError::Report {
@@ -79,12 +88,7 @@ fn parse(file: &str, text: &str, params: &[ParamInfo]) -> Result<Vec<f64>, Param
     let mut values: Vec<f64> = params.iter().map(|p| p.nominal).collect();
     for (name, value) in named {
         let Some(i) = params.iter().position(|p| p.name == name) else {
-            let nearest = params
-                .iter()
-                .map(|p| (strsim::osa_distance(&name, &p.name), p.name.to_string()))
-                .filter(|(d, n)| *d <= n.len() / 2)
-                .min()
-                .map(|(_, n)| n);
+            let nearest = nearest(&name, params.iter().map(|p| &*p.name));
             return Err(ParameterFileError::Unknown {
                 file: file.to_owned(),
                 name,

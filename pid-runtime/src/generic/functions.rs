@@ -55,6 +55,10 @@ pub trait PointFunction: Send + Sync {
     fn variables(&self) -> Option<Vec<usize>> {
         None
     }
+    /// Lengths of x and p that it takes; `None` where any will do.
+    fn lengths(&self) -> Option<(usize, usize)> {
+        None
+    }
     /// The values.
     fn value(&self, x: &[f64], p: &[f64], out: &mut [f64]);
     /// The values and ∂g/∂(x, p), dense, row by row: `jacobian[row * (nx + np) + column]`.
@@ -109,6 +113,10 @@ impl<F: GenericFunction> PointFunction for Exact<F> {
 
     fn variables(&self) -> Option<Vec<usize>> {
         Some(self.variables.clone())
+    }
+
+    fn lengths(&self) -> Option<(usize, usize)> {
+        Some((self.nx, self.np))
     }
 
     fn value(&self, x: &[f64], p: &[f64], out: &mut [f64]) {

@@ -2,6 +2,7 @@
 
 use crate::data::DataError;
 use crate::signal::{FilterError, SignalError};
+use crate::transcribe::ConstraintError;
 
 /// An identification that cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -62,6 +63,17 @@ pub enum IdentError {
     Controller {
         /// The model.
         model: String,
+    },
+    /// A constraint that does not fit the program.
+    #[error(transparent)]
+    Constraint(#[from] ConstraintError),
+    /// Constraints, and an estimator without a program that could have them.
+    #[error(
+        "constraint `{name}` is given, and the equation error takes none\n  help: use full discretization or shooting, or narrow the parameters' ranges"
+    )]
+    ConstrainedEquationError {
+        /// Name of the first constraint.
+        name: String,
     },
     /// A start that its own bounds exclude.
     #[error(

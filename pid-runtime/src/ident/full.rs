@@ -1,13 +1,13 @@
 //! Full discretization over the training windows, from every start.
 
 use super::approach::{APPROACH, LONG_APPROACH, approach};
-use super::assemble::{assemble, with_bodies};
+use super::assemble::{Assembled, assemble, with_bodies};
+use super::motions::Around;
 use super::starts::Report;
-use super::trajectory::{Reached, from_starts, reached};
+use super::trajectory::{Reached, constrained, from_starts, reached};
 use super::{Callback, IdentError, Identification, Prepare, Settings};
 use crate::data::Dataset;
 use crate::dynamics::Hessian;
-use crate::solver::kkt::Kkt;
 use crate::solver::kkt::sparse::SparseKkt;
 use crate::solver::{self, ip};
 use crate::transcribe::{Curvature, ExplicitForm, FullDiscretization, ResidualFit, Scheme};
@@ -16,8 +16,6 @@ use std::time::Instant;
 /// Optimality error at which the preparing fit of the residual ends.
 const PREPARED: f64 = 1e-2;
 
-/// Relative residual of a Newton step: on the two-link study no iteration more than with 1e-11, and two fifths of the solves less.
-const REFINED: f64 = 1e-9;
 /// Samples beyond which the tolerance grows with their number, as the objective does that the solver sees, and with it the rounding
 /// errors of its gradient. That of the violation stays.
 const MANY: f64 = 1000.0;
@@ -47,12 +45,28 @@ pub(super) fn identify(
         true => gains(model),
         false => Vec::new(),
     };
-    let solve = |problem: &mut _, index, start: &[f64], report: &mut Report<'_>| {
-        solve(problem, settings, &held, index, start, report)
+    Ok(if settings.constraints.is_empty() {
+        run(model, settings, start, &assembled, &held, program, callback)
+    } else {
+        let program = constrained(&settings.constraints, program)?;
+        run(model, settings, start, &assembled, &held, program, callback)
+    })
+}
+
+/// Solves from every start; `held`: parameters that the preparing fit holds.
+fn run<'m, P: Around<FullDiscretization<'m>>>(
+    model: &dyn Hessian,
+    settings: &Settings,
+    start: &[f64],
+    assembled: &Assembled,
+    held: &[usize],
+    program: impl Fn() -> P + Sync,
+    callback: &mut Callback<'_>,
+) -> Identification {
+    let solve = |problem: &mut P, index, start: &[f64], report: &mut Report<'_>| {
+        solve(problem, settings, held, index, start, report)
     };
-    Ok(from_starts(
-        model, settings, start, &assembled, program, solve, callback,
-    ))
+    from_starts(model, settings, start, assembled, program, solve, callback)
 }
 
 /// Variables of the residual up to which the trapezoidal rule solves for the accelerations: their second derivatives are dense.
@@ -65,15 +79,6 @@ fn solved_form(model: &dyn Hessian, scheme: Scheme) -> bool {
     let pairs = model.hessian_pattern().cols;
     let curved = || pairs.iter().any(|&col| col as usize >= dims.p());
     scheme.explicit() || scheme == Scheme::Trapezoidal && dims.nz() <= FEW && curved()
-}
-
-fn system(problem: &FullDiscretization<'_>) -> Box<dyn Kkt> {
-    let fixed = problem.fixed_parameters();
-    if problem.layout().steps() == 0 {
-        Box::new(SparseKkt::new(problem))
-    } else {
-        Box::new(problem.system(&fixed).refined_to(REFINED))
-    }
 }
 
 /// Parameters that multiply inputs. A residual that is linear in inertias, friction and gains alike has the scale of all of them
@@ -102,8 +107,8 @@ fn starting_point(problem: &FullDiscretization<'_>, start: &[f64]) -> Vec<f64> {
     ))
 }
 
-fn solve(
-    problem: &mut FullDiscretization<'_>,
+fn solve<'m, P: Around<FullDiscretization<'m>>>(
+    problem: &mut P,
     settings: &Settings,
     held: &[usize],
     index: usize,
@@ -111,17 +116,17 @@ fn solve(
     report: &mut Report<'_>,
 ) -> Reached {
     let started = Instant::now();
-    let mut x0 = starting_point(problem, start);
+    let mut x0 = starting_point(problem.program(), start);
     let mut iterations = 0;
     if settings.prepare == Prepare::Everything {
-        let first = problem.layout().p();
+        let first = problem.program().layout().p();
         let options = crate::solver::Settings {
             // A start is wanted, not the optimum of the fit.
             tol: PREPARED,
             max_iterations: 100,
             ..settings.solver.clone()
         };
-        let mut fit = ResidualFit::new(problem, &x0).holding(held);
+        let mut fit = ResidualFit::new(problem.program_mut(), &x0).holding(held);
         let mut kkt = SparseKkt::new(&fit);
         let mut news = |line: &_, _: &[f64]| report("fitting the residual", line);
         let prepared = ip::solve(&mut fit, &mut kkt, &x0[first..], &options, &mut news);
@@ -130,6 +135,7 @@ fn solve(
             x0[first..].copy_from_slice(&prepared.x);
         }
     }
+    x0 = problem.extend(x0);
     let samples = problem.samples() as f64;
     let growth = (samples / MANY).max(1.0);
     let options = crate::solver::Settings {
@@ -145,7 +151,7 @@ fn solve(
         },
         ..settings.solver.clone()
     };
-    let mut kkt = system(problem);
+    let mut kkt = problem.linear();
     let exact = settings.quasi_newton.is_none() && settings.curvature == Curvature::Exact;
     if settings.prepare != Prepare::Nothing && exact {
         let how = match settings.consistent {
@@ -155,7 +161,7 @@ fn solve(
         iterations += approach(problem, kkt.as_mut(), &mut x0, (&options, how), report);
     }
     let mut news = |line: &_, _: &[f64]| report("solving", line);
-    let mut solution = solver::solve(
+    let solution = solver::solve(
         problem,
         kkt.as_mut(),
         &x0,
@@ -163,7 +169,5 @@ fn solve(
         &options,
         &mut news,
     );
-    let motion = problem.states(&solution.x);
-    solution.objective -= problem.barrier(&solution.x);
-    reached(problem, index, start, solution, motion, iterations, started)
+    reached(problem, index, start, solution, iterations, started)
 }

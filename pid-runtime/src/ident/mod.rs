@@ -17,6 +17,7 @@ mod equation_error;
 mod error;
 mod full;
 mod likelihood;
+mod motions;
 mod profile;
 mod settings;
 mod shooting;
@@ -185,6 +186,11 @@ pub fn identify(
     if settings.method == Method::EquationError && model.dims().nu != dataset.nq() {
         return Err(IdentError::Controller {
             model: model.name().to_owned(),
+        });
+    }
+    if let (Method::EquationError, Some(first)) = (settings.method, settings.constraints.first()) {
+        return Err(IdentError::ConstrainedEquationError {
+            name: first.name.clone(),
         });
     }
     for &j in &settings.hold {

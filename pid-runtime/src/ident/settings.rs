@@ -4,7 +4,7 @@ use super::likelihood::Likelihood;
 use super::starts::Sampling;
 use crate::data::Horizon;
 use crate::solver;
-use crate::transcribe::{Adaptive, Curvature, Scheme};
+use crate::transcribe::{Adaptive, Constraint, Curvature, Scheme};
 use serde::{Deserialize, Serialize};
 
 /// The estimator.
@@ -91,6 +91,10 @@ pub struct Settings {
     pub likelihood: Option<Likelihood>,
     /// Positions of parameters that are held at their start beside those marked `fixed`.
     pub hold: Vec<usize>,
+    /// Constraints on parameters and on states, beside the parameters' bounds. Nodes are every sample in full discretization and the
+    /// nodes of shooting, counted over all windows; shooting looks at the motion between them nowhere. Full discretization and
+    /// shooting.
+    pub constraints: Vec<Constraint>,
     /// Whether links all of whose ten inertial parameters the model has stay bodies of positive density while the fit runs
     /// ([`crate::transcribe::Body`]): every iterate then has a positive definite mass matrix. What
     /// the data do not determine stays near the start, states start from the filtered record, and parameters that multiply inputs
@@ -132,6 +136,7 @@ impl Default for Settings {
             weighting: Weighting::Spread,
             likelihood: None,
             hold: Vec::new(),
+            constraints: Vec::new(),
             consistent: false,
             sandwich: false,
             starts: 1,

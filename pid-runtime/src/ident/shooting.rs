@@ -3,8 +3,9 @@
 use super::approach::{APPROACH, approach};
 use super::assemble::{Assembled, assemble, with_bodies};
 use super::full::gains;
+use super::motions::Around;
 use super::starts::Report;
-use super::trajectory::{Reached, from_starts, reached};
+use super::trajectory::{Reached, constrained, from_starts, reached};
 use super::{Callback, IdentError, Identification, Prepare, Settings};
 use crate::data::Dataset;
 use crate::dynamics::Hessian;
@@ -31,13 +32,28 @@ pub(super) fn identify(
     callback: &mut Callback<'_>,
 ) -> Result<Identification, IdentError> {
     let assembled = assemble(model, dataset, settings, start)?;
-    let solve = |problem: &mut _, index, start: &[f64], report: &mut Report<'_>| {
-        solve(model, problem, &assembled, settings, index, start, report)
+    let program = || transcribe(model, &assembled, settings);
+    Ok(if settings.constraints.is_empty() {
+        run(model, settings, start, &assembled, program, callback)
+    } else {
+        let program = constrained(&settings.constraints, program)?;
+        run(model, settings, start, &assembled, program, callback)
+    })
+}
+
+/// Solves from every start.
+fn run<'m, P: Around<Shooting<'m>>>(
+    model: &dyn Hessian,
+    settings: &Settings,
+    start: &[f64],
+    assembled: &Assembled,
+    program: impl Fn() -> P + Sync,
+    callback: &mut Callback<'_>,
+) -> Identification {
+    let solve = |problem: &mut P, index, start: &[f64], report: &mut Report<'_>| {
+        solve(model, problem, assembled, settings, index, start, report)
     };
-    let problem = || transcribe(model, &assembled, settings);
-    Ok(from_starts(
-        model, settings, start, &assembled, problem, solve, callback,
-    ))
+    from_starts(model, settings, start, assembled, program, solve, callback)
 }
 
 fn transcribe<'m>(
@@ -55,9 +71,9 @@ fn transcribe<'m>(
 }
 
 /// Solves from one start.
-fn solve(
+fn solve<'m, P: Around<Shooting<'m>>>(
     model: &dyn Hessian,
-    problem: &mut Shooting<'_>,
+    problem: &mut P,
     assembled: &Assembled,
     settings: &Settings,
     index: usize,
@@ -67,13 +83,13 @@ fn solve(
     let started = Instant::now();
     let setup = &assembled.setup;
     let start = &with_bodies(&setup.bodies, start, &setup.lower, &setup.upper);
-    let mut x0 = problem.starting_point(start);
+    let mut x0 = problem.program().starting_point(start);
     let mut iterations = 0;
     if settings.prepare == Prepare::Everything {
         iterations += fit_residual(model, assembled, settings, start, &mut x0, report);
     }
     let lifted = settings.lift && settings.adaptive.is_none();
-    let arcs: usize = problem.nodes().iter().sum();
+    let arcs: usize = problem.program().nodes().iter().sum();
     let long = settings.nodes > 1 && !lifted && problem.samples() >= LONG_ARC * arcs;
     let mut options = solver::Settings {
         objective_scale: settings.solver.objective_scale * problem.samples() as f64,
@@ -88,31 +104,37 @@ fn solve(
             usize::MAX,
             None,
         );
-        let (reached, took) = lift(problem, every, &mut x0, settings, &options, report);
+        let (reached, took) = lift(
+            problem.program(),
+            every,
+            &mut x0,
+            settings,
+            &options,
+            report,
+        );
         iterations += took;
         if reached {
             // A long integration is sensitive: the start must stay where it is, also at its bounds.
             (options.mu_start, options.push) = (WARM, WARM);
         }
     }
-    let mut kkt = ShootingKkt::from(&*problem);
+    x0 = problem.extend(x0);
+    let mut kkt = problem.linear();
     let exact = settings.quasi_newton.is_none() && settings.curvature == Curvature::Exact;
     // A single arc has no multipliers that could be wrong, and a lifted start is nearly optimal.
     if settings.nodes > 1 && settings.prepare != Prepare::Nothing && exact && !lifted {
-        iterations += approach(problem, &mut kkt, &mut x0, (&options, APPROACH), report);
+        iterations += approach(problem, kkt.as_mut(), &mut x0, (&options, APPROACH), report);
     }
     let mut news = |line: &_, _: &[f64]| report("solving", line);
-    let mut solution = solver::solve(
+    let solution = solver::solve(
         problem,
-        &mut kkt,
+        kkt.as_mut(),
         &x0,
         (settings.algorithm, settings.quasi_newton),
         &options,
         &mut news,
     );
-    let motion = problem.states(&solution.x).unwrap_or_default();
-    solution.objective -= problem.barrier(&solution.x);
-    reached(problem, index, start, solution, motion, iterations, started)
+    reached(problem, index, start, solution, iterations, started)
 }
 
 /// Puts parameters into the start that make the steps fit the data, states held: nothing is integrated. Returns the iterations.

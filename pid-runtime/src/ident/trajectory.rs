@@ -1,12 +1,14 @@
 //! Identification by a program over the motions of all windows, from every start.
 
 use super::assemble::Assembled;
-use super::spread::{Motions, deviations};
+use super::motions::Motions;
+use super::spread::deviations;
 use super::starts::{self, Report};
 use super::{Callback, Identification, Run, Settings, best_of};
 use crate::dynamics::Hessian;
 use crate::nlp::check_point;
 use crate::solver::Solution;
+use crate::transcribe::{Constrained, Constraint, ConstraintError, States};
 use std::time::Instant;
 
 /// What one start led to.
@@ -22,12 +24,13 @@ pub(super) fn reached<P: Motions>(
     problem: &mut P,
     index: usize,
     start: &[f64],
-    solution: Solution,
-    motion: Vec<f64>,
+    mut solution: Solution,
     before: usize,
     started: Instant,
 ) -> Reached {
     let check = check_point(problem, &solution.x, &solution.lambda);
+    let motion = problem.states(&solution.x);
+    solution.objective -= problem.barrier(&solution.x);
     let run = Run {
         index,
         start: start.to_vec(),
@@ -44,6 +47,21 @@ pub(super) fn reached<P: Motions>(
         solution,
         motion,
     }
+}
+
+/// Programs with constraints of the user.
+///
+/// # Errors
+/// [`ConstraintError`] if a constraint does not fit them.
+pub(super) fn constrained<'a, P: States>(
+    constraints: &'a [Constraint],
+    program: impl Fn() -> P + Sync + 'a,
+) -> Result<impl Fn() -> Constrained<P> + Sync + 'a, ConstraintError> {
+    Constrained::new(program(), constraints.to_vec())?;
+    Ok(move || {
+        let with = Constrained::new(program(), constraints.to_vec());
+        with.expect("invariant: they fit the same program before")
+    })
 }
 
 /// Solves from every start, each on a program of its own; the best one with its deviations.
@@ -91,6 +109,7 @@ pub(super) fn from_starts<P: Motions>(
     }
     let best = best_of(&runs);
     let mut problem = program();
+    notes.extend(problem.remarks(&solutions[best]));
     let (spread, noise) = deviations(
         &mut problem,
         &solutions[best],

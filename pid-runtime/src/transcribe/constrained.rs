@@ -15,6 +15,7 @@
 use super::{FullDiscretization, Shooting};
 use crate::generic::functions::PointFunction;
 use crate::nlp::{Nlp, SparsePattern};
+use std::fmt;
 use std::sync::Arc;
 
 /// A program whose variables contain states and scaled parameters.
@@ -89,6 +90,21 @@ pub struct Constraint {
     pub function: Arc<dyn PointFunction>,
 }
 
+impl fmt::Debug for Constraint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, place, sense) = (&self.name, self.place, self.sense);
+        write!(f, "Constraint({name}, {place:?}, {sense:?})")
+    }
+}
+
+/// Two constraints are equal if they share their function.
+impl PartialEq for Constraint {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.name, self.place, self.sense) == (&other.name, other.place, other.sense)
+            && Arc::ptr_eq(&self.function, &other.function)
+    }
+}
+
 /// A constraint that does not fit its program.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -104,6 +120,18 @@ pub enum ConstraintError {
         node: usize,
         /// Number of nodes.
         nodes: usize,
+    },
+    /// A function of states or parameters of another number.
+    #[error(
+        "constraint `{name}` takes {found} states and parameters, the program has {expected}\n  help: states are positions, then velocities of all joints; parameters are those of the model, in its order"
+    )]
+    Lengths {
+        /// Name of the constraint.
+        name: String,
+        /// States and parameters of the program.
+        expected: String,
+        /// Those of the function.
+        found: String,
     },
 }
 
@@ -144,7 +172,7 @@ impl<P: States> Constrained<P> {
     /// Adds constraints to a program.
     ///
     /// # Errors
-    /// [`ConstraintError`] if a constraint asks for a node that is not there.
+    /// [`ConstraintError`] if a constraint asks for a node that is not there, or its function for other states and parameters.
     pub fn new(inner: P, constraints: Vec<Constraint>) -> Result<Self, ConstraintError> {
         let nodes = inner.state_positions();
         let (first_p, scale) = inner.parameter_scale();
@@ -158,6 +186,7 @@ impl<P: States> Constrained<P> {
             let size = constraint.function.outputs();
             largest = largest.max(size);
             let variables = constraint.function.variables();
+            check_lengths(constraint, variables.as_deref(), (nx, np))?;
             let mut variables = variables.unwrap_or_else(|| (0..nx + np).collect());
             if constraint.place == Place::Parameters {
                 variables.retain(|i| *i >= nx);
@@ -241,6 +270,38 @@ impl<P: States> Constrained<P> {
         &mut self.inner
     }
 
+    /// Whether each inequality holds a solution, slack by slack from the first: multiplier `z` of the slack, for an objective that is a
+    /// mean over so many samples, above the slack itself.
+    pub(crate) fn held(&self, x: &[f64], z: &[f64], samples: usize) -> Vec<bool> {
+        let own = self.inner.n()..self.n;
+        own.map(|k| samples as f64 * z[k] > x[k]).collect()
+    }
+
+    /// One sentence for each constraint: where a solution lies on it, or how much room it leaves.
+    pub(crate) fn remarks(&self, x: &[f64], z: &[f64], samples: usize) -> Vec<String> {
+        let (n, held) = (self.inner.n(), self.held(x, z, samples));
+        let remark = |(k, constraint): (usize, &Constraint)| {
+            let size = constraint.function.outputs();
+            let slacks = self.blocks.iter().filter(|b| b.constraint == k);
+            let slacks = slacks.filter_map(|b| b.slack).flat_map(|s| s..s + size);
+            let (mut all, mut active, mut room) = (0, 0, f64::INFINITY);
+            for slack in slacks {
+                all += 1;
+                active += usize::from(held[slack - n]);
+                room = room.min(x[slack]);
+            }
+            let name = &constraint.name;
+            match (all, active) {
+                (0, _) => format!("constraint `{name}`: an equality"),
+                (1, 1) => format!("constraint `{name}`: active"),
+                (1, 0) => format!("constraint `{name}`: not active, room {room:.3e}"),
+                (_, 0) => format!("constraint `{name}`: active nowhere, room {room:.3e}"),
+                _ => format!("constraint `{name}`: active at {active} of {all} places"),
+            }
+        };
+        self.constraints.iter().enumerate().map(remark).collect()
+    }
+
     pub(super) fn blocks(&self) -> &[Block] {
         &self.blocks
     }
@@ -280,6 +341,26 @@ impl<P: States> Constrained<P> {
         for ((out, p), s) in self.p.iter_mut().zip(p).zip(&self.scale) {
             *out = p * s;
         }
+    }
+}
+
+fn check_lengths(
+    constraint: &Constraint,
+    variables: Option<&[usize]>,
+    (nx, np): (usize, usize),
+) -> Result<(), ConstraintError> {
+    let wrong = |found: String| ConstraintError::Lengths {
+        name: constraint.name.clone(),
+        expected: format!("{nx} and {np}"),
+        found,
+    };
+    if let Some((x, p)) = constraint.function.lengths().filter(|l| *l != (nx, np)) {
+        return Err(wrong(format!("{x} and {p}")));
+    }
+    let last = variables.unwrap_or_default().iter().max();
+    match last.filter(|last| **last >= nx + np) {
+        Some(last) => Err(wrong(format!("at least {}", last + 1))),
+        None => Ok(()),
     }
 }
 

@@ -15,7 +15,8 @@
 use super::constrained::{Constrained, States};
 use super::{FullDiscretization, Shooting, ShootingKkt};
 use crate::nlp::Nlp;
-use crate::solver::kkt::{Kkt, KktError, KktValues, Regularisation};
+use crate::solver::kkt::{Condensing, Kkt, KktError, KktValues, Regularisation};
+use faer::Mat;
 
 /// 1/δ of an equality.
 const STIFF: f64 = 1e8;
@@ -26,7 +27,7 @@ const REFINED: f64 = 1e-12;
 /// A structured system with room for what constraints at nodes and on parameters add to the Hessian.
 pub struct Roomy {
     /// The system.
-    kkt: Box<dyn Kkt>,
+    kkt: Box<dyn Condensing>,
     /// Hessian values that it takes.
     len: usize,
     /// Where runs of the program's own values go: from, to, how many.
@@ -182,6 +183,8 @@ pub struct ConstrainedKkt {
     /// Derivatives of the constraints and w of each row, as last factorised.
     jacobian: Vec<f64>,
     weights: Vec<f64>,
+    /// 1/δ of an equality.
+    stiffness: f64,
     rx: Vec<f64>,
     rc: Vec<f64>,
     dx: Vec<f64>,
@@ -222,6 +225,7 @@ impl ConstrainedKkt {
         Self {
             hessian: vec![0.0; inner.len],
             jacobian: vec![0.0; jacobian],
+            stiffness: STIFF,
             weights: vec![0.0; problem.m() - m],
             jacobian_len: program.jacobian_pattern().nnz(),
             hessian_len: program.hessian_pattern().nnz(),
@@ -236,11 +240,24 @@ impl ConstrainedKkt {
         }
     }
 
+    /// Equalities by the penalty ½ w g² instead of nearly exactly; solutions are still refined to g = 0.
+    #[must_use]
+    pub fn with_stiffness(mut self, w: f64) -> Self {
+        self.stiffness = w;
+        self
+    }
+
     /// Adds `Gᵀ t` of one row to `rx`.
     fn spread(rx: &mut [f64], rows: &Rows, jacobian: &[f64], r: usize, t: f64) {
         for (g, v) in rows.row(jacobian, r).iter().zip(&rows.variables) {
             rx[*v] += g * t;
         }
+    }
+}
+
+impl Condensing for ConstrainedKkt {
+    fn reduced_hessian(&self) -> (&Mat<f64>, Vec<usize>) {
+        self.inner.kkt.reduced_hessian()
     }
 }
 
@@ -269,7 +286,7 @@ impl Kkt for ConstrainedKkt {
             let weights = &mut self.weights[rows.first - self.m..][..rows.count];
             match rows.slack {
                 Some(at) => weights.copy_from_slice(&values.sigma[at..at + rows.count]),
-                None => weights.fill(STIFF),
+                None => weights.fill(self.stiffness),
             }
             for (a, &i) in rows.local.iter().enumerate() {
                 for (b, &j) in rows.local[..=a].iter().enumerate() {

@@ -15,6 +15,8 @@ pub mod ldl;
 pub mod sparse;
 pub mod structured;
 
+use faer::Mat;
+
 /// Values of the system at one iterate. Patterns belong to the implementation and were given when it was built.
 #[derive(Debug, Clone, Copy)]
 pub struct KktValues<'a> {
@@ -62,6 +64,13 @@ pub enum KktError {
         /// The largest regularisation tried.
         delta: f64,
     },
+}
+
+/// A linear system that condenses its program to the parameters.
+pub trait Condensing: Kkt {
+    /// Reduced Hessian in the free parameters as computed at the last factorization, before it was made convex, and the positions of
+    /// the free parameters.
+    fn reduced_hessian(&self) -> (&Mat<f64>, Vec<usize>);
 }
 
 /// A factorised KKT system.

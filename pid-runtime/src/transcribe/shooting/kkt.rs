@@ -8,7 +8,7 @@ use super::Shooting;
 use crate::nlp::Nlp;
 use crate::solver::kkt::layout::Layout;
 use crate::solver::kkt::structured::StructuredKkt;
-use crate::solver::kkt::{Kkt, KktError, KktValues, Regularisation};
+use crate::solver::kkt::{Condensing, Kkt, KktError, KktValues, Regularisation};
 use faer::Mat;
 
 /// Steps of the integration that are condensed together, about.
@@ -97,10 +97,10 @@ impl ShootingKkt {
             dl: vec![0.0; m],
         }
     }
+}
 
-    /// The reduced Hessian in the free parameters as computed at the last factorization, before it was made convex, and the
-    /// positions of the free parameters.
-    pub fn reduced_hessian(&self) -> (&Mat<f64>, Vec<usize>) {
+impl Condensing for ShootingKkt {
+    fn reduced_hessian(&self) -> (&Mat<f64>, Vec<usize>) {
         self.inner.reduced_hessian()
     }
 }

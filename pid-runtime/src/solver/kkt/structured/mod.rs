@@ -17,7 +17,7 @@ mod small;
 
 use super::layout::Layout;
 use super::ldl::SparseLdl;
-use super::{Kkt, KktError, KktValues, Regularisation};
+use super::{Condensing, Kkt, KktError, KktValues, Regularisation};
 use crate::lanes::{LANES, Lane};
 use faer::Mat;
 use group::{Group, Segment};
@@ -436,15 +436,6 @@ impl StructuredKkt {
         }
     }
 
-    /// The reduced Hessian in the free parameters as computed at the last factorization, before it was made convex, and the
-    /// positions of the free parameters.
-    pub fn reduced_hessian(&self) -> (&Mat<f64>, Vec<usize>) {
-        let free = (0..self.columns.len())
-            .filter(|&j| self.columns[j].is_some())
-            .collect();
-        (&self.reduced.hessian, free)
-    }
-
     /// One pass without refinement: `step_x`, `step_c` from `residual_x`, `residual_c` as right-hand side.
     fn solve_once(&mut self) {
         let nx = self.sizes.nx;
@@ -530,6 +521,15 @@ impl StructuredKkt {
                 self.step_x[at + i] = start.map_or(0.0, |c| self.coarse[c + i]);
             }
         }
+    }
+}
+
+impl Condensing for StructuredKkt {
+    fn reduced_hessian(&self) -> (&Mat<f64>, Vec<usize>) {
+        let free = (0..self.columns.len())
+            .filter(|&j| self.columns[j].is_some())
+            .collect();
+        (&self.reduced.hessian, free)
     }
 }
 
