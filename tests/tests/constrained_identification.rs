@@ -206,8 +206,7 @@ fn rules_that_do_not_fit_are_refused() {
         identify(&TwoLink, &dataset, &settings, None, &mut |_| {
             ControlFlow::Continue(())
         })
-        .err()
-        .expect("an error")
+        .expect_err("an error")
         .to_string()
     };
     let full = Method::FullDiscretization;
