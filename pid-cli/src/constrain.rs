@@ -57,7 +57,10 @@ impl Term {
         let value = |term: &Term| term.value(x, p);
         match self {
             Term::Number(number) => D::from(*number),
-            Term::Variable(at) => *x.iter().chain(p).nth(*at).unwrap_or(&D::from(f64::NAN)),
+            Term::Variable(at) => match at.checked_sub(x.len()) {
+                Some(parameter) => p[parameter],
+                None => x[*at],
+            },
             Term::Add(a, b) => value(a) + value(b),
             Term::Sub(a, b) => value(a) - value(b),
             Term::Mul(a, b) => value(a) * value(b),

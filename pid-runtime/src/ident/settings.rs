@@ -91,9 +91,9 @@ pub struct Settings {
     pub likelihood: Option<Likelihood>,
     /// Positions of parameters that are held at their start beside those marked `fixed`.
     pub hold: Vec<usize>,
-    /// Constraints on parameters and on states, beside the parameters' bounds. Nodes are every sample in full discretization and the
-    /// nodes of shooting, counted over all windows; shooting looks at the motion between them nowhere. Full discretization and
-    /// shooting.
+    /// Constraints on parameters and on states, beside the parameters' bounds. Nodes are the ends of all steps in full discretization
+    /// (every sample with one step per interval) and the nodes of shooting, counted over all windows; shooting looks at the motion
+    /// between them nowhere. Not for the equation error.
     pub constraints: Vec<Constraint>,
     /// Whether links all of whose ten inertial parameters the model has stay bodies of positive density while the fit runs
     /// ([`crate::transcribe::Body`]): every iterate then has a positive definite mass matrix. What
