@@ -290,6 +290,39 @@ fn segments_are_long_again_once_states_grow_little() {
     }
 }
 
+/// States of curvature 1e10 leave links a compliance below the static regularisation: near the solution of a long record it shrinks
+/// with it, and the defects are closed; far from it they are closed in part.
+#[test]
+fn stiff_links_close_their_defects_near_the_solution() {
+    let layout = layout((1, 1, 0), 0, &[LONG], false);
+    let step = layout.step_jacobian.iter();
+    let step = step.map(|&(r, c)| if c == r { 1.0 } else { -1.0 });
+    let jacobian: Vec<f64> = (0..layout.steps()).flat_map(|_| step.clone()).collect();
+    let mut hessian = vec![0.0; layout.node_values()];
+    hessian.extend(vec![1e10; layout.nodes()]);
+    let (n, m) = (layout.n(), layout.m());
+    let values = KktValues {
+        hessian: &hessian,
+        jacobian: &jacobian,
+        sigma: &vec![0.0; n],
+    };
+    let mut kkt = StructuredKkt::new(layout, &[], 10);
+    let mut numbers = Numbers(5);
+    let rc: Vec<f64> = (0..m).map(|_| numbers.next()).collect();
+    let mut left = |error: f64| {
+        kkt.expect_error(error);
+        kkt.factorise(values).expect("factorises");
+        let (mut dx, mut dl) = (vec![0.0; n], vec![0.0; m]);
+        kkt.solve(&vec![0.0; n], &rc, &mut dx, &mut dl);
+        let defects = rc.iter().zip(dx.windows(2));
+        let open = defects.map(|(c, x)| (c - (x[0] - x[1])).abs());
+        open.fold(0.0_f64, f64::max)
+    };
+    let (near, far) = (left(1e-3), left(10.0));
+    assert!(near < 1e-12, "{near:e} left open");
+    assert!(far > 1e-3, "{far:e} left open");
+}
+
 #[test]
 fn negative_curvature_in_a_parameter_is_reflected() {
     let layout = layout((2, 2, 3), 0, &[30], false);
