@@ -491,7 +491,7 @@ fn noise_finding(found: &Identification, settings: &Settings, data: &Dataset) ->
 
 /// What changes together without the data noticing.
 fn open_direction(
-    direction: &ident::OpenDirection,
+    direction: &[(usize, f64)],
     found: &Identification,
     params: &[ParamInfo],
 ) -> String {
@@ -523,12 +523,21 @@ fn notes(found: &Identification, params: &[ParamInfo]) -> Vec<String> {
             if found.undetermined == 1 { "is" } else { "are" },
         ));
     }
-    notes.extend(found.open.iter().map(|direction| {
-        format!(
-            "Not determined: {} (change together, in proportion).",
-            open_direction(direction, found, params)
-        )
-    }));
+    notes.extend(
+        found
+            .open
+            .iter()
+            .map(|direction| match direction.as_slice() {
+                [(alone, _)] => format!(
+                    "Not determined: {} (the records hardly depend on it).",
+                    params[*alone].name
+                ),
+                together => format!(
+                    "Not determined: {} (change together, in proportion).",
+                    open_direction(together, found, params)
+                ),
+            }),
+    );
     if found.sandwich {
         notes.push("Standard deviations are of the sandwich form, from the scatter of the windows' gradients.".to_owned());
         return notes;
