@@ -3,6 +3,7 @@
 use pid_runtime::data::Role;
 
 use crate::case::{Case, Noise, Record, Scale, Velocity};
+use crate::effect::Term;
 use crate::nominal::Nominal;
 use crate::plant::PER_JOINT;
 use crate::predict::Runner;
@@ -32,6 +33,23 @@ impl Draw {
             .sum::<f64>()
             - 6.0
     }
+}
+
+/// Effects of the library at the first joint.
+pub(crate) fn named(ids: &[&str]) -> Hypothesis {
+    let library = crate::effects::all();
+    let terms = ids
+        .iter()
+        .map(|id| Term {
+            effect: library
+                .iter()
+                .find(|e| e.info().id == *id)
+                .expect("an effect")
+                .clone(),
+            joint: 0,
+        })
+        .collect();
+    Hypothesis { terms }
 }
 
 /// [`pendulum_under`] sines.

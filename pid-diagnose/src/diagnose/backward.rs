@@ -44,32 +44,16 @@ pub(super) fn backward(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::pendulum;
-    use crate::effect::Term;
+    use crate::bench::{named, pendulum};
     use crate::fit::{Point, basis};
     use crate::plant::PER_JOINT;
-    use crate::simulate::Hypothesis;
-
-    fn hypothesis(ids: &[&str]) -> Hypothesis {
-        let terms = ids
-            .iter()
-            .map(|id| Term {
-                effect: crate::effects::all()
-                    .into_iter()
-                    .find(|e| e.info().id == *id)
-                    .expect("an effect"),
-                joint: 0,
-            })
-            .collect();
-        Hypothesis { terms }
-    }
 
     /// Both effects fitted from a start to records of some, and what the check drops.
     fn checked(
         (hidden, e): (&[&str], &[f64]),
         (both, start): (&[&str], &[f64]),
     ) -> Option<(Fit, usize)> {
-        let case = pendulum(&hypothesis(hidden), e, 6.0, &|_| {});
+        let case = pendulum(&named(hidden), e, 6.0, &|_| {});
         let directions = basis(&case);
         let settings = Settings::default();
         let at = Point {
@@ -79,7 +63,7 @@ mod tests {
         let current = fit(
             &case,
             &directions,
-            &hypothesis(both),
+            &named(both),
             at,
             Effort::full(settings.steps),
         );

@@ -6,6 +6,7 @@
 
 mod backward;
 mod beyond;
+mod exchange;
 mod magnitude;
 mod refit;
 mod remainder;
@@ -30,6 +31,7 @@ use crate::simulate::Hypothesis;
 use crate::thin::{lengthen, thin};
 use crate::windows;
 use backward::backward;
+use exchange::exchange;
 use magnitude::{size_in_deviations, sizes};
 use refit::{Refit, refit};
 pub use residue::Residue;
@@ -468,6 +470,19 @@ fn search(case: &Case, settings: &Settings) -> Found {
         current_gap = measured(&case, &current);
         accepted.remove(dropped);
         ranking.remove(0);
+    }
+    if accepted.len() > 1
+        && let Some(exchanged) = exchange(&case, &basis, settings, &current)
+    {
+        // The candidates for the first place are those beside the second effect now.
+        let second = ranking.remove(1);
+        current = exchanged.fit;
+        current_gap = measured(&case, &current);
+        accepted[0] = current.hypothesis.terms[0].clone();
+        ranking = exchanged.tried;
+        ranking.insert(1, second);
+        refits += exchanged.refits;
+        alone = None;
     }
     if let Some(first) = alone
         && accepted.len() > 1

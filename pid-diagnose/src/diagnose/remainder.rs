@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::magnitude::{name, sizes};
 use super::refit::{Refit, refit};
-use super::{Diagnosis, Ranked, Remainder, Settings, TOUCH, listed, measured};
+use super::{Diagnosis, NEAR, Ranked, Remainder, Settings, TOUCH, listed, measured};
 use crate::case::Case;
 use crate::effect::Unit;
 use crate::fit::{Basis, Effort, Fit, basis, fit, ranges};
@@ -274,6 +274,12 @@ fn leads(explained: f64, probability: f64) -> bool {
     explained > MAJORITY.0 && probability > LEADS
 }
 
+/// Whether free runs leave no more than noise beside the effects taken, and the first of them is more likely than its rivals
+/// together: these explain the same then, and stand in the confusion set.
+fn nothing_left(after: f64, floor: f64, probability: f64) -> bool {
+    after < NEAR * floor && probability > 0.5
+}
+
 impl Partial {
     /// Says in a diagnosis what the effects explain and what is left.
     pub(super) fn describe(&self, diagnosis: &mut Diagnosis) {
@@ -298,18 +304,18 @@ impl Partial {
             explained,
             missing_force: Vec::new(),
         });
-        if let Some(first) = diagnosis.effects.first()
-            && leads(
-                share(before, self.first, floor),
-                diagnosis.ranking[0].probability,
-            )
-            && explained > MAJORITY.1
-            && diagnosis.effects.len() <= TOGETHER
+        let Some(first) = diagnosis.effects.first() else {
+            return;
+        };
+        let probability = diagnosis.ranking[0].probability;
+        let most = leads(share(before, self.first, floor), probability) && explained > MAJORITY.1;
+        if diagnosis.effects.len() <= TOGETHER
+            && (most || nothing_left(after, floor, probability))
         {
             diagnosis.effect = first.effect.clone();
             diagnosis.joint = first.joint;
             diagnosis.regime = first.regime.clone();
-            diagnosis.confidence = diagnosis.ranking[0].probability.min(HIGHEST);
+            diagnosis.confidence = probability.min(HIGHEST);
         }
     }
 }
@@ -371,5 +377,14 @@ mod tests {
         // Of two rivals that explain the same, neither is the verdict, however much both explain.
         assert!(!leads(0.99, 0.5));
         assert!(!leads(0.6, 1.0));
+    }
+
+    #[test]
+    fn rivals_that_explain_the_same_do_not_deny_a_verdict_where_nothing_is_left() {
+        assert!(nothing_left(0.0016, 0.0012, 0.85));
+        // Something is left.
+        assert!(!nothing_left(0.0020, 0.0012, 0.85));
+        // The others together are as likely.
+        assert!(!nothing_left(0.0012, 0.0012, 0.45));
     }
 }

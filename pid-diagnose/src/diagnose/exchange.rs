@@ -1,0 +1,158 @@
+//! Exchange check of forward selection (A. J. Miller, Subset Selection in Regression, 2002, section 3.5): of two causes the first
+//! was chosen while the second was missing, and may have been taken for another.
+
+use super::refit::{Refit, refit};
+use super::{Settings, listed, test_value};
+use crate::case::Case;
+use crate::fit::{Basis, Effort, Fit, Point, fit};
+use crate::screen::screen;
+
+/// Twice the gain in log-likelihood, penalties counted, without which the first effect stays.
+const BETTER: f64 = 6.0;
+
+/// The best of all candidates in the place of the first effect, beside the later ones.
+pub(super) struct Exchange {
+    /// All effects, the new one first.
+    pub(super) fit: Fit,
+    /// Candidates for the first place, the new one first, each beside the later effects.
+    pub(super) tried: Vec<Refit>,
+    /// Refits made.
+    pub(super) refits: usize,
+}
+
+/// Looks for an effect that explains more than the first one does, beside the later ones; `None` if the first one stays.
+pub(super) fn exchange(
+    case: &Case,
+    basis: &Basis,
+    settings: &Settings,
+    current: &Fit,
+) -> Option<Exchange> {
+    let (without, first) = without_first(case, basis, settings, current)?;
+    let list = listed(case, basis, settings, &without);
+    let (best, slopes) = screen(case, basis, &without, &list);
+    let tried = refit(
+        case,
+        basis,
+        settings,
+        &without,
+        (&best, &slopes),
+        list.len(),
+    );
+    let rival = tried.first()?;
+    if rival.term.label() == first {
+        return None;
+    }
+    let number = current.train.number();
+    let scale = (current.train.objective() / number).max(1.0);
+    let cost = |fit: &Fit| {
+        (fit.train.evidence() + test_value(case, fit)) / scale
+            + fit.point.e.len() as f64 * number.ln()
+    };
+    let refits = tried.len();
+    if cost(&rival.fit) > cost(current) - BETTER {
+        return None;
+    }
+    let fit = leading(case, basis, settings, &rival.fit);
+    (cost(&fit) < cost(current) - BETTER).then_some(Exchange { fit, tried, refits })
+}
+
+/// The fit without its first effect, and that effect's label.
+fn without_first(
+    case: &Case,
+    basis: &Basis,
+    settings: &Settings,
+    current: &Fit,
+) -> Option<(Fit, String)> {
+    if current.hypothesis.terms.len() < 2 {
+        return None;
+    }
+    let mut hypothesis = current.hypothesis.clone();
+    let first = hypothesis.terms.remove(0);
+    let mut point = current.point.clone();
+    point.e.drain(..first.effect.info().parameters.len());
+    let without = fit(
+        case,
+        basis,
+        &hypothesis,
+        point,
+        Effort::full(settings.steps),
+    );
+    Some((without, first.label()))
+}
+
+/// The same fit with its last effect in the first place.
+fn leading(case: &Case, basis: &Basis, settings: &Settings, at: &Fit) -> Fit {
+    let mut hypothesis = at.hypothesis.clone();
+    let mut e = at.point.e.clone();
+    let Some(last) = hypothesis.terms.pop() else {
+        return at.clone();
+    };
+    e.rotate_right(last.effect.info().parameters.len());
+    hypothesis.terms.insert(0, last);
+    let point = Point {
+        theta: at.point.theta.clone(),
+        e,
+    };
+    fit(
+        case,
+        basis,
+        &hypothesis,
+        point,
+        Effort::full(settings.steps),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::{named, pendulum};
+    use crate::fit::basis;
+    use crate::plant::PER_JOINT;
+
+    fn exchanged(hidden: (&[&str], &[f64]), taken: (&[&str], &[f64])) -> Option<Exchange> {
+        let case = pendulum(&named(hidden.0), hidden.1, 6.0, &|_| {});
+        let directions = basis(&case);
+        let settings = Settings::default();
+        let at = Point {
+            theta: vec![0.0; PER_JOINT],
+            e: taken.1.to_vec(),
+        };
+        let current = fit(
+            &case,
+            &directions,
+            &named(taken.0),
+            at,
+            Effort::full(settings.steps),
+        );
+        exchange(&case, &directions, &settings, &current)
+    }
+
+    #[test]
+    fn a_first_effect_that_stood_for_another_is_exchanged() {
+        // A spring far from its rest is a constant torque.
+        let found = exchanged(
+            (&["current_offset", "quadratic_drag"], &[0.1, 0.05]),
+            (&["spring", "quadratic_drag"], &[0.01, 0.0, 0.05]),
+        )
+        .expect("a spring is not the cause");
+        let ids: Vec<_> = found
+            .fit
+            .hypothesis
+            .terms
+            .iter()
+            .map(|t| t.effect.info().id)
+            .collect();
+        assert_eq!(ids, ["current_offset", "quadratic_drag"]);
+        assert_eq!(found.tried[0].term.effect.info().id, "current_offset");
+        let e = &found.fit.point.e;
+        assert!((e[0].abs() - 0.1).abs() < 0.01, "{e:?}");
+        assert!((e[1] - 0.05).abs() < 0.01, "{e:?}");
+    }
+
+    #[test]
+    fn a_first_effect_that_is_the_cause_stays() {
+        let both = ["spring", "quadratic_drag"];
+        let e = [0.9, 0.2, 0.05];
+        assert!(exchanged((&both, &e), (&both, &e)).is_none());
+    }
+}
