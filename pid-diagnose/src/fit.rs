@@ -297,18 +297,22 @@ where
 
 /// Directions of θ that the train records determine beyond their tolerance, from the Jacobian at the nominal values.
 pub fn basis(case: &Case) -> Basis {
-    let size = case.n() * PER_JOINT;
-    let none = Hypothesis::default();
     let at = Point {
-        theta: vec![0.0; size],
+        theta: vec![0.0; case.n() * PER_JOINT],
         e: Vec::new(),
     };
+    basis_beside(case, &Hypothesis::default(), &at)
+}
+
+/// The same beside effects, at a point: a gear that gives way tells the inertia of its rotor from that of the link behind it.
+pub fn basis_beside(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Basis {
+    let size = case.n() * PER_JOINT;
     let unit = DMatrix::<f64>::identity(size, size);
     let directions: Vec<Direction<'_>> = (0..size)
         .map(|i| Direction::Theta(&unit.as_slice()[i * size..(i + 1) * size]))
         .collect();
-    let gains = all_gains(case, &none, &at);
-    let lin = linearise(case, &none, &at, &gains, Role::Train, &directions);
+    let gains = all_gains(case, hypothesis, at);
+    let lin = linearise(case, hypothesis, at, &gains, Role::Train, &directions);
     let eigen = (lin.j.transpose() * &lin.j).symmetric_eigen();
     let keep: Vec<usize> = (0..size).filter(|&i| eigen.eigenvalues[i] > 0.3).collect();
     let mut columns = DMatrix::zeros(size, keep.len());
@@ -670,5 +674,25 @@ impl Basis {
         Basis {
             columns: DMatrix::zeros(self.columns.nrows(), 0),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::{named, pendulum};
+
+    #[test]
+    fn a_gear_with_play_shows_the_rotor_apart_from_the_link() {
+        let play = named(&["backlash"]);
+        let e = [0.03, 6.7e-4, 2.6e-4];
+        let case = pendulum(&play, &e, 6.0, &|_| {});
+        let at = Point {
+            theta: vec![0.0; PER_JOINT],
+            e: e.to_vec(),
+        };
+        let rigid = basis(&case).columns.ncols();
+        let beside = basis_beside(&case, &play, &at).columns.ncols();
+        assert!(beside > rigid, "{beside} directions, {rigid} without play");
     }
 }

@@ -155,6 +155,7 @@ pub(super) fn sizes(case: &Case, fit: &Fit) -> Vec<f64> {
     };
     let size = fit.point.theta.len();
     let (starts, _) = fit.hypothesis.offsets();
+    let (_, dead) = curvature(fit);
     fit.hypothesis
         .terms
         .iter()
@@ -164,6 +165,12 @@ pub(super) fn sizes(case: &Case, fit: &Fit) -> Vec<f64> {
                 [] => &[0][..],
                 amplitudes => amplitudes,
             };
+            // Nothing is known of an amplitude without influence, like that of a force across the plane of a planar arm.
+            let own: Vec<usize> = own
+                .iter()
+                .copied()
+                .filter(|a| !dead[size + at + a])
+                .collect();
             let m = own.len();
             let e = DVector::from_fn(m, |i, _| fit.point.e[at + own[i]]);
             [&curved, &blocks]
@@ -172,7 +179,7 @@ pub(super) fn sizes(case: &Case, fit: &Fit) -> Vec<f64> {
                     let place = |i: usize| size + at + own[i];
                     let part = DMatrix::from_fn(m, m, |i, k| c[(place(i), place(k))]);
                     part.cholesky()
-                        .map_or(0.0, |f| (e.dot(&f.solve(&e)) / m as f64).sqrt())
+                        .map_or(0.0, |f| (e.dot(&f.solve(&e)) / m.max(1) as f64).sqrt())
                 })
                 .fold(f64::INFINITY, f64::min)
         })
@@ -265,4 +272,28 @@ pub(super) fn name(case: &Case, fit: &Fit) -> Vec<Named> {
             }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::{named, pendulum};
+    use crate::fit::{Effort, Point, basis, fit};
+
+    #[test]
+    fn a_force_that_cannot_act_across_the_plane_has_a_size_within_it() {
+        // On from 1 to 3 s; the pendulum turns about y.
+        let windows = [1.0, 3.0, 1e5, 1e5, 1e5, 1e5];
+        let force = |x: f64, z: f64| [&[x, 0.0, z][..], &windows].concat();
+        let pushed = named(&["external_force"]);
+        let case = pendulum(&pushed, &force(0.6, -0.3), 6.0, &|_| {});
+        let at = Point {
+            theta: vec![0.0; PER_JOINT],
+            e: force(0.5, 0.0),
+        };
+        let found = fit(&case, &basis(&case), &pushed, at, Effort::full(14));
+        assert!((found.point.e[0] - 0.6).abs() < 0.06, "{:?}", found.point.e);
+        let size = sizes(&case, &found)[0];
+        assert!(size > 3.0, "{size}");
+    }
 }

@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::case::Case;
 use crate::effect::{Effect, Kind, Term};
-use crate::fit::{Basis, Effort, Fit, Point, basis, fit, value};
+use crate::fit::{Basis, Effort, Fit, Point, basis, basis_beside, fit, value};
 use crate::gap::{Floor, Gap, floor, gap};
 use crate::noise;
 use crate::plant::PER_JOINT;
@@ -45,6 +45,8 @@ pub const SCHEMA_VERSION: u32 = 1;
 const PROVISIONAL: f64 = 0.1;
 /// Score, in margins, with which it is kept where the noise levels are not stated.
 const STRONG: f64 = 20.0;
+/// Gain on motions never fitted, in margins, with which it is taken if only the gap does not grow.
+const BEYOND_DOUBT: f64 = 10.0;
 /// Gap over floor below which nothing is left to look for.
 const NEAR: f64 = 1.4;
 /// Share by which a second effect must shrink the gap to be told by free runs alone: a slow one may leave the innovations white.
@@ -374,7 +376,7 @@ fn once(case: &Case, settings: &Settings) -> Found {
 fn search(case: &Case, settings: &Settings) -> Found {
     let clock = std::time::Instant::now();
     let mut case = case.clone();
-    let basis = basis(&case);
+    let mut basis = basis(&case);
     let nothing = Hypothesis::default();
     let start = Point {
         theta: vec![0.0; case.n() * PER_JOINT],
@@ -430,15 +432,30 @@ fn search(case: &Case, settings: &Settings) -> Found {
         let open = case.noise.iter().any(|n| !n.stated);
         let strong = relative > PROVISIONAL || (open && first.score > STRONG * settings.margin);
         let provisional = strong && round + 1 < settings.most;
+        // Free runs scatter; predictions of motions never fitted are then beyond doubt.
+        let beyond_doubt = relative > PROVISIONAL
+            && held_out > BEYOND_DOUBT * settings.margin
+            && after.total < current_gap.total;
         let take = significant
             && held_out > 0.0
             && enough
-            && (shrinks || provisional)
+            && (shrinks || provisional || beyond_doubt)
             && size_in_deviations(&first.fit) > settings.least_size;
         if take {
             accepted.push(first.term.clone());
             current = first.fit.clone();
             current_gap = after;
+            if first.term.effect.info().kind == Kind::State {
+                basis = directions(&case, &current);
+                current = fit(
+                    &case,
+                    &basis,
+                    &current.hypothesis,
+                    current.point.clone(),
+                    Effort::full(settings.steps),
+                );
+                current_gap = measured(&case, &current);
+            }
             if noise::settle(&mut case, &current) {
                 current = again(&case, &basis, &current);
                 current_gap = measured(&case, &current);
@@ -578,6 +595,16 @@ fn again(case: &Case, basis: &Basis, at: &Fit) -> Fit {
         at.point.clone(),
         Effort::full(TOUCH),
     )
+}
+
+/// Directions of the nominal parameters that the records determine: a gear that gives way shows more of them.
+fn directions(case: &Case, fit: &Fit) -> Basis {
+    let states = |t: &Term| t.effect.info().kind == Kind::State;
+    if fit.hypothesis.terms.iter().any(states) {
+        basis_beside(case, &fit.hypothesis, &fit.point)
+    } else {
+        basis(case)
+    }
 }
 
 /// Candidates of a sketch.

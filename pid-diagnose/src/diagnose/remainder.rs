@@ -16,7 +16,9 @@ use rayon::prelude::*;
 
 use super::magnitude::{name, sizes};
 use super::refit::{Refit, refit};
-use super::{Diagnosis, NEAR, Ranked, Remainder, Settings, TOUCH, listed, measured};
+use super::{
+    BEYOND_DOUBT, Diagnosis, NEAR, Ranked, Remainder, Settings, TOUCH, directions, listed, measured,
+};
 use crate::case::Case;
 use crate::effect::Unit;
 use crate::fit::{Basis, Effort, Fit, basis, fit, ranges};
@@ -32,8 +34,6 @@ const REFITS: usize = 9;
 const FEW: usize = 4;
 /// Mean decrease over the windows, in its standard errors (one-sided 5 %).
 const CERTAIN: f64 = 1.645;
-/// Gain on motions never fitted, in margins, with which an effect is taken if only the gap does not grow.
-const BEYOND_DOUBT: f64 = 10.0;
 /// Turns of fit and levels at the start.
 const TURNS: usize = 3;
 
@@ -178,7 +178,7 @@ fn at_an_end(case: &Case, fit: &Fit) -> bool {
 /// Levels that a fit leaves, and the fit under them with the directions they determine.
 fn renewed(case: &mut Case, at: &Fit, sensors: &[(f64, f64)]) -> (Fit, Basis) {
     settle(case, at, sensors);
-    let directions = basis(case);
+    let directions = directions(case, at);
     let next = fit(
         case,
         &directions,
@@ -309,8 +309,7 @@ impl Partial {
         };
         let probability = diagnosis.ranking[0].probability;
         let most = leads(share(before, self.first, floor), probability) && explained > MAJORITY.1;
-        if diagnosis.effects.len() <= TOGETHER
-            && (most || nothing_left(after, floor, probability))
+        if diagnosis.effects.len() <= TOGETHER && (most || nothing_left(after, floor, probability))
         {
             diagnosis.effect = first.effect.clone();
             diagnosis.joint = first.joint;
