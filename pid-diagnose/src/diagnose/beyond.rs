@@ -5,7 +5,8 @@
 //! joint may lie anywhere from zero upwards, and everything is looked for once more.
 
 use super::magnitude::deviations;
-use super::{Beyond, Found, Magnitude, Named, Settings, search};
+use super::search::search;
+use super::{Beyond, Found, Magnitude, Named, Settings};
 use crate::case::Case;
 use crate::fit::{Effort, Fit, all_gains, basis, fit};
 use crate::plant::{COULOMB, NAMES, PER_JOINT, VISCOUS};

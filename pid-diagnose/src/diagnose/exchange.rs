@@ -2,7 +2,8 @@
 //! was chosen while the second was missing, and may have been taken for another.
 
 use super::refit::{Refit, refit};
-use super::{Settings, listed, test_value};
+use super::search::listed;
+use super::{Settings, test_value};
 use crate::case::Case;
 use crate::fit::{Basis, Effort, Fit, Point, fit};
 use crate::screen::screen;

@@ -11,48 +11,25 @@ mod magnitude;
 mod refit;
 mod remainder;
 mod residue;
+mod search;
 mod verdict;
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use pid_runtime::data::Role;
 use serde::{Deserialize, Serialize};
 
 use crate::case::Case;
-use crate::effect::{Effect, Kind, Term};
-use crate::fit::{Basis, Effort, Fit, Point, basis, basis_beside, fit, value};
+use crate::effect::Effect;
+use crate::fit::{Fit, value};
 use crate::gap::{Floor, Gap, floor, gap};
-use crate::noise;
-use crate::plant::PER_JOINT;
 use crate::report::{Next, Share};
-use crate::screen::{candidates, screen};
-use crate::simulate::Hypothesis;
 use crate::thin::{lengthen, thin};
-use crate::windows;
-use backward::backward;
-use exchange::exchange;
-use magnitude::{size_in_deviations, sizes};
-use refit::{Refit, refit};
 pub use residue::Residue;
-use residue::residue;
-use verdict::{Parts, lagging_velocity};
+use search::search;
 
 /// Version of the JSON form.
 pub const SCHEMA_VERSION: u32 = 1;
-
-/// Relative decrease of the objective with which an effect is kept for a further round although the gap does not shrink yet.
-const PROVISIONAL: f64 = 0.1;
-/// Score, in margins, with which it is kept where the noise levels are not stated.
-const STRONG: f64 = 20.0;
-/// Gain on motions never fitted, in margins, with which it is taken if only the gap does not grow.
-const BEYOND_DOUBT: f64 = 10.0;
-/// Gap over floor below which nothing is left to look for.
-const NEAR: f64 = 1.4;
-/// Share by which a second effect must shrink the gap to be told by free runs alone: a slow one may leave the innovations white.
-const DRIFT: f64 = 0.3;
-/// Mean squared innovation below which no further effect is looked for.
-const EXPLAINED: f64 = 1.1;
 
 /// What may be set.
 #[derive(Clone)]
@@ -372,268 +349,6 @@ fn once(case: &Case, settings: &Settings) -> Found {
     found
 }
 
-/// Forward selection with a backward check, within the tolerances of a case.
-fn search(case: &Case, settings: &Settings) -> Found {
-    let clock = std::time::Instant::now();
-    let mut case = case.clone();
-    let mut basis = basis(&case);
-    let nothing = Hypothesis::default();
-    let start = Point {
-        theta: vec![0.0; case.n() * PER_JOINT],
-        e: Vec::new(),
-    };
-    let mut base = fit(&case, &basis, &nothing, start, Effort::full(settings.steps));
-    let mut shortlist: Option<BTreeSet<String>> = None;
-    if noise::settle(&mut case, &base) {
-        base = again(&case, &basis, &base);
-        // What the nominal structure leaves is not all noise: the level is that of the most promising candidate.
-        let (better, short) = sketch(&case, &basis, settings, &base);
-        if let Some(better) = better {
-            noise::settle(&mut case, &better);
-            base = again(&case, &basis, &base);
-            if !settings.refit_all {
-                shortlist = Some(short);
-            }
-        }
-    }
-    let before = measured(&case, &base);
-    let mut current = base.clone();
-    let mut current_gap = before.clone();
-    let mut ranking: Vec<Refit> = Vec::new();
-    let mut refits = 0;
-    let mut accepted: Vec<Term> = Vec::new();
-    let mut alone: Option<Fit> = None;
-    let mut drifts = false;
-    for round in 0..settings.most {
-        let mut list = listed(&case, &basis, settings, &current);
-        let number = list.len();
-        if let Some(short) = shortlist.take() {
-            list.retain(|(term, _)| short.contains(&term.label()));
-        }
-        let (best, slopes) = screen(&case, &basis, &current, &list);
-        let tried = refit(&case, &basis, settings, &current, (&best, &slopes), number);
-        refits += tried.len();
-        let Some(first) = tried.first() else { break };
-        let after = measured(&case, &first.fit);
-        let held_out = test_value(&case, &current) - test_value(&case, &first.fit);
-        let significant = first.score > settings.margin;
-        let relative =
-            (current.train.evidence() - first.fit.train.evidence()) / current.train.objective();
-        let needed = if round == 0 {
-            settings.least_shrink
-        } else {
-            2.0 * settings.least_shrink
-        };
-        let shrinks = after.total < (1.0 - needed) * current_gap.total;
-        let enough = relative > if round == 0 { 0.002 } else { 0.03 }
-            || (drifts && after.total < (1.0 - DRIFT) * current_gap.total);
-        // One of two effects may hide behind the other in free runs: it is kept until the last round shows what both give.
-        // Noise levels that were settled on one effect hide part of what the other does: there the score decides.
-        let open = case.noise.iter().any(|n| !n.stated);
-        let strong = relative > PROVISIONAL || (open && first.score > STRONG * settings.margin);
-        let provisional = strong && round + 1 < settings.most;
-        // Free runs scatter; predictions of motions never fitted are then beyond doubt.
-        let beyond_doubt = relative > PROVISIONAL
-            && held_out > BEYOND_DOUBT * settings.margin
-            && after.total < current_gap.total;
-        let take = significant
-            && held_out > 0.0
-            && enough
-            && (shrinks || provisional || beyond_doubt)
-            && size_in_deviations(&first.fit) > settings.least_size;
-        if take {
-            accepted.push(first.term.clone());
-            current = first.fit.clone();
-            current_gap = after;
-            if first.term.effect.info().kind == Kind::State {
-                basis = directions(&case, &current);
-                current = fit(
-                    &case,
-                    &basis,
-                    &current.hypothesis,
-                    current.point.clone(),
-                    Effort::full(settings.steps),
-                );
-                current_gap = measured(&case, &current);
-            }
-            if noise::settle(&mut case, &current) {
-                current = again(&case, &basis, &current);
-                current_gap = measured(&case, &current);
-            }
-            if accepted.len() == 1 {
-                alone = Some(current.clone());
-            }
-        }
-        if round == 0 {
-            ranking = tried;
-        } else if take {
-            let mut tried = tried;
-            let second = tried.remove(0);
-            ranking.insert(1.min(ranking.len()), second);
-        }
-        // Nothing is left to look for where the innovations are as large as the noise, and free runs too.
-        if !take {
-            break;
-        }
-        drifts = current_gap.total > NEAR * noise_alone(&case, &current).typical;
-        if !drifts && current.train.total() < EXPLAINED * current.train.number() {
-            break;
-        }
-    }
-    if accepted.len() > 1
-        && let Some((kept, dropped)) = backward(&case, &basis, settings, &current)
-    {
-        current = kept;
-        current_gap = measured(&case, &current);
-        accepted.remove(dropped);
-        ranking.remove(0);
-    }
-    if accepted.len() > 1
-        && let Some(exchanged) = exchange(&case, &basis, settings, &current)
-    {
-        // The candidates for the first place are those beside the second effect now.
-        let second = ranking.remove(1);
-        current = exchanged.fit;
-        current_gap = measured(&case, &current);
-        accepted[0] = current.hypothesis.terms[0].clone();
-        ranking = exchanged.tried;
-        ranking.insert(1, second);
-        refits += exchanged.refits;
-        alone = None;
-    }
-    if let Some(first) = alone
-        && accepted.len() > 1
-        && without_size(&sizes(&case, &current), settings)
-    {
-        current = first;
-        current_gap = measured(&case, &current);
-        accepted.truncate(1);
-        ranking.remove(1);
-    }
-    if current_gap.total > (1.0 - settings.least_shrink) * before.total {
-        current = base.clone();
-        accepted.clear();
-    }
-    // Contacts, resonances and bristles are stiff, and sticking within a step leaves an error of its own: the end of the fit has
-    // finer substeps, if the likelihood agrees.
-    let stiff = accepted.iter().any(|t| t.effect.info().kind == Kind::State);
-    let misfit = current.train.total() / current.train.number();
-    if stiff || (misfit < settings.largest_misfit && !verdict::white(&residue(&case, &current))) {
-        case.refined = FINER;
-        case.unread = stiff;
-        let finer = again(&case, &basis, &current);
-        if finer.train.evidence() < current.train.evidence() {
-            current = finer;
-            if accepted.is_empty() {
-                base = current.clone();
-            }
-        } else {
-            (case.refined, case.unread) = (1, false);
-        }
-    }
-    base.train = value(&case, &nothing, &base.point, &base.gains, Role::Train);
-    let lagging = lagging_velocity(&case, settings);
-    let parts = Parts {
-        case: &case,
-        settings,
-        base: &base,
-        before: &before,
-        ranking: &ranking,
-        accepted: &accepted,
-        lagging,
-        refits,
-        clock,
-    };
-    let (diagnosis, fit) = parts.verdict(current);
-    Found {
-        diagnosis,
-        base,
-        fit,
-        rivals: ranking.into_iter().map(|r| r.fit).collect(),
-        case,
-    }
-}
-
-/// Size, in its own deviations, below which a second effect is chance even beside a first one that has a size.
-const CHANCE: f64 = 2.0;
-
-/// Whether the second of two effects is none, by the [`sizes`] of both beside each other: two that are both small imitate together
-/// what the library lacks, and a second one may take up what the smooth form of a contact leaves.
-fn without_size(sizes: &[f64], settings: &Settings) -> bool {
-    let [first, second, ..] = *sizes else {
-        return false;
-    };
-    second < CHANCE || first.max(second) < settings.least_size
-}
-
-/// All candidates on top of a fit, with their starts.
-fn listed(
-    case: &Case,
-    basis: &Basis,
-    settings: &Settings,
-    current: &Fit,
-) -> Vec<(Term, Vec<Vec<f64>>)> {
-    let mut list = candidates(case, &settings.effects, &current.hypothesis);
-    for (term, starts) in &mut list {
-        starts.extend(windows::starts(case, basis, current, term));
-    }
-    list
-}
-
-/// Factor on the substeps at the end of a fit with states.
-const FINER: usize = 3;
-
-/// Steps that follow a change of the noise levels.
-const TOUCH: usize = 4;
-
-/// The same hypothesis under the noise levels as they are now.
-fn again(case: &Case, basis: &Basis, at: &Fit) -> Fit {
-    fit(
-        case,
-        basis,
-        &at.hypothesis,
-        at.point.clone(),
-        Effort::full(TOUCH),
-    )
-}
-
-/// Directions of the nominal parameters that the records determine: a gear that gives way shows more of them.
-fn directions(case: &Case, fit: &Fit) -> Basis {
-    let states = |t: &Term| t.effect.info().kind == Kind::State;
-    if fit.hypothesis.terms.iter().any(states) {
-        basis_beside(case, &fit.hypothesis, &fit.point)
-    } else {
-        basis(case)
-    }
-}
-
-/// Candidates of a sketch.
-const SKETCHED: usize = 4;
-
-/// Candidates that a sketch leaves for the first round.
-const SHORT: usize = 12;
-
-/// The most likely of the best candidates after a few steps, `None` if none gains beyond its penalty; and those that are worth
-/// screening again under the noise levels that follow from it.
-fn sketch(
-    case: &Case,
-    basis: &Basis,
-    settings: &Settings,
-    base: &Fit,
-) -> (Option<Fit>, BTreeSet<String>) {
-    let list = listed(case, basis, settings, base);
-    let (best, slopes) = screen(case, basis, base, &list);
-    let short = best.iter().take(SHORT).map(|c| c.term.label()).collect();
-    let few = Settings {
-        refits: SKETCHED,
-        ..settings.clone()
-    };
-    let tried = refit(case, basis, &few, base, (&best, &slopes), list.len());
-    let first = tried.into_iter().next();
-    let better = first.filter(|f| f.score > settings.margin).map(|f| f.fit);
-    (better, short)
-}
-
 /// The gap that noise alone leaves on the test records.
 fn noise_alone(case: &Case, fit: &Fit) -> Floor {
     floor(
@@ -657,20 +372,4 @@ fn measured(case: &Case, fit: &Fit) -> Gap {
 
 fn test_value(case: &Case, fit: &Fit) -> f64 {
     value(case, &fit.hypothesis, &fit.point, &fit.gains, Role::Test).surprise()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_second_effect_needs_a_size_of_its_own() {
-        let none = |sizes: &[f64]| without_size(sizes, &Settings::default());
-        // Beside a backlash, what its smooth form leaves.
-        assert!(none(&[40.0, 1.6]));
-        // Two that imitate a third together.
-        assert!(none(&[2.4, 2.8]));
-        assert!(!none(&[2.4, 9.0]) && !none(&[40.0, 2.4]));
-        assert!(!none(&[1.0]) && !none(&[]));
-    }
 }

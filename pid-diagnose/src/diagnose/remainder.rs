@@ -16,9 +16,8 @@ use rayon::prelude::*;
 
 use super::magnitude::{name, sizes};
 use super::refit::{Refit, refit};
-use super::{
-    BEYOND_DOUBT, Diagnosis, NEAR, Ranked, Remainder, Settings, TOUCH, directions, listed, measured,
-};
+use super::search::{BEYOND_DOUBT, NEAR, TOUCH, directions, listed};
+use super::{Diagnosis, Ranked, Remainder, Settings, measured};
 use crate::case::Case;
 use crate::effect::Unit;
 use crate::fit::{Basis, Effort, Fit, basis, fit, ranges};
