@@ -4,41 +4,53 @@ use super::{Settings, test_value};
 use crate::case::Case;
 use crate::fit::{Basis, Effort, Fit, fit};
 
-/// Backward check: drops the effect that the others have made superfluous. The fit without it and its place, if there is one
-/// whose removal costs less than an effect must gain.
-pub(super) fn backward(
+/// The fits without each of the effects but the last, in their order.
+pub(super) fn without_each(
     case: &Case,
     basis: &Basis,
     settings: &Settings,
     current: &Fit,
-) -> Option<(Fit, usize)> {
+) -> Vec<Fit> {
     let (starts, _) = current.hypothesis.offsets();
-    let last = current.hypothesis.terms.len() - 1;
-    let number = current.train.number();
-    let scale = (current.train.objective() / number).max(1.0);
-    let unseen = test_value(case, current);
-    (0..last)
-        .filter_map(|i| {
+    (0..current.hypothesis.terms.len().saturating_sub(1))
+        .map(|i| {
             let mut hypothesis = current.hypothesis.clone();
             let k = hypothesis.terms.remove(i).effect.info().parameters.len();
             let mut point = current.point.clone();
             point.e.drain(starts[i]..starts[i] + k);
-            let without = fit(
+            fit(
                 case,
                 basis,
                 &hypothesis,
                 point,
                 Effort::full(settings.steps),
-            );
-            let cost = (without.train.evidence() - current.train.evidence()
-                + test_value(case, &without)
-                - unseen)
-                / scale
-                - k as f64 * number.ln();
-            (cost < settings.margin).then_some((without, i, cost))
+            )
         })
-        .min_by(|a, b| a.2.total_cmp(&b.2))
-        .map(|(fit, i, _)| (fit, i))
+        .collect()
+}
+
+/// The effect that the others have made superfluous, if there is one whose removal costs less than an effect must gain; `without`
+/// has a fit without each, as [`without_each`] gives them.
+pub(super) fn superfluous(
+    case: &Case,
+    settings: &Settings,
+    current: &Fit,
+    without: &[Fit],
+) -> Option<usize> {
+    let number = current.train.number();
+    let scale = (current.train.objective() / number).max(1.0);
+    let unseen = test_value(case, current);
+    let cost = |without: &Fit| {
+        let k = current.point.e.len() - without.point.e.len();
+        (without.train.evidence() - current.train.evidence() + test_value(case, without) - unseen)
+            / scale
+            - k as f64 * number.ln()
+    };
+    (0..without.len())
+        .map(|i| (i, cost(&without[i])))
+        .filter(|(_, cost)| *cost < settings.margin)
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .map(|(i, _)| i)
 }
 
 #[cfg(test)]
@@ -67,7 +79,9 @@ mod tests {
             at,
             Effort::full(settings.steps),
         );
-        backward(&case, &directions, &settings, &current)
+        let mut without = without_each(&case, &directions, &settings, &current);
+        let dropped = superfluous(&case, &settings, &current, &without)?;
+        Some((without.swap_remove(dropped), dropped))
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Exchange check of forward selection (A. J. Miller, Subset Selection in Regression, 2002, section 3.5): of two causes the first
+//! Exchange check of forward selection (A. J. Miller, Subset Selection in Regression, 2002, chapter 3): of two causes the first
 //! was chosen while the second was missing, and may have been taken for another.
 
 use super::refit::{Refit, refit};
@@ -11,74 +11,38 @@ use crate::screen::screen;
 /// Twice the gain in log-likelihood, penalties counted, without which the first effect stays.
 const BETTER: f64 = 6.0;
 
-/// The best of all candidates in the place of the first effect, beside the later ones.
+/// Candidates for the place of the first effect.
 pub(super) struct Exchange {
-    /// All effects, the new one first.
-    pub(super) fit: Fit,
-    /// Candidates for the first place, the new one first, each beside the later effects.
+    /// All effects, the new one first; `None` if the old one stays.
+    pub(super) fit: Option<Fit>,
+    /// Best first, each beside the later effects.
     pub(super) tried: Vec<Refit>,
-    /// Refits made.
-    pub(super) refits: usize,
 }
 
-/// Looks for an effect that explains more than the first one does, beside the later ones; `None` if the first one stays.
+/// Looks for an effect that explains more than the first one does, beside the later ones, whose fit is `without`.
 pub(super) fn exchange(
     case: &Case,
     basis: &Basis,
     settings: &Settings,
-    current: &Fit,
-) -> Option<Exchange> {
-    let (without, first) = without_first(case, basis, settings, current)?;
-    let list = listed(case, basis, settings, &without);
-    let (best, slopes) = screen(case, basis, &without, &list);
-    let tried = refit(
-        case,
-        basis,
-        settings,
-        &without,
-        (&best, &slopes),
-        list.len(),
-    );
-    let rival = tried.first()?;
-    if rival.term.label() == first {
-        return None;
-    }
+    (current, without): (&Fit, &Fit),
+) -> Exchange {
+    let list = listed(case, basis, settings, without);
+    let (best, slopes) = screen(case, basis, without, &list);
+    let tried = refit(case, basis, settings, without, (&best, &slopes), list.len());
     let number = current.train.number();
     let scale = (current.train.objective() / number).max(1.0);
     let cost = |fit: &Fit| {
         (fit.train.evidence() + test_value(case, fit)) / scale
             + fit.point.e.len() as f64 * number.ln()
     };
-    let refits = tried.len();
-    if cost(&rival.fit) > cost(current) - BETTER {
-        return None;
-    }
-    let fit = leading(case, basis, settings, &rival.fit);
-    (cost(&fit) < cost(current) - BETTER).then_some(Exchange { fit, tried, refits })
-}
-
-/// The fit without its first effect, and that effect's label.
-fn without_first(
-    case: &Case,
-    basis: &Basis,
-    settings: &Settings,
-    current: &Fit,
-) -> Option<(Fit, String)> {
-    if current.hypothesis.terms.len() < 2 {
-        return None;
-    }
-    let mut hypothesis = current.hypothesis.clone();
-    let first = hypothesis.terms.remove(0);
-    let mut point = current.point.clone();
-    point.e.drain(..first.effect.info().parameters.len());
-    let without = fit(
-        case,
-        basis,
-        &hypothesis,
-        point,
-        Effort::full(settings.steps),
-    );
-    Some((without, first.label()))
+    let better = |fit: &Fit| cost(fit) < cost(current) - BETTER;
+    let first = current.hypothesis.terms[0].label();
+    let fit = tried
+        .first()
+        .filter(|rival| rival.term.label() != first && better(&rival.fit))
+        .map(|rival| leading(case, basis, settings, &rival.fit))
+        .filter(better);
+    Exchange { fit, tried }
 }
 
 /// The same fit with its last effect in the first place.
@@ -107,10 +71,11 @@ fn leading(case: &Case, basis: &Basis, settings: &Settings, at: &Fit) -> Fit {
 mod tests {
     use super::*;
     use crate::bench::{named, pendulum};
+    use crate::diagnose::backward::without_each;
     use crate::fit::basis;
     use crate::plant::PER_JOINT;
 
-    fn exchanged(hidden: (&[&str], &[f64]), taken: (&[&str], &[f64])) -> Option<Exchange> {
+    fn exchanged(hidden: (&[&str], &[f64]), taken: (&[&str], &[f64])) -> Option<(Fit, Vec<Refit>)> {
         let case = pendulum(&named(hidden.0), hidden.1, 6.0, &|_| {});
         let directions = basis(&case);
         let settings = Settings::default();
@@ -125,27 +90,28 @@ mod tests {
             at,
             Effort::full(settings.steps),
         );
-        exchange(&case, &directions, &settings, &current)
+        let without = without_each(&case, &directions, &settings, &current);
+        let found = exchange(&case, &directions, &settings, (&current, &without[0]));
+        Some((found.fit?, found.tried))
     }
 
     #[test]
     fn a_first_effect_that_stood_for_another_is_exchanged() {
         // A spring far from its rest is a constant torque.
-        let found = exchanged(
+        let (fit, tried) = exchanged(
             (&["current_offset", "quadratic_drag"], &[0.1, 0.05]),
             (&["spring", "quadratic_drag"], &[0.01, 0.0, 0.05]),
         )
         .expect("a spring is not the cause");
-        let ids: Vec<_> = found
-            .fit
+        let ids: Vec<_> = fit
             .hypothesis
             .terms
             .iter()
             .map(|t| t.effect.info().id)
             .collect();
         assert_eq!(ids, ["current_offset", "quadratic_drag"]);
-        assert_eq!(found.tried[0].term.effect.info().id, "current_offset");
-        let e = &found.fit.point.e;
+        assert_eq!(tried[0].term.effect.info().id, "current_offset");
+        let e = &fit.point.e;
         assert!((e[0].abs() - 0.1).abs() < 0.01, "{e:?}");
         assert!((e[1] - 0.05).abs() < 0.01, "{e:?}");
     }

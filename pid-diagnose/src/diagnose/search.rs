@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use pid_runtime::data::Role;
 
-use super::backward::backward;
+use super::backward::{superfluous, without_each};
 use super::exchange::exchange;
 use super::magnitude::{size_in_deviations, sizes};
 use super::refit::{Refit, refit};
@@ -214,25 +214,26 @@ impl<'a> Forward<'a> {
     /// Takes back or exchanges what later effects, sizes or free runs speak against.
     fn check(&mut self) {
         let settings = self.settings;
-        if self.accepted.len() > 1
-            && let Some((kept, dropped)) =
-                backward(&self.case, &self.basis, settings, &self.current)
-        {
-            self.go_on_with(kept);
-            self.accepted.remove(dropped);
-            self.ranking.remove(0);
-        }
-        if self.accepted.len() > 1
-            && let Some(exchanged) = exchange(&self.case, &self.basis, settings, &self.current)
-        {
-            // The candidates for the first place are those beside the second effect now.
-            let second = self.ranking.remove(1);
-            self.go_on_with(exchanged.fit);
-            self.accepted[0] = self.current.hypothesis.terms[0].clone();
-            self.ranking = exchanged.tried;
-            self.ranking.insert(1, second);
-            self.refits += exchanged.refits;
-            self.alone = None;
+        let mut without = without_each(&self.case, &self.basis, settings, &self.current);
+        if let Some(dropped) = superfluous(&self.case, settings, &self.current, &without) {
+            self.go_on_with(without.swap_remove(dropped));
+            let label = self.accepted.remove(dropped).label();
+            if let Some(at) = self.ranking.iter().position(|r| r.term.label() == label) {
+                self.ranking.remove(at);
+            }
+        } else if let Some(later) = without.first() {
+            let beside = (&self.current, later);
+            let exchanged = exchange(&self.case, &self.basis, settings, beside);
+            self.refits += exchanged.tried.len();
+            if let Some(fit) = exchanged.fit {
+                self.go_on_with(fit);
+                self.accepted[0] = self.current.hypothesis.terms[0].clone();
+                // The candidates for the first place are those beside the later effects now, which stand behind the first.
+                let later: Vec<Refit> = self.ranking.drain(1..self.accepted.len()).collect();
+                self.ranking = exchanged.tried;
+                self.ranking.splice(1..1, later);
+                self.alone = None;
+            }
         }
         if self.accepted.len() > 1
             && let Some(first) = self.alone.take()
