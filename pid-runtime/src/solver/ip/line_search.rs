@@ -256,7 +256,8 @@ impl Solver<'_> {
     fn backtrack(&mut self, returned: bool, most: usize) -> Option<Accepted> {
         let slope = self.slope();
         let phi = self.barrier_objective(&self.current);
-        let largest = self.fraction(&self.dx, self.tau());
+        let full = self.fraction(&self.dx, self.tau());
+        let largest = self.turns.share() * full;
         // Below relative rounding of x a step cannot be told from none.
         let rounding = 10.0 * f64::EPSILON;
         let smallest = self.smallest_step(slope).max(rounding * 1e-3);

@@ -19,6 +19,7 @@ mod restoration;
 mod standard;
 mod start;
 mod step;
+mod turns;
 
 use super::kkt::Kkt;
 use super::kkt::sparse::SparseKkt;
@@ -35,6 +36,7 @@ use standard::{Standard, StandardKkt};
 pub use start::Start;
 use std::ops::ControlFlow;
 use std::time::Instant;
+use turns::Turns;
 
 /// Fraction-to-the-boundary parameter at large μ.
 const TAU_MIN: f64 = 0.99;
@@ -130,6 +132,8 @@ struct Solver<'a> {
     soft: usize,
     /// Successive steps below the resolution of x.
     tiny: usize,
+    /// Points that go to and fro.
+    turns: Turns,
     /// Depth of restoration.
     nested: bool,
     /// Restorations whose point was feasible and yet refused by the filter.
@@ -214,6 +218,7 @@ impl<'a> Solver<'a> {
             watchdog: None,
             soft: 0,
             tiny: 0,
+            turns: Turns::new(),
             nested: false,
             forgiven: 0,
             acceptable: 0,

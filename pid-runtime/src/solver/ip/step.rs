@@ -156,6 +156,7 @@ impl Solver<'_> {
         // A watchdog that gave up goes back to the step it began with.
         let alpha_dual = self.dual_fraction();
         std::mem::swap(&mut self.current, &mut self.trial);
+        self.turns.record(self.current.theta);
         for i in 0..self.m {
             self.lambda[i] += accepted.alpha * self.dlambda[i];
         }

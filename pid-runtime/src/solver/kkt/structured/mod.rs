@@ -37,6 +37,10 @@ const NEAR: f64 = 0.1;
 const LONG: usize = 30_000;
 /// Relative residual at which refinement ends.
 const REFINED: f64 = 1e-11;
+/// Relative residual above which a solution of a long record near the optimum is not used: rounding errors of the reduced Hessian
+/// beside its largest eigenvalue (3e12 where a motion passes an unstable rest) are then those of its smallest ones, which are lifted
+/// further, and its steps lead away from the optimum as often as to it.
+const POOR: f64 = 1e-3;
 /// Growth of a state over a segment above which segments are cut into shorter ones, growth they are then cut to, and growth over one
 /// of the length asked for below which they have it again. The condensed cost has the square of the growth, and with it the rounding
 /// errors; where a mass matrix is not positive definite, as iterates may have it, states grow by 30 a step and more. With a limit
@@ -550,6 +554,9 @@ impl Condensing for StructuredKkt {
 impl Kkt for StructuredKkt {
     fn expect_error(&mut self, error: f64) {
         self.whole = error <= NEAR && self.layout.steps() >= LONG;
+        if !self.whole {
+            self.reduced.lower();
+        }
         self.reduced.expect_error(error);
     }
 
@@ -590,6 +597,18 @@ impl Kkt for StructuredKkt {
     }
 
     fn solve(&mut self, rx: &[f64], rc: &[f64], dx: &mut [f64], dlambda: &mut [f64]) -> f64 {
+        loop {
+            let relative = self.refine(rx, rc, dx, dlambda);
+            if relative <= POOR || !self.whole || !self.reduced.raise() {
+                return relative;
+            }
+        }
+    }
+}
+
+impl StructuredKkt {
+    /// Solves with the regularised matrix, refined; returns the relative residual that is left.
+    fn refine(&mut self, rx: &[f64], rc: &[f64], dx: &mut [f64], dlambda: &mut [f64]) -> f64 {
         let scale = rx.iter().chain(rc).fold(0.0_f64, |a, v| a.max(v.abs()));
         dx.fill(0.0);
         dlambda.fill(0.0);
@@ -624,9 +643,7 @@ impl Kkt for StructuredKkt {
         }
         relative
     }
-}
 
-impl StructuredKkt {
     /// `residual −= K (dx, dλ)` with the regularised matrix.
     fn subtract_product(&mut self, dx: &[f64], dlambda: &[f64]) {
         let (rx, rc) = (&mut self.residual_x, &mut self.residual_c);

@@ -12,6 +12,8 @@ const FLOOR: f64 = 1e-14;
 const SMALLEST: f64 = 1e-5;
 const SHARE: f64 = 1e-3;
 const LEAST: f64 = 1e-7;
+/// Largest share of it that they are lifted to where solutions need it.
+const CEILING: f64 = 1e-11;
 /// Dense, np × np.
 pub(super) struct Reduced {
     /// As computed.
@@ -29,6 +31,9 @@ pub(super) struct Reduced {
     norm: f64,
     /// Eigenvalues below this are lifted to it.
     pub(super) smallest: f64,
+    /// Share of the largest eigenvalue that the others are lifted to, and what they are lifted to at present.
+    share: f64,
+    floor: f64,
 }
 
 impl Reduced {
@@ -43,7 +48,25 @@ impl Reduced {
             radius: None,
             norm: f64::NAN,
             smallest: SMALLEST,
+            share: FLOOR,
+            floor: 0.0,
         }
+    }
+
+    /// Lifts the smallest eigenvalues ten times as far until [`Reduced::lower`]; false where they are lifted far already.
+    pub(super) fn raise(&mut self) -> bool {
+        if self.share > 0.5 * CEILING {
+            return false;
+        }
+        self.share *= 10.0;
+        let largest = self.computed.iter().fold(0.0_f64, |a, e| a.max(e.abs()));
+        self.lift((self.share * largest).max(self.floor));
+        true
+    }
+
+    /// Takes back what [`Reduced::raise`] did, from the next factorization on.
+    pub(super) fn lower(&mut self) {
+        self.share = FLOOR;
     }
 
     /// Adapts the smallest eigenvalue that is kept to the optimality error; NaN: to none.
@@ -88,7 +111,7 @@ impl Reduced {
         if !largest.is_finite() {
             return Err(KktError::NotFinite);
         }
-        let floor = (FLOOR * largest).max(self.smallest);
+        let floor = (self.share * largest).max(self.smallest);
         self.vectors.copy_from(u);
         for k in 0..np {
             self.computed[k] = d[k];
@@ -119,6 +142,7 @@ impl Reduced {
 
     /// Takes the eigenvalues' absolute values, at least `floor`; returns the largest change.
     fn lift(&mut self, floor: f64) -> f64 {
+        self.floor = floor;
         let np = self.computed.len();
         let u = &self.vectors;
         self.modification.fill(0.0);
@@ -172,5 +196,40 @@ impl Reduced {
             }
         }
         high
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_smallest_eigenvalues_are_raised_up_to_a_share_of_the_largest() {
+        let mut reduced = Reduced::new(2);
+        reduced.hessian[(0, 0)] = 1e12;
+        let shift = reduced.convexify().unwrap();
+        assert!((shift - 1e-2).abs() < 1e-9, "{shift}");
+        let mut steps = Vec::new();
+        loop {
+            let mut step = [0.0; 2];
+            reduced.solve(&[1e12, 1.0], &mut step);
+            assert!((step[0] - 1.0).abs() < 1e-12, "determined directions stay");
+            let whole = reduced.hessian[(1, 1)] + reduced.modification[(1, 1)];
+            assert!(
+                (whole * step[1] - 1.0).abs() < 1e-9,
+                "it is the matrix that refinement uses"
+            );
+            steps.push(step[1]);
+            if !reduced.raise() {
+                break;
+            }
+        }
+        let expected = [1e2, 1e1, 1.0, 0.1];
+        assert_eq!(steps.len(), expected.len());
+        for (step, expected) in steps.iter().zip(expected) {
+            assert!((step / expected - 1.0).abs() < 1e-6, "{step} {expected}");
+        }
+        reduced.lower();
+        assert!((reduced.convexify().unwrap() - 1e-2).abs() < 1e-9);
     }
 }
