@@ -37,9 +37,9 @@ const NEAR: f64 = 0.1;
 const LONG: usize = 30_000;
 /// Relative residual at which refinement ends.
 const REFINED: f64 = 1e-11;
-/// Relative residual above which a solution of a long record near the optimum is not used: rounding errors of the reduced Hessian
-/// beside its largest eigenvalue (3e12 where a motion passes an unstable rest) are then those of its smallest ones, which are lifted
-/// further, and its steps lead away from the optimum as often as to it.
+/// Relative residual above which a solution of a long record near the optimum is not used. Beside a largest eigenvalue of the reduced
+/// Hessian of 3e12 (a motion past an unstable rest) its smallest ones are rounding errors; steps along them lead away from the
+/// optimum as often as to it, so they are lifted further.
 const POOR: f64 = 1e-3;
 /// Growth of a state over a segment above which segments are cut into shorter ones, growth they are then cut to, and growth over one
 /// of the length asked for below which they have it again. The condensed cost has the square of the growth, and with it the rounding
