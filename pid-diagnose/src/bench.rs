@@ -59,10 +59,23 @@ pub(crate) fn pendulum(
     seconds: f64,
     start: &dyn Fn(&mut State<f64>),
 ) -> Case {
-    pendulum_under(hypothesis, e, seconds, start, &|i, t| {
-        let w = 1.0 + 0.37 * i as f64;
-        1.2 * (2.1 * w * t).sin() + 0.8 * (5.3 * w * t).sin() + 0.4 * (9.7 * t).sin()
-    })
+    pendulum_under(hypothesis, e, seconds, start, &sines)
+}
+
+fn sines(record: usize, t: f64) -> f64 {
+    let w = 1.0 + 0.37 * record as f64;
+    1.2 * (2.1 * w * t).sin() + 0.8 * (5.3 * w * t).sin() + 0.4 * (9.7 * t).sin()
+}
+
+/// [`pendulum`] about an upright axis: nothing but inertia pulls at a link within its gap.
+pub(crate) fn waist(hypothesis: &Hypothesis, e: &[f64], seconds: f64) -> Case {
+    let mut nominal = robot();
+    nominal.gravity = [0.0; 3];
+    simulated(nominal, hypothesis, e, seconds, &|_| {}, &sines)
+}
+
+fn robot() -> Nominal {
+    Nominal::parse(PENDULUM, "nominal.toml".as_ref()).expect("a robot")
 }
 
 /// Three records (two to fit, one to judge) of `seconds` at 500 Hz, of the pendulum with effects at their parameters, from rest
@@ -74,7 +87,17 @@ pub(crate) fn pendulum_under(
     start: &dyn Fn(&mut State<f64>),
     input: &dyn Fn(usize, f64) -> f64,
 ) -> Case {
-    let nominal = Nominal::parse(PENDULUM, "nominal.toml".as_ref()).expect("a robot");
+    simulated(robot(), hypothesis, e, seconds, start, input)
+}
+
+fn simulated(
+    nominal: Nominal,
+    hypothesis: &Hypothesis,
+    e: &[f64],
+    seconds: f64,
+    start: &dyn Fn(&mut State<f64>),
+    input: &dyn Fn(usize, f64) -> f64,
+) -> Case {
     let h = 2e-3;
     let samples = (seconds / h) as usize;
     let mut draw = Draw::new(11);

@@ -26,6 +26,10 @@ use std::sync::Arc;
 
 /// Steps of the approach from a finite start.
 const APPROACH: usize = 4;
+/// Steps after which starts of one candidate that gain already are compared, and how many of them are followed: contacts have many
+/// optima, and the lowest start need not lie in the basin of the lowest.
+const GLANCE: usize = 2;
+const FOLLOWED: usize = 3;
 
 /// A candidate with the start that promises most.
 #[derive(Debug, Clone)]
@@ -212,8 +216,8 @@ impl Reference<'_> {
         out
     }
 
-    /// The others: the best of the starts by its objective alone, from there a few steps in the effect's own parameters, then
-    /// the quadratic model.
+    /// The others: from the starts that are [`followed`](Self::followed) a few steps in the effect's own parameters, then the
+    /// quadratic model.
     fn finite(&self, candidates: &[(Term, Vec<Vec<f64>>)]) -> Vec<Candidate> {
         let terms: Vec<&(Term, Vec<Vec<f64>>)> = candidates
             .iter()
@@ -233,21 +237,16 @@ impl Reference<'_> {
                 (i, at, objective)
             })
             .collect();
-        let mut best: Vec<Option<(&Point, f64)>> = vec![None; terms.len()];
-        for (i, at, objective) in &values {
-            if best[*i].is_none_or(|(_, least)| *objective < least) {
-                best[*i] = Some((at, *objective));
-            }
-        }
+        let followed = self.followed(&terms, &values);
         let frozen = self.basis.frozen();
-        terms
+        followed
             .par_iter()
-            .zip(&best)
-            .filter_map(|((term, _), best)| {
+            .filter_map(|(i, at)| {
+                let term = &terms[*i].0;
                 let (hypothesis, _) = self.with(term, &[]);
                 let first = self.fit.point.e.len();
-                let at = (*best)?.0.clone();
-                let near = fit(self.case, &frozen, &hypothesis, at, Effort::full(APPROACH));
+                let effort = Effort::full(APPROACH);
+                let near = fit(self.case, &frozen, &hypothesis, at.clone(), effort);
                 let directions: Vec<Direction<'_>> =
                     (first..near.point.e.len()).map(Direction::Effect).collect();
                 let lin = linearise(
@@ -283,6 +282,38 @@ impl Reference<'_> {
                     // Gains of its own: the predicted covariances count.
                     objective: objective + near.train.spread() - self.fit.train.spread(),
                 })
+            })
+            .collect()
+    }
+
+    /// Of every term the lowest start; where several gain already, the lowest after [`GLANCE`] steps from each, [`FOLLOWED`] at most.
+    fn followed(
+        &self,
+        terms: &[&(Term, Vec<Vec<f64>>)],
+        values: &[(usize, Point, f64)],
+    ) -> Vec<(usize, Point)> {
+        let present = self.fit.train.evidence();
+        let frozen = self.basis.frozen();
+        (0..terms.len())
+            .into_par_iter()
+            .flat_map_iter(|i| -> Vec<(usize, Point)> {
+                let mut own: Vec<&(usize, Point, f64)> =
+                    values.iter().filter(|v| v.0 == i).collect();
+                own.sort_by(|a, b| a.2.total_cmp(&b.2));
+                let gaining = own.iter().take_while(|v| v.2 < present).count();
+                own.truncate(gaining.max(1));
+                if own.len() < 2 {
+                    return own.iter().map(|v| (i, v.1.clone())).collect();
+                }
+                let (hypothesis, _) = self.with(&terms[i].0, &[]);
+                let glance = |v: &&(usize, Point, f64)| {
+                    let effort = Effort::full(GLANCE);
+                    fit(self.case, &frozen, &hypothesis, v.1.clone(), effort)
+                };
+                let mut near: Vec<Fit> = own.par_iter().map(glance).collect();
+                near.sort_by(|a, b| a.train.evidence().total_cmp(&b.train.evidence()));
+                near.truncate(FOLLOWED);
+                near.into_iter().map(|f| (i, f.point)).collect()
             })
             .collect()
     }
@@ -359,5 +390,39 @@ impl Reference<'_> {
             (0..size).map(|i| theta[i] + x[i]).collect(),
             (0..m).map(|i| x[size + old + i]).collect(),
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::{named, waist};
+    use crate::fit::basis;
+    use crate::plant::PER_JOINT;
+
+    #[test]
+    fn a_gap_is_reached_from_afar_where_nothing_but_inertia_closes_it() {
+        let play = named(&["backlash"]);
+        for gap in [0.03, 0.1, 0.13] {
+            let e = [gap, 1e-3, 3e-4];
+            let case = waist(&play, &e, 6.0);
+            let basis = basis(&case);
+            let nothing = Point {
+                theta: vec![0.0; PER_JOINT],
+                e: Vec::new(),
+            };
+            let base = fit(
+                &case,
+                &basis,
+                &Hypothesis::default(),
+                nothing,
+                Effort::full(14),
+            );
+            let library = [play.terms[0].effect.clone()];
+            let list = candidates(&case, &library, &base.hypothesis);
+            let (best, _) = screen(&case, &basis, &base, &list);
+            let found = best[0].start[0];
+            assert!((found / gap - 1.0).abs() < 0.05, "{found} for {gap}");
+        }
     }
 }

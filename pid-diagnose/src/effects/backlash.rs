@@ -21,6 +21,7 @@ static INFO: Info = Info {
         parameter("compliance", "rad/(N*m)", Unit::Compliance, 0.0001, 0.02),
         parameter("damping_time", "s", Unit::Time, 0.0, 0.03),
     ],
+    // Stiff contacts, and soft ones with more damping: those reach a gap from further away.
     starts: &[
         &[0.002, 0.0015, 0.0003],
         &[0.0035, 0.0015, 0.0003],
@@ -29,6 +30,15 @@ static INFO: Info = Info {
         &[0.013, 0.0015, 0.0003],
         &[0.018, 0.0015, 0.0003],
         &[0.025, 0.0015, 0.0003],
+        &[0.0025, 0.003, 0.0015],
+        &[0.0035, 0.003, 0.0015],
+        &[0.005, 0.003, 0.0015],
+        &[0.007, 0.003, 0.0015],
+        &[0.01, 0.003, 0.0015],
+        &[0.014, 0.003, 0.0015],
+        &[0.02, 0.003, 0.0015],
+        &[0.028, 0.003, 0.0015],
+        &[0.04, 0.003, 0.0015],
     ],
     amplitudes: &[],
     confusions: &[
