@@ -7,6 +7,10 @@
 //! ε are whitened innovations on the train records, θ deviations in units of their tolerances (0.55: the standard deviation of a
 //! value anywhere within 95 % of its tolerance). The Jacobian is exact, a few directions per pass.
 
+use std::cell::Cell;
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+
 use nalgebra::{DMatrix, DVector};
 use pid_runtime::data::Role;
 use rayon::prelude::*;
@@ -22,6 +26,8 @@ use crate::simulate::Hypothesis;
 
 /// Standard deviation of a deviation, in tolerances.
 pub const PRIOR: f64 = 0.55;
+/// Samples after which a run with a bound looks at what the other records have summed up to.
+const ASIDE: usize = 64;
 /// An innovation larger than this many deviations counts as this: a diverging candidate must not give infinities.
 const LARGEST: f64 = 1e4;
 
@@ -140,7 +146,59 @@ pub fn value(
     gains: &[Vec<Gain>],
     role: Role,
 ) -> Value {
+    run(case, hypothesis, at, gains, role, f64::INFINITY)
+}
+
+/// [`value`] on the train records if its [`Value::objective`] is below a bound, else `None`: most points above it are known to be
+/// after a part of the records.
+pub fn value_below(
+    bound: f64,
+    case: &Case,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    gains: &[Vec<Gain>],
+) -> Option<Value> {
+    let there = run(case, hypothesis, at, gains, Role::Train, bound);
+    (there.objective() < bound).then_some(there)
+}
+
+/// Sum of (θ/σ)².
+fn prior(at: &Point) -> f64 {
+    at.theta.iter().map(|t| (t / PRIOR).powi(2)).sum()
+}
+
+/// Sums of ln det S on the records of a role, per joint.
+pub fn log_dets(case: &Case, gains: &[Vec<Gain>], role: Role) -> Vec<f64> {
+    let mut out = vec![0.0; case.n()];
+    for (record, g) in case.records.iter().zip(gains) {
+        if record.role == role {
+            let rows = rows(record) as f64;
+            for (j, g) in g.iter().enumerate() {
+                out[j] -= 2.0 * rows * g.whiten[0][0].ln();
+                if case.velocity[j] == Velocity::Measured {
+                    out[j] -= 2.0 * rows * g.whiten[1][1].ln();
+                }
+            }
+        }
+    }
+    out
+}
+
+/// The sums; broken off as soon as they exceed a bound on the objective by more than they round.
+fn run(
+    case: &Case,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    gains: &[Vec<Gain>],
+    role: Role,
+    bound: f64,
+) -> Value {
     let n = case.n();
+    let prior = prior(at);
+    let most = bound * (1.0 + 1e-9) - prior;
+    // What the records at their end have summed up to.
+    let summed = Mutex::new(0.0_f64);
+    let summed_up = || summed.lock().map_or(0.0, |s| *s);
     type Channels = (Vec<[f64; 2]>, Vec<[f64; 2]>);
     let parts: Vec<Channels> = case
         .records
@@ -150,35 +208,41 @@ pub fn value(
         .map(|(record, g)| {
             let mut chi = vec![[0.0; 2]; n];
             let mut count = vec![[0.0; 2]; n];
-            Runner::<f64>::new(case, record, hypothesis, &at.theta, &at.e).predict(
+            let own = Cell::new(0.0);
+            let mut others = summed_up();
+            let mut runner = Runner::<f64>::new(case, record, hypothesis, &at.theta, &at.e);
+            runner.predict_while(
+                runner.counted(),
                 g,
                 &mut |_, j, c, x| {
                     let x = tame(x);
                     chi[j][c] += x * x;
                     count[j][c] += 1.0;
+                    own.set(own.get() + x * x);
                 },
-                &mut |_, _| {},
+                &mut |k, _| {
+                    if k % ASIDE == 0 {
+                        others = summed_up();
+                    }
+                    if others + own.get() > most {
+                        ControlFlow::Break(())
+                    } else {
+                        ControlFlow::Continue(())
+                    }
+                },
             );
+            if let Ok(mut s) = summed.lock() {
+                *s += own.get();
+            }
             (chi, count)
         })
         .collect();
     let mut total = Value {
         chi: vec![[0.0; 2]; n],
         count: vec![[0.0; 2]; n],
-        prior: at.theta.iter().map(|t| (t / PRIOR).powi(2)).sum(),
-        log_det: vec![0.0; n],
+        prior,
+        log_det: log_dets(case, gains, role),
     };
-    for (record, g) in case.records.iter().zip(gains) {
-        if record.role == role {
-            let rows = rows(record) as f64;
-            for (j, g) in g.iter().enumerate() {
-                total.log_det[j] -= 2.0 * rows * g.whiten[0][0].ln();
-                if case.velocity[j] == Velocity::Measured {
-                    total.log_det[j] -= 2.0 * rows * g.whiten[1][1].ln();
-                }
-            }
-        }
-    }
     for (chi, count) in parts {
         for j in 0..n {
             for c in 0..2 {
@@ -616,8 +680,7 @@ pub fn fit(
             for i in 0..ne {
                 next.e[i] += x[size + i];
             }
-            let there = value(case, hypothesis, &next, &gains, Role::Train);
-            if there.objective() < now.objective() {
+            if let Some(there) = value_below(now.objective(), case, hypothesis, &next, &gains) {
                 decrease = now.objective() - there.objective();
                 at = next;
                 now = there;

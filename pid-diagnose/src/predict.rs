@@ -3,6 +3,8 @@
 //! The predictor is the simulation corrected at every sample by its innovation, `x̂ ← x̂ + K (y − ŷ)`; its innovations,
 //! whitened, are what is fitted (L. Ljung, System Identification, 1999, chapters 3 and 7). Free runs use no correction.
 
+use std::ops::ControlFlow;
+
 use crate::case::{Case, Record, Velocity};
 use crate::effect::{Commands, Pick};
 use crate::nominal::EncoderSide;
@@ -228,8 +230,12 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         sink: &mut dyn FnMut(usize, usize, usize, D),
         seen: &mut dyn FnMut(usize, &State<D>),
     ) {
-        let first = (SETTLING / self.record.h) as usize;
-        self.predict_over(first..self.record.len(), gains, sink, seen);
+        self.predict_over(self.counted(), gains, sink, seen);
+    }
+
+    /// Samples whose innovations count.
+    pub(crate) fn counted(&self) -> std::ops::Range<usize> {
+        (SETTLING / self.record.h) as usize..self.record.len()
     }
 
     /// [`Runner::predict`] up to the end of `counted`, the samples whose innovations `sink` gets.
@@ -239,6 +245,20 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         gains: &[Gain],
         sink: &mut dyn FnMut(usize, usize, usize, D),
         seen: &mut dyn FnMut(usize, &State<D>),
+    ) {
+        self.predict_while(counted, gains, sink, &mut |k, state| {
+            seen(k, state);
+            ControlFlow::Continue(())
+        });
+    }
+
+    /// [`Runner::predict_over`] until `seen` breaks off.
+    pub(crate) fn predict_while(
+        &mut self,
+        counted: std::ops::Range<usize>,
+        gains: &[Gain],
+        sink: &mut dyn FnMut(usize, usize, usize, D),
+        seen: &mut dyn FnMut(usize, &State<D>) -> ControlFlow<()>,
     ) {
         let n = self.case.n();
         let r = self.record;
@@ -259,7 +279,9 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
             .collect();
         let mut lagged: Vec<D> = (0..n).map(|j| self.encoder(&state, j).1).collect();
         for k in 0..counted.end {
-            seen(k, &state);
+            if seen(k, &state).is_break() {
+                return;
+            }
             for j in 0..n {
                 let (mut q, mut v) = self.encoder(&state, j);
                 if let Some(delay) = delays[j] {

@@ -18,11 +18,12 @@ use rayon::prelude::*;
 use crate::case::Case;
 use crate::effect::{Effect, LANES, Term};
 use crate::fit::{
-    Basis, Direction, Effort, Fit, Linear, PRIOR, Point, all_gains, fit, linearise, ranges, value,
+    Basis, Direction, Effort, Fit, Linear, PRIOR, Point, all_gains, fit, linearise, log_dets,
+    ranges, value_below,
 };
 use crate::simulate::Hypothesis;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Steps of the approach from a finite start.
 const APPROACH: usize = 4;
@@ -228,13 +229,22 @@ impl Reference<'_> {
             .enumerate()
             .flat_map(|(i, (_, s))| s.iter().map(move |s| (i, s)))
             .collect();
+        // A start that neither gains nor is the lowest of its candidate is known to be neither after a part of the records.
+        let present = self.fit.train.evidence();
+        let lowest: Vec<Mutex<f64>> = terms.iter().map(|_| Mutex::new(f64::INFINITY)).collect();
         let values: Vec<(usize, Point, f64)> = jobs
             .par_iter()
-            .map(|&(i, start)| {
+            .filter_map(|&(i, start)| {
                 let (hypothesis, at) = self.with(&terms[i].0, start);
                 let gains = all_gains(self.case, &hypothesis, &at);
-                let objective = value(self.case, &hypothesis, &at, &gains, Role::Train).evidence();
-                (i, at, objective)
+                let spread: f64 = log_dets(self.case, &gains, Role::Train).iter().sum();
+                let bound = lowest[i].lock().map_or(f64::INFINITY, |l| l.max(present));
+                let value = value_below(bound - spread, self.case, &hypothesis, &at, &gains)?;
+                let evidence = value.evidence();
+                if let Ok(mut l) = lowest[i].lock() {
+                    *l = l.min(evidence);
+                }
+                Some((i, at, evidence))
             })
             .collect();
         let followed = self.followed(&terms, &values);
