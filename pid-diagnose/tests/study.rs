@@ -1,7 +1,7 @@
 //! The withheld-effect study: the same plan gives the same cases, what is there is not made again, scores count as they say.
 
 use pid_diagnose::diagnose::Settings;
-use pid_diagnose::study::{Outcome, Plan, run, summary};
+use pid_diagnose::study::{Cause, Kind, Outcome, Plan, run, summary};
 
 fn folder(name: &str) -> std::path::PathBuf {
     let path = std::env::temp_dir().join(format!("pid-study-{name}-{}", std::process::id()));
@@ -51,6 +51,23 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
     let s = summary(&wrong);
     assert_eq!((s.false_alarms.hits, s.false_alarms.of), (1, 2));
     assert!((s.calibration_error - 0.5).abs() < 1e-12);
+    // A tilt belongs to no joint; about the one axis of a robot it is an offset of the first encoder, and of no other.
+    let verdict = |one_axis: bool, joint: usize| {
+        let mut o = first[0].clone();
+        o.truth.causes = vec![Cause {
+            kind: Kind::BaseTilt { x: 0.0, y: 0.02 },
+            joint: 1,
+        }];
+        o.truth.one_axis = one_axis;
+        o.diagnosis.effect = "encoder_offset".to_owned();
+        o.diagnosis.joint = Some(joint);
+        let s = summary(&[o]);
+        s.effect.values().map(|e| e.hits).sum::<usize>()
+    };
+    assert_eq!(
+        [verdict(true, 1), verdict(true, 2), verdict(false, 1)],
+        [1, 0, 0]
+    );
     for path in [out, fresh] {
         let _ = std::fs::remove_dir_all(path);
     }

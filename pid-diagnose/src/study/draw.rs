@@ -34,6 +34,8 @@ pub struct Truth {
     pub causes: Vec<Cause>,
     /// Joints of the robot.
     pub joints: usize,
+    /// Whether all joints turn about one horizontal axis.
+    pub one_axis: bool,
     /// Whether noise figures were stated.
     pub noise_stated: bool,
     /// `measured`, `derived` or `absent`.
@@ -138,6 +140,7 @@ impl Plan {
         let truth = Truth {
             causes,
             joints: n,
+            one_axis: robot.planar && robot.joints.iter().all(|j| !j.prismatic),
             noise_stated,
             velocity,
         };

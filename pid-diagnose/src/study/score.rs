@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Kind, Outcome};
+use super::{Cause, Kind, Outcome, Truth};
+use crate::diagnose::Ranked;
 
 /// A share with the numbers it is of.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -102,23 +103,31 @@ pub struct Summary {
 /// Bars of the reliability diagram.
 const BINS: usize = 8;
 
-/// Effects that are the same map on a robot with so many joints: they count as right.
-fn equivalent(truth: &str, said: &str, joint: usize, joints: usize) -> bool {
-    let pair = |a: &str, b: &str| (truth == a && said == b) || (truth == b && said == a);
-    (joints == 1 && pair("input_delay", "sensor_delay"))
-        || (joints <= 2 && joint == 0 && pair("base_tilt", "encoder_offset"))
+/// Whether an effect at a joint (from 1) is a cause of the case, or the same map on its robot.
+fn caused(truth: &Truth, effect: &str, joint: Option<usize>) -> bool {
+    truth
+        .causes
+        .iter()
+        .any(|c| c.kind.id() == effect || same_map(truth, c, effect, joint))
+}
+
+/// Causes and effects whose records are the same: a robot of one joint cannot tell a late command from a late reading, nor one
+/// whose joints all turn about one horizontal axis a tilt about it from an offset of its first encoder.
+fn same_map(truth: &Truth, cause: &Cause, effect: &str, joint: Option<usize>) -> bool {
+    match (cause.kind.id(), effect) {
+        ("input_delay", "sensor_delay") | ("sensor_delay", "input_delay") => truth.joints == 1,
+        ("base_tilt", "encoder_offset") => truth.one_axis && joint == Some(1),
+        ("encoder_offset", "base_tilt") => truth.one_axis && cause.joint == 0,
+        _ => false,
+    }
 }
 
 /// Whether the verdict is right: an effect of the case, `none` or `unknown` as it was hidden.
 pub(super) fn right(o: &Outcome) -> bool {
-    let said = o.diagnosis.effect.as_str();
     if o.truth.causes.is_empty() {
-        return said == "none";
+        return o.diagnosis.effect == "none";
     }
-    o.truth
-        .causes
-        .iter()
-        .any(|c| c.kind.id() == said || equivalent(c.kind.id(), said, c.joint, o.truth.joints))
+    caused(&o.truth, &o.diagnosis.effect, o.diagnosis.joint)
 }
 
 /// Tier by the gap of the nominal structure over the floor.
@@ -179,20 +188,14 @@ pub fn summary(outcomes: &[Outcome]) -> Summary {
         s.effect.entry(tier(o).to_owned()).or_default().add(hit);
         s.gave_up.add(said == "unknown");
         s.missed.add(said == "none");
-        let known = |e: &str| {
-            o.truth
-                .causes
-                .iter()
-                .any(|c| c.kind.id() == e || equivalent(c.kind.id(), e, c.joint, o.truth.joints))
-        };
-        s.top3
-            .add(hit || d.ranking.iter().take(3).any(|r| known(&r.effect)));
+        let listed = |r: &Ranked| caused(&o.truth, &r.effect, r.joint);
+        s.top3.add(hit || d.ranking.iter().take(3).any(listed));
         if hidden.len() == 2 {
-            s.both.add(
-                hidden
+            s.both.add(o.truth.causes.iter().all(|c| {
+                d.effects
                     .iter()
-                    .all(|h| d.effects.iter().any(|e| e.effect == *h)),
-            );
+                    .any(|e| e.effect == c.kind.id() || same_map(&o.truth, c, &e.effect, e.joint))
+            }));
         }
         if !hit {
             continue;
