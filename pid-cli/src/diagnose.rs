@@ -137,6 +137,13 @@ pub(crate) fn summary(d: &Diagnosis) -> String {
                 100.0 * left.explained
             )),
         }
+        if let Some(law) = &left.over_position {
+            text.push_str(&format!(
+                "  without a name, but better: {}, explains {:.0} %\n",
+                law.words(),
+                100.0 * law.explained
+            ));
+        }
         for m in left.missing_force.iter().filter(|m| m.share > 0.1) {
             text.push_str(&force("left", m));
         }

@@ -455,6 +455,11 @@ impl Term {
             None => info.id.to_owned(),
         }
     }
+    /// Whether the effect splits its joint into rotor and link: a contact or a resonance.
+    pub fn splits_joint(&self) -> bool {
+        let some = vec![1.0; self.effect.info().parameters.len()];
+        self.effect.plain().gear(&some).is_some()
+    }
     /// The joint from 1, if the effect has one.
     pub fn shown_joint(&self) -> Option<usize> {
         self.effect.info().has_joint.then_some(self.joint + 1)

@@ -2,7 +2,7 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::diagnose::{Diagnosis, Named, Remainder};
+use crate::diagnose::{Diagnosis, Named, PositionForce, Remainder};
 use crate::effects;
 use crate::locate::{Axis, Place, classes};
 use crate::next::Experiment;
@@ -54,6 +54,7 @@ pub(crate) fn page(report: &Report) -> String {
                         ul { @for b in &d.beyond_tolerance { li { (b.words()) } } }
                     }
                 }
+                @if let Some(law) = law(d) { section { (nameless(report, law)) } }
                 @if let Some(left) = &d.remainder { section { (remainder(d, left)) } }
                 section {
                     h2 { "How far" }
@@ -193,6 +194,15 @@ fn verdict(d: &Diagnosis) -> String {
             all(d)
         ),
         "none" => "No effect is missing beyond parameters within their tolerances.".to_owned(),
+        "unknown" if law(d).is_some() => law(d).map_or_else(String::new, |l| {
+            let all = match d.effects.len() {
+                0 => String::new(),
+                1 => format!(" {} only imitates it.", all(d)),
+                _ => format!(" {} only imitate it.", all(d)),
+            };
+            let (words, share) = (l.words(), 100.0 * l.explained);
+            format!("No effect of the library, but {words}: {share:.0} % of the squared gap.{all}")
+        }),
         "unknown" if d.effects.is_empty() => {
             "Something is missing, but no effect of the library explains it.".to_owned()
         }
@@ -223,6 +233,30 @@ fn all(d: &Diagnosis) -> String {
         .join(" and ")
 }
 
+/// The force over the position that describes the records better than any effect.
+fn law(d: &Diagnosis) -> Option<&PositionForce> {
+    d.remainder.as_ref()?.over_position.as_ref()
+}
+
+/// A cause without a name.
+fn nameless(report: &Report, law: &PositionForce) -> Markup {
+    let j = law.joint - 1;
+    html! {
+        h2 { "A cause without a name" }
+        p {
+            "In place of all effects, a force that depends on the position of joint "
+            (report.found.case.nominal.joints[j].name)
+            " alone explains " (format!("{:.0} %", 100.0 * law.explained))
+            " of the squared gap beyond the floor on motions that were never fitted, and describes the records better than the "
+            "named effects, its number of parameters counted. Its shape is free: a stop shows as a kink, a hard point as a hill."
+        }
+        figure {
+            (plot::over_position(law, (&axis_name(report, j, Axis::Position), &format!("force, {}", unit(report, j)))))
+            figcaption { "straight between the marks, with a band of two standard deviations where the records determine it" }
+        }
+    }
+}
+
 /// What is left beside the named effects.
 fn remainder(d: &Diagnosis, r: &Remainder) -> Markup {
     html! {
@@ -234,8 +268,10 @@ fn remainder(d: &Diagnosis, r: &Remainder) -> Markup {
                 "The named effects explain " (format!("{:.0} %", 100.0 * r.explained))
                 " of the squared gap beyond the floor on motions that were never fitted."
             }
-            " Intervals and scores count the model's own error, "
-            "correlated as it is, in place of sensor noise."
+            @if r.own_error {
+                " Intervals and scores count the model's own error, "
+                "correlated as it is, in place of sensor noise."
+            }
         }
         table {
             tr { th { "joint" } th class="n" { "share" } th class="n" { "rms of the force still missing" } th { "goes with" } th class="n" { "how far" } }

@@ -2,6 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
+use crate::diagnose::PositionForce;
 use crate::locate::{Class, Curve, Sample};
 
 const WIDTH: f64 = 460.0;
@@ -124,6 +125,43 @@ pub(crate) fn over_time(curve: &Curve, unit: &str) -> Markup {
         ("time, s", &format!("missing force, {unit}")),
         &content,
     )
+}
+
+/// A force over the position with its band, straight between its marks.
+pub(crate) fn over_position(law: &PositionForce, names: (&str, &str)) -> Markup {
+    let ends = |x: &[f64]| {
+        x.iter()
+            .fold((0.0_f64, 0.0_f64), |(a, b), &x| (a.min(x), b.max(x)))
+    };
+    let first = law.positions.first().copied().unwrap_or(0.0);
+    let last = law.positions.last().copied().unwrap_or(1.0);
+    let x = Scale::new((first, last), LEFT, WIDTH - RIGHT, 0.03);
+    let y = Scale::new(ends(&law.forces), HEIGHT - BOTTOM, TOP, 0.12);
+    let all = || {
+        law.positions
+            .iter()
+            .copied()
+            .zip(law.forces.iter().copied())
+    };
+    let edge = |sign: f64| {
+        all()
+            .zip(&law.stds)
+            .filter_map(move |((q, f), std)| Some((q, f + sign * 2.0 * (*std)?)))
+    };
+    let back: Vec<(f64, f64)> = edge(-1.0).collect();
+    let outline = points(&x, &y, edge(1.0).chain(back.into_iter().rev()));
+    let mut content = format!(
+        "<polygon class=\"band\" points=\"{outline}\"/><polyline class=\"force\" points=\"{}\"/>",
+        points(&x, &y, all())
+    );
+    for (q, f) in all() {
+        content.push_str(&format!(
+            "<circle class=\"forward\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"/>",
+            x.at(q),
+            y.at(f)
+        ));
+    }
+    frame(&x, &y, names, &content)
 }
 
 /// Missing force against a quantity: samples, class means and spreads, coloured by direction.

@@ -12,6 +12,7 @@ mod refit;
 mod remainder;
 mod residue;
 mod search;
+mod unnamed;
 mod verdict;
 
 use std::sync::Arc;
@@ -27,6 +28,7 @@ use crate::report::{Next, Share};
 use crate::thin::{lengthen, thin};
 pub use residue::Residue;
 use search::search;
+pub use unnamed::PositionForce;
 
 /// Version of the JSON form.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -128,8 +130,18 @@ impl Ranked {
 pub struct Remainder {
     /// Share of the squared gap beyond the floor that the named effects explain on the test records.
     pub explained: f64,
+    /// Whether intervals and scores count the model's own error, correlated as it is, in place of noise.
+    #[serde(default = "counted")]
+    pub own_error: bool,
     /// Where the force lives that is still missing beside them; empty if it was not looked for.
     pub missing_force: Vec<Share>,
+    /// A force over the position of a joint, if one describes most of the gap, and better than the named effects.
+    #[serde(default)]
+    pub over_position: Option<PositionForce>,
+}
+
+fn counted() -> bool {
+    true
 }
 
 /// A nominal value outside its stated tolerance.
@@ -264,7 +276,7 @@ pub fn investigate(case: &Case, settings: &Settings) -> Found {
         (d.gap_before, d.gap_after) = (before.total, after.total);
         d.gap_intervals = (before.interval(), after.interval());
         (d.gap_joints_before, d.gap_joints) = (before.joints, after.joints);
-        if d.remainder.is_none() {
+        if d.remainder.as_ref().is_none_or(|r| !r.own_error) {
             // Otherwise the levels are those of the model's errors.
             d.gap_floor = noise_alone(own, &found.fit).typical;
         }
@@ -308,7 +320,8 @@ fn decide(case: &Case, settings: &Settings) -> Found {
     let mut wider = case.clone();
     wider.records[worst].role = Role::Train;
     let mut again = once(&wider, settings);
-    if again.diagnosis.effects.is_empty() || again.diagnosis.effect == "unknown" {
+    // What no train record shows and the library explains only in part is no verdict.
+    if again.diagnosis.effects.is_empty() || again.diagnosis.remainder.is_some() {
         return found;
     }
     let d = &mut again.diagnosis;
@@ -325,7 +338,7 @@ fn decide(case: &Case, settings: &Settings) -> Found {
 fn once(case: &Case, settings: &Settings) -> Found {
     let clock = std::time::Instant::now();
     let found = search(case, settings);
-    if found.diagnosis.effect != "unknown" {
+    if found.diagnosis.effect != "unknown" || found.diagnosis.remainder.is_some() {
         return found;
     }
     let wider = beyond::wider(case, settings, &found);

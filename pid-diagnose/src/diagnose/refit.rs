@@ -100,17 +100,27 @@ pub(super) fn refit(
     };
     let number = current.train.number();
     let scale = (least / number).max(1.0);
-    let unseen = test_value(case, current);
     for r in &mut out {
-        let k = r.term.effect.info().parameters.len() as f64;
-        // What it gains where it was not fitted counts alike.
-        let held_out = unseen - test_value(case, &r.fit);
-        r.score = (current.train.evidence() - r.fit.train.evidence() + held_out) / scale
-            - k * number.ln()
-            - 2.0 * (tried as f64).ln();
+        let k = r.term.effect.info().parameters.len();
+        r.score = score((case, current), &r.fit, (k, tried), scale);
     }
     out.sort_by(|a, b| b.score.total_cmp(&a.score));
     out
+}
+
+/// Twice the gain in log-likelihood over a fit, by `k` parameters of one of `tried` candidates, less the penalties for both; `scale`: mean
+/// square that counts as noise.
+pub(super) fn score(
+    (case, current): (&Case, &Fit),
+    fit: &Fit,
+    (k, tried): (usize, usize),
+    scale: f64,
+) -> f64 {
+    // What it gains where it was not fitted counts alike.
+    let held_out = test_value(case, current) - test_value(case, fit);
+    (current.train.evidence() - fit.train.evidence() + held_out) / scale
+        - k as f64 * current.train.number().ln()
+        - 2.0 * (tried as f64).ln()
 }
 
 fn gain(current: &Fit, refit: &Refit) -> f64 {

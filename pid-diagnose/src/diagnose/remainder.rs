@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use super::magnitude::{name, sizes};
 use super::refit::{Refit, refit};
 use super::search::{BEYOND_DOUBT, NEAR, TOUCH, directions, listed};
+use super::unnamed::{PositionForce, imitated_in_part, over_position};
 use super::{Diagnosis, Ranked, Remainder, Settings, measured};
 use crate::case::Case;
 use crate::effect::Unit;
@@ -56,6 +57,8 @@ pub(super) struct Partial {
     pub(super) taken: usize,
     /// Refits made.
     pub(super) refits: usize,
+    /// The force over the position of a joint in place of the effects, its gap, and whether it describes the records better.
+    law: Option<(Refit, f64, bool)>,
 }
 
 /// Tunes the nominal structure and takes the effects that pay; `floor` is the gap that noise alone leaves.
@@ -140,6 +143,14 @@ pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit, floor: f6
             most = TOGETHER;
         }
     }
+    let laws = over_position(&case, &directions, settings, &base, |_| true);
+    refits += laws.len();
+    let law = laws.into_iter().next().map(|law| {
+        let [gain, number] = gained(&case, &current, &law.fit);
+        let better = imitated_in_part(&current, &law, gain, number);
+        let gap = measured(&case, &law.fit).total;
+        (law, gap, better)
+    });
     Partial {
         case,
         base,
@@ -150,6 +161,7 @@ pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit, floor: f6
         ranking,
         taken,
         refits,
+        law,
     }
 }
 
@@ -196,6 +208,19 @@ fn sums(case: &Case, fit: &Fit, role: Role) -> Vec<(f64, f64)> {
         .filter(|l| l.number > 0.0)
         .map(|l| (l.square.max(1e-300), l.independent))
         .collect()
+}
+
+/// What a fit gains over another, `Σ N′ ln(S₀/S₁)` on the records of all roles, and the number of samples N′ it rests on.
+fn gained(case: &Case, current: &Fit, fit: &Fit) -> [f64; 2] {
+    [Role::Train, Role::Test]
+        .iter()
+        .flat_map(|&role| {
+            let old = sums(case, current, role);
+            sums(case, fit, role).into_iter().zip(old)
+        })
+        .fold([0.0; 2], |[gain, number], ((s1, independent), (s0, _))| {
+            [gain + independent * (s0 / s1).ln(), number + independent]
+        })
 }
 
 /// Scores the refits and orders them; returns what a refit gains on the records never fitted.
@@ -259,7 +284,7 @@ const LEADS: f64 = 0.95;
 const HIGHEST: f64 = 0.9;
 
 /// Share of the squared gap beyond the floor that effects with the gap `after` explain.
-fn share(before: f64, after: f64, floor: f64) -> f64 {
+pub(super) fn share(before: f64, after: f64, floor: f64) -> f64 {
     let possible = before * before - floor * floor;
     if possible > 0.0 {
         ((before * before - after * after) / possible).clamp(0.0, 1.0)
@@ -299,16 +324,24 @@ impl Partial {
             .filter(|l| l.probability > MENTIONED)
             .map(Ranked::label)
             .collect();
+        let law = self.law.as_ref().filter(|(_, _, better)| *better);
         diagnosis.remainder = Some(Remainder {
             explained,
+            own_error: true,
             missing_force: Vec::new(),
+            over_position: law
+                .map(|(law, gap, _)| (law, share(before, *gap, floor)))
+                .filter(|(_, explained)| *explained > MAJORITY.0)
+                .map(|(law, explained)| PositionForce::new(&self.case, law, explained)),
         });
         let Some(first) = diagnosis.effects.first() else {
             return;
         };
         let probability = diagnosis.ranking[0].probability;
         let most = leads(share(before, self.first, floor), probability) && explained > MAJORITY.1;
-        if diagnosis.effects.len() <= TOGETHER && (most || nothing_left(after, floor, probability))
+        if diagnosis.effects.len() <= TOGETHER
+            && law.is_none()
+            && (most || nothing_left(after, floor, probability))
         {
             diagnosis.effect = first.effect.clone();
             diagnosis.joint = first.joint;

@@ -34,6 +34,9 @@ pub struct Residue {
     /// Sum of squared correlations of neighbours up to ten samples apart, times the number of samples and over ten, the median
     /// over the records: 1 for white noise.
     pub memory: f64,
+    /// Root mean square of these correlations.
+    #[serde(default)]
+    pub correlation: f64,
     /// Mean squared innovation on the test records over that on the train records.
     pub unseen: f64,
 }
@@ -62,7 +65,7 @@ pub(super) fn residue(case: &Case, fit: &Fit) -> Residue {
     let series = series(case, fit);
     let mut out = Residue::default();
     for channel in 0..2 * case.n() {
-        let (mut lines, mut memories) = (Vec::new(), Vec::new());
+        let (mut lines, mut memories, mut correlations) = (Vec::new(), Vec::new(), Vec::new());
         let mut level = [(0.0, 0.0); 2];
         for (_, train, h, all) in &series {
             let x = &all[channel];
@@ -75,10 +78,13 @@ pub(super) fn residue(case: &Case, fit: &Fit) -> Residue {
             level[usize::from(*train)].1 += x.len() as f64;
             out.burst = out.burst.max(burst(x, *h, mean));
             lines.push(line(x, *h, mean));
-            memories.push(memory(x, square));
+            let memory = memory(x, square);
+            memories.push(memory);
+            correlations.push((memory / x.len() as f64).sqrt());
         }
         out.line = out.line.max(median(&mut lines));
         out.memory = out.memory.max(median(&mut memories));
+        out.correlation = out.correlation.max(median(&mut correlations));
         let [test, train] = level.map(|(s, n)| if n > 0.0 { s / n } else { 0.0 });
         if train > 0.0 {
             out.unseen = out.unseen.max(test / train);

@@ -8,8 +8,9 @@ use pid_runtime::data::Role;
 use super::backward::{superfluous, without_each};
 use super::exchange::exchange;
 use super::magnitude::{size_in_deviations, sizes};
-use super::refit::{Refit, refit};
+use super::refit::{Refit, refit, score};
 use super::residue::residue;
+use super::unnamed::{Imitated, concerned, imitated, over_position};
 use super::verdict::{self, Parts, lagging_velocity};
 use super::{Found, Settings, measured, noise_alone, test_value};
 use crate::case::Case;
@@ -67,6 +68,8 @@ struct Forward<'a> {
     /// Candidates of the first round, best first; a second effect stands after the first.
     ranking: Vec<Refit>,
     refits: usize,
+    /// Candidates of the first round.
+    candidates: usize,
     /// Labels of the candidates that the first round is left to.
     shortlist: Option<BTreeSet<String>>,
     /// Whether free runs leave more than noise.
@@ -110,6 +113,7 @@ impl<'a> Forward<'a> {
             alone: None,
             ranking: Vec::new(),
             refits: 0,
+            candidates: 0,
             shortlist,
             drifts: false,
         }
@@ -121,6 +125,7 @@ impl<'a> Forward<'a> {
         let settings = self.settings;
         let mut list = listed(&self.case, &self.basis, settings, &self.current);
         let number = list.len();
+        self.candidates = self.candidates.max(number);
         if let Some(short) = self.shortlist.take() {
             list.retain(|(term, _)| short.contains(&term.label()));
         }
@@ -221,6 +226,7 @@ impl<'a> Forward<'a> {
             if let Some(at) = self.ranking.iter().position(|r| r.term.label() == label) {
                 self.ranking.remove(at);
             }
+            self.scored_alone();
         } else if let Some(later) = without.first() {
             let beside = (&self.current, later);
             let exchanged = exchange(&self.case, &self.basis, settings, beside);
@@ -246,6 +252,24 @@ impl<'a> Forward<'a> {
         if self.gap.total > (1.0 - settings.least_shrink) * self.before.total {
             self.current = self.base.clone();
             self.accepted.clear();
+        }
+    }
+
+    /// An effect that is left alone was scored on top of another one.
+    fn scored_alone(&mut self) {
+        let [only] = &self.accepted[..] else {
+            return;
+        };
+        let (label, k) = (only.label(), only.effect.info().parameters.len());
+        let scale = (self.current.train.objective() / self.current.train.number()).max(1.0);
+        let own = score(
+            (&self.case, &self.base),
+            &self.current,
+            (k, self.candidates),
+            scale,
+        );
+        if let Some(r) = self.ranking.iter_mut().find(|r| r.term.label() == label) {
+            r.score = own;
         }
     }
 
@@ -285,7 +309,26 @@ impl<'a> Forward<'a> {
         );
     }
 
-    fn found(self, clock: Instant) -> Found {
+    /// A force over the position, which has no name, if one describes the records better than the effects found.
+    fn imitated(&mut self) -> Option<Imitated> {
+        if self.accepted.is_empty() {
+            return None;
+        }
+        let joints = concerned(&self.accepted);
+        let directions = basis(&self.case);
+        let laws = over_position(&self.case, &directions, self.settings, &self.base, joints);
+        self.refits += laws.len();
+        let mut better = laws
+            .into_iter()
+            .filter(|l| imitated(&self.case, &self.current, l));
+        better.next().map(|refit| Imitated {
+            gap: measured(&self.case, &refit.fit).total,
+            refit,
+        })
+    }
+
+    fn found(mut self, clock: Instant) -> Found {
+        let imitated = self.imitated();
         let parts = Parts {
             case: &self.case,
             settings: self.settings,
@@ -294,6 +337,7 @@ impl<'a> Forward<'a> {
             ranking: &self.ranking,
             accepted: &self.accepted,
             lagging: lagging_velocity(&self.case, self.settings),
+            imitated,
             refits: self.refits,
             clock,
         };

@@ -2,8 +2,13 @@
 
 use super::magnitude::name;
 use super::refit::Refit;
+use super::remainder::share;
 use super::residue::{Residue, residue};
-use super::{Diagnosis, Magnitude, Named, Ranked, SCHEMA_VERSION, Settings, measured, noise_alone};
+use super::search::NEAR;
+use super::unnamed::{Imitated, PositionForce};
+use super::{
+    Diagnosis, Magnitude, Named, Ranked, Remainder, SCHEMA_VERSION, Settings, measured, noise_alone,
+};
 use crate::case::Case;
 use crate::channel;
 use crate::effect::Term;
@@ -21,6 +26,13 @@ const STRUCTURE: (f64, f64) = (14.0, 100.0);
 /// Share of the squared innovations beyond the noise that an effect may leave for their lines and bursts not to count: of a strong
 /// contact every hundredth shows.
 const NEARLY_ALL: f64 = 0.01;
+/// Mean squared innovation over 1 that cannot be told from noise: its level is estimated, or stated to a few figures.
+const SCATTER: f64 = 0.01;
+
+/// Memory of innovations, and the correlation behind it, beyond which neighbours are not independent: the level of the noise was taken
+/// from records that hold something else too. The first is a figure of chance, a tenth of a chi-squared number of ten degrees of
+/// freedom (G. E. P. Box, D. A. Pierce 1970); the second one of size, since in long records every correlation is beyond chance.
+const MEMORY: (f64, f64) = (8.0, 0.04);
 
 /// Gap over the largest floor drawn that is allowed in any case: it may differ much from draw to draw.
 const SPREAD: f64 = 1.4;
@@ -31,13 +43,18 @@ const CALM: (f64, f64) = (1.1, 2.0);
 
 /// Share of right verdicts: effects named with stated and with estimated noise; `none`; `unknown`. Rounded from drawn cases. The odds
 /// among the candidates know nothing of causes outside the list, nor of what is too faint to be seen.
-const NAMED: (f64, f64) = (0.985, 0.96);
-const NOTHING_ELSE: f64 = 0.85;
-const OUTSIDE: f64 = 0.8;
+const NAMED: (f64, f64) = (0.985, 0.95);
+const NOTHING_ELSE: f64 = 0.95;
+const OUTSIDE: f64 = 0.9;
 
 /// Whether what is left has neither lines nor bursts.
 pub(super) fn white(left: &Residue) -> bool {
     left.line < NOISE.0 && left.burst < NOISE.1
+}
+
+/// Whether innovations remember their neighbours.
+fn remember(left: &Residue) -> bool {
+    left.memory > MEMORY.0 && left.correlation > MEMORY.1
 }
 
 /// What a model leaves, for [`Leaves::unexplained`].
@@ -53,6 +70,8 @@ struct Leaves {
     residue: Residue,
     /// Whether the noise is stated.
     stated: bool,
+    /// Whether the model has a contact or a resonance: their substeps leave memory.
+    stiff: bool,
 }
 
 impl Leaves {
@@ -64,6 +83,7 @@ impl Leaves {
             misfit: (nominal, misfit),
             residue: left,
             stated,
+            stiff,
         } = *self;
         let noise_like = misfit < CALM.0 && white(&left);
         if !named {
@@ -75,15 +95,19 @@ impl Leaves {
             };
             return gap > (factors.0 * typical).max(factors.1 * largest)
                 || misfit > NOTHING.1
-                || !white(&left);
+                || !white(&left)
+                || remember(&left);
         }
         // Free runs from uncertain starts drift; innovations that are noise speak for the model.
         let factor = if noise_like { CALM.1 } else { 1.0 };
         let allowed = (settings.unexplained * factor * typical).max(SPREAD * largest);
-        let nearly_all = misfit - 1.0 < NEARLY_ALL * (nominal - 1.0);
+        let nearly_all = (misfit - 1.0).max(SCATTER) < NEARLY_ALL * (nominal - 1.0);
         gap > allowed
             || misfit > settings.largest_misfit
-            || (!nearly_all && (left.line > STRUCTURE.0 || left.burst > STRUCTURE.1))
+            || (!nearly_all
+                && (left.line > STRUCTURE.0
+                    || left.burst > STRUCTURE.1
+                    || (!stiff && remember(&left))))
     }
 }
 
@@ -96,6 +120,8 @@ pub(super) struct Parts<'a> {
     pub(super) ranking: &'a [Refit],
     pub(super) accepted: &'a [Term],
     pub(super) lagging: Option<(Term, f64, f64)>,
+    /// A force over the position that describes the records better than the effects accepted.
+    pub(super) imitated: Option<Imitated>,
     pub(super) refits: usize,
     pub(super) clock: std::time::Instant,
 }
@@ -111,6 +137,7 @@ impl Parts<'_> {
             ranking,
             accepted,
             lagging,
+            imitated,
             refits,
             clock,
         } = self;
@@ -144,8 +171,21 @@ impl Parts<'_> {
             misfit: (base.train.total() / base.train.number(), misfit),
             residue: left,
             stated,
+            stiff: accepted.iter().any(Term::splits_joint),
         };
-        let unexplained = leaves.unexplained(!named.is_empty(), settings);
+        let unexplained = imitated.is_some() || leaves.unexplained(!named.is_empty(), settings);
+        let remainder = imitated
+            .filter(|law| law.gap < NEAR * floor)
+            .map(|law| Remainder {
+                explained: share(before.total, after.total, floor),
+                own_error: false,
+                missing_force: Vec::new(),
+                over_position: Some(PositionForce::new(
+                    case,
+                    &law.refit,
+                    share(before.total, law.gap, floor),
+                )),
+            });
         let scale = misfit.max(1.0);
         // Neighbouring innovations of a misfit are not independent: the odds are tempered.
         let temper = |score: f64| score / (2.0 * (2.0 + 2.0 * (scale - 1.0)));
@@ -191,11 +231,15 @@ impl Parts<'_> {
             );
         }
         let (effect, joint, confidence, regime) = if unexplained {
+            let law = remainder.as_ref().and_then(|r| r.over_position.as_ref());
             (
                 "unknown".to_owned(),
                 None,
                 OUTSIDE,
-                "what is left is larger than the noise".to_owned(),
+                law.map_or_else(
+                    || "what is left is larger than the noise".to_owned(),
+                    PositionForce::words,
+                ),
             )
         } else if let Some(first) = named.first() {
             let own = lines
@@ -253,7 +297,7 @@ impl Parts<'_> {
             gap_joints: after.joints,
             gap_joints_before: before.joints.clone(),
             missing_force: Vec::new(),
-            remainder: None,
+            remainder,
             beyond_tolerance: Vec::new(),
             next_experiment: None,
             ranking: lines,
@@ -305,9 +349,11 @@ mod tests {
             burst: 2.0,
             line: 8.0,
             memory: 1.0,
+            correlation: 0.01,
             unseen: 1.0,
         },
         stated: true,
+        stiff: false,
     };
 
     fn with(change: impl Fn(&mut Leaves)) -> Leaves {
@@ -338,6 +384,7 @@ mod tests {
             with(|l| l.misfit = (1.3, 1.3)),
             with(|l| l.residue.line = 13.0),
             with(|l| l.residue.burst = 7.0),
+            with(|l| (l.residue.memory, l.residue.correlation) = (12.0, 0.07)),
         ] {
             assert!(loud.unexplained(false, &settings), "{loud:?}");
         }
@@ -345,6 +392,24 @@ mod tests {
         let drifting = with(|l| l.gap = 0.018);
         assert!(!drifting.unexplained(false, &settings));
         assert!(with(|l| (l.gap, l.stated) = (0.018, false)).unexplained(false, &settings));
+    }
+
+    #[test]
+    fn innovations_that_remember_speak_against_what_is_no_contact() {
+        let settings = Settings::default();
+        let remember = |l: &mut Leaves| {
+            (l.misfit, l.residue.memory, l.residue.correlation) = ((1.1, 1.0), 17.0, 0.08);
+        };
+        assert!(with(remember).unexplained(true, &settings));
+        let contact = |l: &mut Leaves| {
+            remember(l);
+            l.stiff = true;
+        };
+        assert!(!with(contact).unexplained(true, &settings));
+        // Beyond chance, but of no size.
+        let long = |l: &mut Leaves| (l.residue.memory, l.residue.correlation) = (17.0, 0.01);
+        assert!(!with(long).unexplained(true, &settings));
+        assert!(!with(long).unexplained(false, &settings));
     }
 
     #[test]
