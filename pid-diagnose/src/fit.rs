@@ -520,7 +520,7 @@ pub struct Fit {
     pub gains: Vec<Vec<Gain>>,
     /// Objective on the train records.
     pub train: Value,
-    /// Quadratic model at the end.
+    /// Quadratic model at the end, unless [`Effort::curvature`] says otherwise.
     pub quadratic: Quadratic,
     /// Steps taken.
     pub steps: usize,
@@ -537,6 +537,8 @@ pub struct Effort<'a> {
     pub slopes: Option<&'a DMatrix<f64>>,
     /// Whether the end must be an optimum with derivatives of its own, and not only of the neighbour.
     pub exact: bool,
+    /// Whether [`Fit::quadratic`] is asked for where the steps end before the optimum; it is empty otherwise.
+    pub curvature: bool,
 }
 
 impl Effort<'_> {
@@ -546,6 +548,14 @@ impl Effort<'_> {
             steps,
             slopes: None,
             exact: true,
+            curvature: true,
+        }
+    }
+    /// The same for a point on the way, of which nothing but the point and its value is asked.
+    pub fn on_the_way(steps: usize) -> Self {
+        Effort {
+            curvature: false,
+            ..Effort::full(steps)
         }
     }
 }
@@ -630,8 +640,14 @@ pub fn fit(
     let mut steps = 0;
     let mut own: Option<DMatrix<f64>> = None;
     let mut borrowed = effort.slopes.is_some();
-    let mut quadratic;
+    let mut quadratic = Quadratic {
+        h: DMatrix::zeros(0, 0),
+        g: DVector::zeros(0),
+    };
     loop {
+        if steps >= effort.steps && !effort.curvature {
+            break;
+        }
         let lin = slopes(
             case,
             hypothesis,
@@ -757,5 +773,22 @@ mod tests {
         let rigid = basis(&case).columns.ncols();
         let beside = basis_beside(&case, &play, &at).columns.ncols();
         assert!(beside > rigid, "{beside} directions, {rigid} without play");
+    }
+
+    #[test]
+    fn a_fit_on_the_way_ends_where_the_same_steps_with_curvature_end() {
+        let spring = named(&["spring"]);
+        let case = pendulum(&spring, &[0.9, 0.2], 6.0, &|_| {});
+        let basis = basis(&case);
+        let start = || Point {
+            theta: vec![0.0; PER_JOINT],
+            e: vec![0.1, 0.0],
+        };
+        let whole = fit(&case, &basis, &spring, start(), Effort::full(2));
+        let part = fit(&case, &basis, &spring, start(), Effort::on_the_way(2));
+        assert_eq!(whole.point, part.point);
+        assert_eq!(whole.train, part.train);
+        assert_eq!(whole.quadratic.h.nrows(), PER_JOINT + 2);
+        assert_eq!(part.steps, 2);
     }
 }

@@ -255,7 +255,7 @@ impl Reference<'_> {
                 let term = &terms[*i].0;
                 let (hypothesis, _) = self.with(term, &[]);
                 let first = self.fit.point.e.len();
-                let effort = Effort::full(APPROACH);
+                let effort = Effort::on_the_way(APPROACH);
                 let near = fit(self.case, &frozen, &hypothesis, at.clone(), effort);
                 let directions: Vec<Direction<'_>> =
                     (first..near.point.e.len()).map(Direction::Effect).collect();
@@ -317,7 +317,7 @@ impl Reference<'_> {
                 }
                 let (hypothesis, _) = self.with(&terms[i].0, &[]);
                 let glance = |v: &&(usize, Point, f64)| {
-                    let effort = Effort::full(GLANCE);
+                    let effort = Effort::on_the_way(GLANCE);
                     fit(self.case, &frozen, &hypothesis, v.1.clone(), effort)
                 };
                 let mut near: Vec<Fit> = own.par_iter().map(glance).collect();

@@ -43,6 +43,7 @@ pub(super) fn refit(
             steps: steps.min(settings.steps),
             slopes: Some(slopes),
             exact,
+            curvature: true,
         };
         if stage == 0 {
             out = best

@@ -1,7 +1,7 @@
 //! A cause without a name: a force that depends on the position of one joint, in any way.
 //!
 //! Stops, hard points of a cable or a table that is touched are forces over the position that no effect of the library describes; two
-//! effects together imitate them well. The force is given by its values at [`KNOTS`] positions and straight lines between them
+//! effects together imitate them well. The force is given by its values at 13 or 25 positions and straight lines between them
 //! (C. de Boor, A Practical Guide to Splines, 2001, chapter III), without a word on its shape. Springs, offsets of the torque and
 //! ripples of long periods are such forces too, with fewer parameters: where one of them is the cause, they score higher. Where the
 //! force over the position scores higher than what is named, it is named wrongly.
@@ -22,35 +22,56 @@ use crate::plant::Plant;
 use crate::scalar::Scalar;
 use crate::screen::{candidates, screen};
 
-/// Positions at which the force is given.
-const KNOTS: usize = 13;
+/// Positions at which the force is given: few find a faint force, many a sharp one.
+const FEW: usize = 13;
+const MANY: usize = 25;
 const VALUE: Parameter = parameter("force", "N*m", Unit::Torque, -10.0, 10.0);
 
-static INFO: Info = Info {
+static COARSE: Info = Info {
     id: "position_law",
     title: "A force over the position",
-    equation: "additional force f(q), straight between its values at 13 positions",
+    equation: "additional force f(q), straight between its values at equal distances",
     source: "C. de Boor, A Practical Guide to Splines, 2001, chapter III",
     kind: Kind::Force,
     has_joint: true,
-    parameters: &[VALUE; KNOTS],
-    starts: &[&[0.0; KNOTS]],
-    amplitudes: &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12],
+    parameters: &[VALUE; FEW],
+    starts: &[&[0.0; FEW]],
+    amplitudes: &first::<FEW>(),
     confusions: &[],
     regime: "the positions at which it acts",
     simulator_field: None,
 };
 
+static FINE: Info = Info {
+    id: "fine_position_law",
+    parameters: &[VALUE; MANY],
+    starts: &[&[0.0; MANY]],
+    amplitudes: &first::<MANY>(),
+    ..COARSE
+};
+
+/// The first whole numbers.
+const fn first<const N: usize>() -> [usize; N] {
+    let mut out = [0; N];
+    let mut i = 0;
+    while i < N {
+        out[i] = i;
+        i += 1;
+    }
+    out
+}
+
 /// A force over the position of a joint.
 #[derive(Debug, Clone)]
 struct PositionLaw {
+    info: &'static Info,
     /// First and last knot of every joint.
     ends: Vec<(f64, f64)>,
 }
 
 impl PositionLaw {
     /// With knots over the positions of all records.
-    fn new(case: &Case) -> Self {
+    fn new(case: &Case, info: &'static Info) -> Self {
         let ends = (0..case.n())
             .map(|j| {
                 let q = case.records.iter().flat_map(|r| &r.smooth_q[j]);
@@ -59,19 +80,24 @@ impl PositionLaw {
                 })
             })
             .collect();
-        PositionLaw { ends }
+        PositionLaw { info, ends }
+    }
+
+    /// How many cells the knots bound.
+    fn cells(&self) -> usize {
+        self.info.parameters.len() - 1
     }
 
     /// The knots of a joint.
     fn knots(&self, joint: usize) -> impl Iterator<Item = f64> + use<> {
-        let (first, last) = self.ends[joint];
-        (0..KNOTS).map(move |i| first + (last - first) * i as f64 / (KNOTS - 1) as f64)
+        let ((first, last), cells) = (self.ends[joint], self.cells());
+        (0..=cells).map(move |i| first + (last - first) * i as f64 / cells as f64)
     }
 }
 
 impl Model for PositionLaw {
     fn info(&self) -> &'static Info {
-        &INFO
+        self.info
     }
 }
 
@@ -85,8 +111,9 @@ impl<D: Scalar> Law<D> for PositionLaw {
         _plant: &Plant<D>,
     ) {
         let (first, last) = self.ends[at.joint];
-        let x = (at.q[at.joint] - first) * ((KNOTS - 1) as f64 / (last - first).max(1e-9));
-        let cell = (x.value().max(0.0) as usize).min(KNOTS - 2);
+        let cells = self.cells();
+        let x = (at.q[at.joint] - first) * (cells as f64 / (last - first).max(1e-9));
+        let cell = (x.value().max(0.0) as usize).min(cells - 1);
         // Beyond the ends it keeps its last slope.
         f.value[at.joint] += e[cell] + (e[cell + 1] - e[cell]) * (x - cell as f64);
     }
@@ -104,15 +131,16 @@ pub(super) fn over_position(
     base: &Fit,
     joints: impl Fn(usize) -> bool,
 ) -> Vec<Refit> {
-    let library: [Arc<dyn Effect>; 1] = [Arc::new(PositionLaw::new(case))];
+    let library =
+        [&COARSE, &FINE].map(|info| -> Arc<dyn Effect> { Arc::new(PositionLaw::new(case, info)) });
     let mut list = candidates(case, &library, &base.hypothesis);
     list.retain(|(term, _)| joints(term.joint));
     let (best, slopes) = screen(case, basis, base, &list);
-    let one = Settings {
-        refits: 1,
+    let few = Settings {
+        refits: library.len(),
         ..settings.clone()
     };
-    refit(case, basis, &one, base, (&best, &slopes), list.len())
+    refit(case, basis, &few, base, (&best, &slopes), list.len())
 }
 
 /// Whether a joint may be where effects act: theirs, or any if one of them has none.
@@ -174,7 +202,9 @@ impl PositionForce {
         let values = named.map_or_else(Vec::new, |n| n.parameters);
         PositionForce {
             joint: joint + 1,
-            positions: PositionLaw::new(case).knots(joint).collect(),
+            positions: PositionLaw::new(case, law.term.effect.info())
+                .knots(joint)
+                .collect(),
             forces: values.iter().map(|m| m.value).collect(),
             stds: values.iter().map(|m| m.std).collect(),
             explained,
@@ -207,14 +237,23 @@ impl PositionForce {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{named, pendulum};
+    use crate::bench::{named, pendulum_under};
     use crate::fit::{Effort, Point, basis, fit};
     use crate::plant::PER_JOINT;
     use crate::simulate::Hypothesis;
 
+    /// A pendulum that swings and does not turn over.
+    fn swung(cause: &Hypothesis, e: &[f64]) -> Case {
+        let drive = |record: usize, t: f64| {
+            let w = 1.0 + 0.37 * record as f64;
+            0.4 * (2.1 * w * t).sin() + 0.3 * (5.3 * w * t).sin() + 0.2 * (9.7 * t).sin()
+        };
+        pendulum_under(cause, e, 6.0, &|_| {}, &drive)
+    }
+
     /// Records of a cause of the test, effects fitted to them, and the force over the position.
     fn beside(cause: &Hypothesis, e: &[f64], named: (&Hypothesis, &[f64])) -> (Case, Fit, Refit) {
-        let case = pendulum(cause, e, 6.0, &|_| {});
+        let case = swung(cause, e);
         let directions = basis(&case);
         let settings = Settings::default();
         let fitted = |hypothesis: &Hypothesis, e: &[f64]| {
@@ -242,7 +281,7 @@ mod tests {
         ],
         amplitudes: &[0],
         starts: &[&[0.0, 0.0]],
-        ..INFO
+        ..COARSE
     };
     impl Model for Stop {
         fn info(&self) -> &'static Info {
@@ -282,9 +321,29 @@ mod tests {
         let force = PositionForce::new(&case, &law, 1.0);
         let width = force.positions[1] - force.positions[0];
         let bend = force.bend().expect("a stop bends");
-        assert!((bend - from).abs() < width, "{bend}");
-        let slope = (force.forces[KNOTS - 1] - force.forces[KNOTS - 3]) / (2.0 * width);
+        assert!((bend - from).abs() < width, "{bend}: {force:?}");
+        let [.., a, _, b] = force.forces[..] else {
+            panic!("{force:?}");
+        };
+        let slope = (b - a) / (2.0 * width);
         assert!((slope / -k - 1.0).abs() < 0.1, "{slope}");
+    }
+
+    #[test]
+    fn a_stop_is_unknown_and_its_force_is_shown() {
+        let (k, from) = (3.0, 0.3);
+        let case = swung(&stop(), &[k, from]);
+        let d = crate::diagnose::investigate(&case, &Settings::default()).diagnosis;
+        assert_eq!((d.effect.as_str(), d.joint), ("unknown", None));
+        let law = d.remainder.and_then(|r| r.over_position);
+        let law = law.expect("a force over the position");
+        assert_eq!(law.joint, 1);
+        assert!(law.explained > 0.97, "{law:?}");
+        let free = law.positions.iter().zip(&law.forces).zip(&law.stds);
+        for ((q, force), std) in free.filter(|((q, _), _)| **q < from) {
+            let allowed = 4.0 * std.unwrap_or(f64::INFINITY) + 0.1;
+            assert!(force.abs() < allowed, "{force} ± {std:?} at {q}");
+        }
     }
 
     #[test]
@@ -298,10 +357,10 @@ mod tests {
 
     #[test]
     fn slopes_of_the_force_agree_with_differences() {
-        let case = pendulum(&Hypothesis::default(), &[], 2.0, &|_| {});
-        let law = PositionLaw::new(&case);
+        let case = swung(&Hypothesis::default(), &[]);
+        let law = PositionLaw::new(&case, &COARSE);
         let (first, last) = law.ends[0];
-        let e: Vec<f64> = (0..KNOTS).map(|i| (i as f64).sin()).collect();
+        let e: Vec<f64> = (0..FEW).map(|i| (i as f64).sin()).collect();
         let plant = Plant::<num_dual::Dual64>::new(
             &case.nominal,
             &[num_dual::Dual64::from(0.0); PER_JOINT],
@@ -328,8 +387,8 @@ mod tests {
             value[0]
         };
         // Beyond both ends too; never over a knot.
-        for i in -2..=(2 * KNOTS as i32) {
-            let q = first + (last - first) * (0.5 * f64::from(i) + 0.26) / (KNOTS - 1) as f64;
+        for i in -2..=(2 * FEW as i32) {
+            let q = first + (last - first) * (0.5 * f64::from(i) + 0.26) / (FEW - 1) as f64;
             let h = 1e-5 * (last - first);
             let difference = (at(q + h, 0.0).re - at(q - h, 0.0).re) / (2.0 * h);
             let exact = at(q, 1.0).eps;
