@@ -20,7 +20,7 @@ h3{font-size:.95rem;margin:1rem 0 .2rem}p{margin:.35rem 0;max-width:95ch}.verdic
 .quiet,figcaption{color:var(--quiet);font-size:.87rem}table{border-collapse:collapse;margin:.5rem 0;font-size:.92rem}\
 td,th{padding:.25rem 1.1rem .25rem 0;text-align:left;border-bottom:1px solid var(--line)}th{color:var(--quiet);font-size:.83rem}\
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}.equation{font-family:ui-monospace,monospace;font-size:.92em}\
-.plots{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(24rem,100%),1fr));gap:.4rem 1.2rem}figure{margin:0}\
+.plots{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(24rem,100%),1fr));gap:.4rem 1.2rem}figure{margin:0}.single{max-width:38rem}\
 svg{width:100%;height:auto;display:block}svg.bars{max-width:46rem}svg text{fill:var(--quiet);font:11px system-ui,sans-serif}\
 svg.bars text{font-size:13px;fill:var(--text)}svg.bars rect{fill:var(--bar)}.grid{stroke:var(--line)}.zero{stroke:var(--axis)}\
 .band{fill:var(--band);opacity:.16}.force{fill:none;stroke:var(--force);stroke-width:1.2}circle.forward{fill:var(--forward)}\
@@ -46,6 +46,7 @@ pub(crate) fn page(report: &Report) -> String {
                 @if !d.confusion_set.is_empty() {
                     p { "These records do not tell it apart from: " (d.confusion_set.join(", ")) "." }
                 }
+                @if let Some(law) = law(d) { section { (nameless(report, law)) } }
                 @for e in &d.effects { section { (effect(e)) } }
                 @if !d.beyond_tolerance.is_empty() {
                     section {
@@ -54,7 +55,6 @@ pub(crate) fn page(report: &Report) -> String {
                         ul { @for b in &d.beyond_tolerance { li { (b.words()) } } }
                     }
                 }
-                @if let Some(law) = law(d) { section { (nameless(report, law)) } }
                 @if let Some(left) = &d.remainder { section { (remainder(d, left)) } }
                 section {
                     h2 { "How far" }
@@ -250,10 +250,10 @@ fn nameless(report: &Report, law: &PositionForce) -> Markup {
             " of the squared gap beyond the floor on motions that were never fitted, and describes the records better than the "
             "named effects, its number of parameters counted. Its shape is free: a stop shows as a kink, a hard point as a hill."
         }
-        figure {
+        div class="single" { figure {
             (plot::over_position(law, (&axis_name(report, j, Axis::Position), &format!("force, {}", unit(report, j)))))
             figcaption { "straight between the marks, with a band of two standard deviations where the records determine it" }
-        }
+        } }
     }
 }
 

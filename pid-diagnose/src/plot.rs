@@ -129,14 +129,9 @@ pub(crate) fn over_time(curve: &Curve, unit: &str) -> Markup {
 
 /// A force over the position with its band, straight between its marks.
 pub(crate) fn over_position(law: &PositionForce, names: (&str, &str)) -> Markup {
-    let ends = |x: &[f64]| {
-        x.iter()
-            .fold((0.0_f64, 0.0_f64), |(a, b), &x| (a.min(x), b.max(x)))
-    };
     let first = law.positions.first().copied().unwrap_or(0.0);
     let last = law.positions.last().copied().unwrap_or(1.0);
     let x = Scale::new((first, last), LEFT, WIDTH - RIGHT, 0.03);
-    let y = Scale::new(ends(&law.forces), HEIGHT - BOTTOM, TOP, 0.12);
     let all = || {
         law.positions
             .iter()
@@ -148,6 +143,11 @@ pub(crate) fn over_position(law: &PositionForce, names: (&str, &str)) -> Markup 
             .zip(&law.stds)
             .filter_map(move |((q, f), std)| Some((q, f + sign * 2.0 * (*std)?)))
     };
+    let (low, high) = all()
+        .chain(edge(1.0))
+        .chain(edge(-1.0))
+        .fold((0.0_f64, 0.0_f64), |(a, b), (_, f)| (a.min(f), b.max(f)));
+    let y = Scale::new((low, high), HEIGHT - BOTTOM, TOP, 0.06);
     let back: Vec<(f64, f64)> = edge(-1.0).collect();
     let outline = points(&x, &y, edge(1.0).chain(back.into_iter().rev()));
     let mut content = format!(
