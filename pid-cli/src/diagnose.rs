@@ -137,7 +137,7 @@ pub(crate) fn summary(d: &Diagnosis) -> String {
                 100.0 * left.explained
             )),
         }
-        if let Some(law) = &left.over_position {
+        if let Some(law) = &left.nameless {
             text.push_str(&format!(
                 "  without a name, but better: {}, explains {:.0} %\n",
                 law.words(),

@@ -195,6 +195,8 @@ pub struct Commands<'a> {
     pub h: f64,
     /// Straight lines between samples instead of steps.
     pub linear: bool,
+    /// Time of the first sample since the start of what was recorded, s.
+    pub begin: f64,
     /// Start of the substep, s from the first sample.
     pub t: f64,
     /// Its length, s.

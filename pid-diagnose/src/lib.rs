@@ -59,6 +59,7 @@ pub mod diagnose;
 pub mod effect;
 pub mod effects;
 pub mod fit;
+pub mod free;
 pub mod gap;
 mod hidden;
 mod kernels;

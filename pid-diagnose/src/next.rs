@@ -270,6 +270,7 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
                     u: &u[j][..=k],
                     h,
                     linear: false,
+                    begin: 0.0,
                     t: k as f64 * h + i as f64 * dt,
                     dt,
                 })

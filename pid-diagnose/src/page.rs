@@ -2,8 +2,9 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::diagnose::{Diagnosis, Named, PositionForce, Remainder};
+use crate::diagnose::{Diagnosis, Named, Nameless, Remainder};
 use crate::effects;
+use crate::free::Form;
 use crate::locate::{Axis, Place, classes};
 use crate::next::Experiment;
 use crate::plot;
@@ -233,25 +234,42 @@ fn all(d: &Diagnosis) -> String {
         .join(" and ")
 }
 
-/// The force over the position that describes the records better than any effect.
-fn law(d: &Diagnosis) -> Option<&PositionForce> {
-    d.remainder.as_ref()?.over_position.as_ref()
+/// The law without a name that describes the records better than any effect.
+fn law(d: &Diagnosis) -> Option<&Nameless> {
+    d.remainder.as_ref()?.nameless.as_ref()
 }
 
 /// A cause without a name.
-fn nameless(report: &Report, law: &PositionForce) -> Markup {
+fn nameless(report: &Report, law: &Nameless) -> Markup {
     let j = law.joint - 1;
+    let name = &report.found.case.nominal.joints[j].name;
+    let (what, shape, names) = match law.form {
+        Form::ForceOverPosition => (
+            format!("a force that depends on the position of joint {name} alone"),
+            "a stop shows as a kink, a hard point as a hill",
+            (
+                axis_name(report, j, Axis::Position),
+                format!("force, {}", unit(report, j)),
+            ),
+        ),
+        Form::GainOverTime => (
+            format!("a gain of the drive of joint {name} that depends on the time alone"),
+            "a supply that sags and magnets that warm up fade",
+            (
+                "time since the start of the record, s".to_owned(),
+                "relative change of the gain".to_owned(),
+            ),
+        ),
+    };
     html! {
         h2 { "A cause without a name" }
         p {
-            "In place of all effects, a force that depends on the position of joint "
-            (report.found.case.nominal.joints[j].name)
-            " alone explains " (format!("{:.0} %", 100.0 * law.explained))
+            "In place of all effects, " (what) " explains " (format!("{:.0} %", 100.0 * law.explained))
             " of the squared gap beyond the floor on motions that were never fitted, and describes the records better than the "
-            "named effects, its number of parameters counted. Its shape is free: a stop shows as a kink, a hard point as a hill."
+            "named effects, its number of parameters counted. Its shape is free: " (shape) "."
         }
         div class="single" { figure {
-            (plot::over_position(law, (&axis_name(report, j, Axis::Position), &format!("force, {}", unit(report, j)))))
+            (plot::free_law(law, (&names.0, &names.1)))
             figcaption { "straight between the marks, with a band of two standard deviations where the records determine it" }
         } }
     }

@@ -2,7 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use crate::diagnose::PositionForce;
+use crate::diagnose::Nameless;
 use crate::locate::{Class, Curve, Sample};
 
 const WIDTH: f64 = 460.0;
@@ -127,17 +127,12 @@ pub(crate) fn over_time(curve: &Curve, unit: &str) -> Markup {
     )
 }
 
-/// A force over the position with its band, straight between its marks.
-pub(crate) fn over_position(law: &PositionForce, names: (&str, &str)) -> Markup {
-    let first = law.positions.first().copied().unwrap_or(0.0);
-    let last = law.positions.last().copied().unwrap_or(1.0);
+/// A free law with its band, straight between its marks.
+pub(crate) fn free_law(law: &Nameless, names: (&str, &str)) -> Markup {
+    let first = law.at.first().copied().unwrap_or(0.0);
+    let last = law.at.last().copied().unwrap_or(1.0);
     let x = Scale::new((first, last), LEFT, WIDTH - RIGHT, 0.03);
-    let all = || {
-        law.positions
-            .iter()
-            .copied()
-            .zip(law.forces.iter().copied())
-    };
+    let all = || law.at.iter().copied().zip(law.values.iter().copied());
     let edge = |sign: f64| {
         all()
             .zip(&law.stds)

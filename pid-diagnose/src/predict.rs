@@ -206,6 +206,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                     u: &self.record.u[j],
                     h: self.record.h,
                     linear: self.case.linear_hold,
+                    begin: self.record.begin,
                     t: k as f64 * self.record.h + s as f64 * dt,
                     dt,
                 });

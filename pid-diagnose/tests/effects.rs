@@ -64,6 +64,7 @@ fn answers<D: Pick>(law: &dyn Law<D>, e: &[D], memory: usize, joint: usize, v: f
         u: &u,
         h: 0.01,
         linear: false,
+        begin: 0.0,
         t: 0.042,
         dt: 0.004,
     };
@@ -322,6 +323,7 @@ fn drive_effects_follow_their_equations() {
         u: &u,
         h: 0.01,
         linear: false,
+        begin: 0.0,
         t: 0.03,
         dt: 0.01,
     };

@@ -28,7 +28,7 @@ use crate::report::{Next, Share};
 use crate::thin::{lengthen, thin};
 pub use residue::Residue;
 use search::search;
-pub use unnamed::PositionForce;
+pub use unnamed::Nameless;
 
 /// Version of the JSON form.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -135,9 +135,9 @@ pub struct Remainder {
     pub own_error: bool,
     /// Where the force lives that is still missing beside them; empty if it was not looked for.
     pub missing_force: Vec<Share>,
-    /// A force over the position of a joint, if one describes most of the gap, and better than the named effects.
+    /// A law without a name, if one describes most of the gap, and better than the named effects.
     #[serde(default)]
-    pub over_position: Option<PositionForce>,
+    pub nameless: Option<Nameless>,
 }
 
 fn counted() -> bool {

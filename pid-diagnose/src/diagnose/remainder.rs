@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use super::magnitude::{name, sizes};
 use super::refit::{Refit, refit};
 use super::search::{BEYOND_DOUBT, NEAR, TOUCH, directions, listed};
-use super::unnamed::{PositionForce, imitated_in_part, over_position};
+use super::unnamed::{Nameless, free_laws, imitated_in_part};
 use super::{Diagnosis, Ranked, Remainder, Settings, measured};
 use crate::case::Case;
 use crate::effect::Unit;
@@ -57,7 +57,7 @@ pub(super) struct Partial {
     pub(super) taken: usize,
     /// Refits made.
     pub(super) refits: usize,
-    /// The force over the position of a joint in place of the effects, its gap, and whether it describes the records better.
+    /// A free law in place of the effects, its gap, and whether it describes the records better.
     law: Option<(Refit, f64, bool)>,
 }
 
@@ -143,7 +143,7 @@ pub(super) fn partial(case: &Case, settings: &Settings, nominal: &Fit, floor: f6
             most = TOGETHER;
         }
     }
-    let laws = over_position(&case, &directions, settings, &base, |_| true);
+    let laws = free_laws(&case, &directions, settings, &base, |_| true);
     refits += laws.len();
     let law = laws.into_iter().next().map(|law| {
         let [gain, number] = gained(&case, &current, &law.fit);
@@ -329,10 +329,10 @@ impl Partial {
             explained,
             own_error: true,
             missing_force: Vec::new(),
-            over_position: law
+            nameless: law
                 .map(|(law, gap, _)| (law, share(before, *gap, floor)))
                 .filter(|(_, explained)| *explained > MAJORITY.0)
-                .map(|(law, explained)| PositionForce::new(&self.case, law, explained)),
+                .and_then(|(law, explained)| Nameless::new(&self.case, law, explained)),
         });
         let Some(first) = diagnosis.effects.first() else {
             return;

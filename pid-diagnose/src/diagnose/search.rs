@@ -10,7 +10,7 @@ use super::exchange::exchange;
 use super::magnitude::{size_in_deviations, sizes};
 use super::refit::{Refit, refit, score};
 use super::residue::residue;
-use super::unnamed::{Imitated, concerned, imitated, over_position};
+use super::unnamed::{Imitated, concerned, free_laws, imitated};
 use super::verdict::{self, Parts, lagging_velocity};
 use super::{Found, Settings, measured, noise_alone, test_value};
 use crate::case::Case;
@@ -309,14 +309,14 @@ impl<'a> Forward<'a> {
         );
     }
 
-    /// A force over the position, which has no name, if one describes the records better than the effects found.
+    /// A law without a name, if one describes the records better than the effects found.
     fn imitated(&mut self) -> Option<Imitated> {
         if self.accepted.is_empty() {
             return None;
         }
         let joints = concerned(&self.accepted);
         let directions = basis(&self.case);
-        let laws = over_position(&self.case, &directions, self.settings, &self.base, joints);
+        let laws = free_laws(&self.case, &directions, self.settings, &self.base, joints);
         self.refits += laws.len();
         let mut better = laws
             .into_iter()

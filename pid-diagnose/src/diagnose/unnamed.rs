@@ -1,10 +1,9 @@
-//! A cause without a name: a force that depends on the position of one joint, in any way.
+//! A cause without a name: a force over the position of one joint or a gain of its drive over the time, of any shape.
 //!
 //! Stops, hard points of a cable or a table that is touched are forces over the position that no effect of the library describes; two
-//! effects together imitate them well. The force is given by its values at 13 or 25 positions and straight lines between them
-//! (C. de Boor, A Practical Guide to Splines, 2001, chapter III), without a word on its shape. Springs, offsets of the torque and
-//! ripples of long periods are such forces too, with fewer parameters: where one of them is the cause, they score higher. Where the
-//! force over the position scores higher than what is named, it is named wrongly.
+//! effects together imitate them well. A drive that fades while its magnets warm up or its supply sags looks like an inertia. Springs,
+//! offsets of the torque and ripples of long periods are such laws too, with fewer parameters: where one of them is the cause, they score
+//! higher. Where a [`FreeLaw`] scores higher than what is named, it is named wrongly.
 
 use std::sync::Arc;
 
@@ -14,125 +13,23 @@ use super::magnitude::name;
 use super::refit::{Refit, refit};
 use super::{Settings, test_value};
 use crate::case::Case;
-use crate::effect::{
-    Effect, Forces, Info, Kind, Law, Model, Parameter, Site, Term, Unit, parameter,
-};
+use crate::effect::{Effect, Term};
 use crate::fit::{Basis, Fit};
-use crate::plant::Plant;
-use crate::scalar::Scalar;
+use crate::free::{Form, FreeLaw};
 use crate::screen::{candidates, screen};
 
-/// Positions at which the force is given: few find a faint force, many a sharp one.
-const FEW: usize = 13;
-const MANY: usize = 25;
-const VALUE: Parameter = parameter("force", "N*m", Unit::Torque, -10.0, 10.0);
-
-static COARSE: Info = Info {
-    id: "position_law",
-    title: "A force over the position",
-    equation: "additional force f(q), straight between its values at equal distances",
-    source: "C. de Boor, A Practical Guide to Splines, 2001, chapter III",
-    kind: Kind::Force,
-    has_joint: true,
-    parameters: &[VALUE; FEW],
-    starts: &[&[0.0; FEW]],
-    amplitudes: &first::<FEW>(),
-    confusions: &[],
-    regime: "the positions at which it acts",
-    simulator_field: None,
-};
-
-static FINE: Info = Info {
-    id: "fine_position_law",
-    parameters: &[VALUE; MANY],
-    starts: &[&[0.0; MANY]],
-    amplitudes: &first::<MANY>(),
-    ..COARSE
-};
-
-/// The first whole numbers.
-const fn first<const N: usize>() -> [usize; N] {
-    let mut out = [0; N];
-    let mut i = 0;
-    while i < N {
-        out[i] = i;
-        i += 1;
-    }
-    out
-}
-
-/// A force over the position of a joint.
-#[derive(Debug, Clone)]
-struct PositionLaw {
-    info: &'static Info,
-    /// First and last knot of every joint.
-    ends: Vec<(f64, f64)>,
-}
-
-impl PositionLaw {
-    /// With knots over the positions of all records.
-    fn new(case: &Case, info: &'static Info) -> Self {
-        let ends = (0..case.n())
-            .map(|j| {
-                let q = case.records.iter().flat_map(|r| &r.smooth_q[j]);
-                q.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &q| {
-                    (low.min(q), high.max(q))
-                })
-            })
-            .collect();
-        PositionLaw { info, ends }
-    }
-
-    /// How many cells the knots bound.
-    fn cells(&self) -> usize {
-        self.info.parameters.len() - 1
-    }
-
-    /// The knots of a joint.
-    fn knots(&self, joint: usize) -> impl Iterator<Item = f64> + use<> {
-        let ((first, last), cells) = (self.ends[joint], self.cells());
-        (0..=cells).map(move |i| first + (last - first) * i as f64 / cells as f64)
-    }
-}
-
-impl Model for PositionLaw {
-    fn info(&self) -> &'static Info {
-        self.info
-    }
-}
-
-impl<D: Scalar> Law<D> for PositionLaw {
-    fn force(
-        &self,
-        e: &[D],
-        at: &Site<'_, D>,
-        _memory: &[D],
-        f: &mut Forces<'_, D>,
-        _plant: &Plant<D>,
-    ) {
-        let (first, last) = self.ends[at.joint];
-        let cells = self.cells();
-        let x = (at.q[at.joint] - first) * (cells as f64 / (last - first).max(1e-9));
-        let cell = (x.value().max(0.0) as usize).min(cells - 1);
-        // Beyond the ends it keeps its last slope.
-        f.value[at.joint] += e[cell] + (e[cell + 1] - e[cell]) * (x - cell as f64);
-    }
-}
-
-/// Twice the gain in log-likelihood over what is named, penalties counted, from which the force over the position is the better
-/// description.
+/// Twice the gain in log-likelihood over what is named, penalties counted, from which a free law is the better description.
 const BETTER: f64 = 6.0;
 
-/// Refits of the force over the position of each joint, in place of all effects, on top of the nominal structure; best first.
-pub(super) fn over_position(
+/// Refits of the free laws that promise most, in place of all effects, on top of the nominal structure; best first.
+pub(super) fn free_laws(
     case: &Case,
     basis: &Basis,
     settings: &Settings,
     base: &Fit,
     joints: impl Fn(usize) -> bool,
 ) -> Vec<Refit> {
-    let library =
-        [&COARSE, &FINE].map(|info| -> Arc<dyn Effect> { Arc::new(PositionLaw::new(case, info)) });
+    let library = FreeLaw::all(case).map(|law| -> Arc<dyn Effect> { Arc::new(law) });
     let mut list = candidates(case, &library, &base.hypothesis);
     list.retain(|(term, _)| joints(term.joint));
     let (best, slopes) = screen(case, basis, base, &list);
@@ -152,7 +49,7 @@ pub(super) fn concerned(terms: &[Term]) -> impl Fn(usize) -> bool + use<> {
     move |joint| own.as_ref().is_none_or(|own| own.contains(&joint))
 }
 
-/// Whether the force over the position describes the records better than the effects named: only the likelihood and the number of
+/// Whether a free law describes the records better than the effects named: only the likelihood and the number of
 /// parameters decide, on all records.
 pub(super) fn imitated(case: &Case, named: &Fit, law: &Refit) -> bool {
     let number = named.train.number();
@@ -173,64 +70,77 @@ pub(super) fn imitated_in_part(named: &Fit, law: &Refit, gain: f64, number: f64)
 
 /// What describes the records better than the effects that imitate it.
 pub(super) struct Imitated {
-    /// The force over the position.
+    /// The free law.
     pub(super) refit: Refit,
     /// Its gap.
     pub(super) gap: f64,
 }
 
-/// A force over the position of a joint.
+/// A cause without a name.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PositionForce {
+pub struct Nameless {
+    /// What it is of, and over what.
+    pub form: Form,
     /// Joint from 1.
     pub joint: usize,
-    /// Positions, SI.
-    pub positions: Vec<f64>,
-    /// Forces there, straight between them, SI.
-    pub forces: Vec<f64>,
-    /// Standard deviations; `None` where the records do not determine a force.
+    /// Positions or times, SI.
+    pub at: Vec<f64>,
+    /// Forces or relative changes of the gain there, straight between them, SI.
+    pub values: Vec<f64>,
+    /// Standard deviations; `None` where the records do not determine a value.
     pub stds: Vec<Option<f64>>,
     /// Share of the squared gap beyond the floor that it explains on the test records.
     pub explained: f64,
 }
 
-impl PositionForce {
-    /// As fitted.
-    pub(super) fn new(case: &Case, law: &Refit, explained: f64) -> Self {
-        let joint = law.term.joint;
-        let named = name(case, &law.fit).pop();
-        let values = named.map_or_else(Vec::new, |n| n.parameters);
-        PositionForce {
+impl Nameless {
+    /// As fitted; `None` for what is no free law.
+    pub(super) fn new(case: &Case, refit: &Refit, explained: f64) -> Option<Self> {
+        let joint = refit.term.joint;
+        let law = FreeLaw::by_id(case, refit.term.effect.info().id)?;
+        let values = name(case, &refit.fit).pop()?.parameters;
+        Some(Nameless {
+            form: law.form,
             joint: joint + 1,
-            positions: PositionLaw::new(case, law.term.effect.info())
-                .knots(joint)
-                .collect(),
-            forces: values.iter().map(|m| m.value).collect(),
+            at: law.knots(joint).collect(),
+            values: values.iter().map(|m| m.value).collect(),
             stds: values.iter().map(|m| m.std).collect(),
             explained,
-        }
+        })
     }
 
-    /// Where it bends most, for certain: the position at which the change of its slope is the largest number of its deviations.
+    /// Where it bends most, for certain: where the change of its slope is the largest number of its deviations.
     pub fn bend(&self) -> Option<f64> {
         let bent = |i: usize| {
             let [a, b, c] = [0, 1, 2].map(|k| self.stds[i + k]);
-            let f = &self.forces[i..i + 3];
+            let f = &self.values[i..i + 3];
             let std = (a?.powi(2) + 4.0 * b?.powi(2) + c?.powi(2)).sqrt();
             Some((i + 1, (f[2] - 2.0 * f[1] + f[0]).abs() / std.max(1e-300)))
         };
-        (0..self.forces.len().saturating_sub(2))
+        (0..self.values.len().saturating_sub(2))
             .filter_map(bent)
             .max_by(|a, b| a.1.total_cmp(&b.1))
-            .map(|(i, _)| self.positions[i])
+            .map(|(i, _)| self.at[i])
     }
 
-    /// In words: which joint, and where it bends.
+    /// In words: what, of which joint, and where it bends or how far it goes.
     pub fn words(&self) -> String {
-        let bend = self
-            .bend()
-            .map_or_else(String::new, |q| format!(", bending most at {q:.3}"));
-        format!("a force over the position of joint {}{bend}", self.joint)
+        let joint = self.joint;
+        match self.form {
+            Form::ForceOverPosition => {
+                let bend = self
+                    .bend()
+                    .map_or_else(String::new, |q| format!(", bending most at {q:.3}"));
+                format!("a force over the position of joint {joint}{bend}")
+            }
+            Form::GainOverTime => {
+                let change = self.values.last().zip(self.values.first());
+                let percent = change.map_or(0.0, |(last, first)| 100.0 * (last - first));
+                format!(
+                    "a gain of the drive of joint {joint} that changes by {percent:+.0} % within a record"
+                )
+            }
+        }
     }
 }
 
@@ -238,8 +148,10 @@ impl PositionForce {
 mod tests {
     use super::*;
     use crate::bench::{named, pendulum_under};
+    use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Site, Unit, parameter};
     use crate::fit::{Effort, Point, basis, fit};
-    use crate::plant::PER_JOINT;
+    use crate::plant::{PER_JOINT, Plant};
+    use crate::scalar::Scalar;
     use crate::simulate::Hypothesis;
 
     /// A pendulum that swings and does not turn over.
@@ -266,7 +178,7 @@ mod tests {
         };
         let base = fitted(&Hypothesis::default(), &[]);
         let effects = fitted(named.0, named.1);
-        let law = over_position(&case, &directions, &settings, &base, |_| true).remove(0);
+        let law = free_laws(&case, &directions, &settings, &base, |_| true).remove(0);
         (case, effects, law)
     }
 
@@ -281,7 +193,14 @@ mod tests {
         ],
         amplitudes: &[0],
         starts: &[&[0.0, 0.0]],
-        ..COARSE
+        title: "",
+        equation: "",
+        source: "",
+        kind: Kind::Force,
+        has_joint: true,
+        confusions: &[],
+        regime: "",
+        simulator_field: None,
     };
     impl Model for Stop {
         fn info(&self) -> &'static Info {
@@ -318,11 +237,11 @@ mod tests {
         let spring = named(&["spring"]);
         let (case, effects, law) = beside(&stop(), &[k, from], (&spring, &[0.1, 0.0]));
         assert!(imitated(&case, &effects, &law));
-        let force = PositionForce::new(&case, &law, 1.0);
-        let width = force.positions[1] - force.positions[0];
+        let force = Nameless::new(&case, &law, 1.0).expect("a free law");
+        let width = force.at[1] - force.at[0];
         let bend = force.bend().expect("a stop bends");
         assert!((bend - from).abs() < width, "{bend}: {force:?}");
-        let [.., a, _, b] = force.forces[..] else {
+        let [.., a, _, b] = force.values[..] else {
             panic!("{force:?}");
         };
         let slope = (b - a) / (2.0 * width);
@@ -335,15 +254,62 @@ mod tests {
         let case = swung(&stop(), &[k, from]);
         let d = crate::diagnose::investigate(&case, &Settings::default()).diagnosis;
         assert_eq!((d.effect.as_str(), d.joint), ("unknown", None));
-        let law = d.remainder.and_then(|r| r.over_position);
+        let law = d.remainder.and_then(|r| r.nameless);
         let law = law.expect("a force over the position");
         assert_eq!(law.joint, 1);
         assert!(law.explained > 0.97, "{law:?}");
-        let free = law.positions.iter().zip(&law.forces).zip(&law.stds);
+        let free = law.at.iter().zip(&law.values).zip(&law.stds);
         for ((q, force), std) in free.filter(|((q, _), _)| **q < from) {
             let allowed = 4.0 * std.unwrap_or(f64::INFINITY) + 0.1;
             assert!(force.abs() < allowed, "{force} ± {std:?} at {q}");
         }
+    }
+
+    /// u (1 − loss (1 − exp(−t/T))).
+    #[derive(Debug)]
+    struct Fade;
+    static FADE: Info = Info {
+        id: "fade",
+        parameters: &[
+            parameter("loss", "1", Unit::One, 0.0, 1.0),
+            parameter("time_constant", "s", Unit::Time, 0.1, 100.0),
+        ],
+        kind: Kind::Channel,
+        ..STOP
+    };
+    impl Model for Fade {
+        fn info(&self) -> &'static Info {
+            &FADE
+        }
+    }
+    impl<D: Scalar> Law<D> for Fade {
+        fn input(&self, e: &[D], u: D, at: &Commands<'_>, _memory: &mut [D]) -> D {
+            let left = (-(e[1].inverse() * at.t)).exponential();
+            u * (e[0] * (left - 1.0) + 1.0)
+        }
+    }
+
+    #[test]
+    fn a_drive_that_fades_is_unknown_and_its_gain_is_shown() {
+        let (loss, constant) = (0.3, 2.0);
+        let fade = Hypothesis {
+            terms: vec![Term {
+                effect: Arc::new(Fade),
+                joint: 0,
+            }],
+        };
+        let case = swung(&fade, &[loss, constant]);
+        let d = crate::diagnose::investigate(&case, &Settings::default()).diagnosis;
+        assert_eq!((d.effect.as_str(), d.joint), ("unknown", None));
+        let law = d.remainder.and_then(|r| r.nameless);
+        let law = law.expect("a gain over the time");
+        assert_eq!((law.form, law.joint), (Form::GainOverTime, 1));
+        assert!(law.explained > 0.97, "{law:?}");
+        let faded = |t: f64| loss * (1.0 - (-t / constant).exp());
+        let (first, last) = (law.at[0], law.at[law.at.len() - 1]);
+        let found = law.values[0] - law.values[law.values.len() - 1];
+        let drawn = faded(last) - faded(first);
+        assert!((found - drawn).abs() < 0.1 * drawn, "{law:?}");
     }
 
     #[test]
@@ -352,50 +318,6 @@ mod tests {
             let cause = named(&[cause]);
             let (case, effects, law) = beside(&cause, e, (&cause, e));
             assert!(!imitated(&case, &effects, &law), "{cause:?}");
-        }
-    }
-
-    #[test]
-    fn slopes_of_the_force_agree_with_differences() {
-        let case = swung(&Hypothesis::default(), &[]);
-        let law = PositionLaw::new(&case, &COARSE);
-        let (first, last) = law.ends[0];
-        let e: Vec<f64> = (0..FEW).map(|i| (i as f64).sin()).collect();
-        let plant = Plant::<num_dual::Dual64>::new(
-            &case.nominal,
-            &[num_dual::Dual64::from(0.0); PER_JOINT],
-        );
-        let at = |q: f64, seed: f64| {
-            let q = [num_dual::Dual64::new(q, seed)];
-            let nothing = [num_dual::Dual64::from(0.0)];
-            let lifted: Vec<_> = e.iter().map(|&x| num_dual::Dual64::from(x)).collect();
-            let mut value = [num_dual::Dual64::from(0.0)];
-            let mut rate = value;
-            let site = Site {
-                joint: 0,
-                q: &q,
-                v: &nothing,
-                load: &nothing,
-                t: 0.0,
-                dt: 1e-3,
-            };
-            let mut forces = Forces {
-                value: &mut value,
-                rate: &mut rate,
-            };
-            law.force(&lifted, &site, &[], &mut forces, &plant);
-            value[0]
-        };
-        // Beyond both ends too; never over a knot.
-        for i in -2..=(2 * FEW as i32) {
-            let q = first + (last - first) * (0.5 * f64::from(i) + 0.26) / (FEW - 1) as f64;
-            let h = 1e-5 * (last - first);
-            let difference = (at(q + h, 0.0).re - at(q - h, 0.0).re) / (2.0 * h);
-            let exact = at(q, 1.0).eps;
-            assert!(
-                (exact - difference).abs() < 1e-6 * (1.0 + exact.abs()),
-                "{q}: {exact} {difference}"
-            );
         }
     }
 }

@@ -5,7 +5,7 @@ use super::refit::Refit;
 use super::remainder::share;
 use super::residue::{Residue, residue};
 use super::search::NEAR;
-use super::unnamed::{Imitated, PositionForce};
+use super::unnamed::{Imitated, Nameless};
 use super::{
     Diagnosis, Magnitude, Named, Ranked, Remainder, SCHEMA_VERSION, Settings, measured, noise_alone,
 };
@@ -120,7 +120,7 @@ pub(super) struct Parts<'a> {
     pub(super) ranking: &'a [Refit],
     pub(super) accepted: &'a [Term],
     pub(super) lagging: Option<(Term, f64, f64)>,
-    /// A force over the position that describes the records better than the effects accepted.
+    /// A law without a name that describes the records better than the effects accepted.
     pub(super) imitated: Option<Imitated>,
     pub(super) refits: usize,
     pub(super) clock: std::time::Instant,
@@ -180,11 +180,7 @@ impl Parts<'_> {
                 explained: share(before.total, after.total, floor),
                 own_error: false,
                 missing_force: Vec::new(),
-                over_position: Some(PositionForce::new(
-                    case,
-                    &law.refit,
-                    share(before.total, law.gap, floor),
-                )),
+                nameless: Nameless::new(case, &law.refit, share(before.total, law.gap, floor)),
             });
         let scale = misfit.max(1.0);
         // Neighbouring innovations of a misfit are not independent: the odds are tempered.
@@ -231,14 +227,14 @@ impl Parts<'_> {
             );
         }
         let (effect, joint, confidence, regime) = if unexplained {
-            let law = remainder.as_ref().and_then(|r| r.over_position.as_ref());
+            let law = remainder.as_ref().and_then(|r| r.nameless.as_ref());
             (
                 "unknown".to_owned(),
                 None,
                 OUTSIDE,
                 law.map_or_else(
                     || "what is left is larger than the noise".to_owned(),
-                    PositionForce::words,
+                    Nameless::words,
                 ),
             )
         } else if let Some(first) = named.first() {
