@@ -9,6 +9,26 @@ use std::ops::Mul;
 use crate::rigid::{Body, Hinge, M3, V3, add, cross, times};
 use crate::scalar::Scalar;
 
+/// Three components, each by its own expression: `map` is not inlined in the large kernels.
+macro_rules! three {
+    ($i:ident => $component:expr) => {
+        [
+            {
+                let $i = 0_usize;
+                $component
+            },
+            {
+                let $i = 1_usize;
+                $component
+            },
+            {
+                let $i = 2_usize;
+                $component
+            },
+        ]
+    };
+}
+
 /// What the links are subject to beside its drives.
 #[derive(Debug, Clone, Copy)]
 pub struct Surroundings<D> {
@@ -164,7 +184,7 @@ impl<D: Scalar> Linkage<D> {
         let base = Motion {
             w: zero,
             al: zero,
-            acc: around.gravity.map(|g| -g),
+            acc: three!(i => -around.gravity[i]),
         };
         let mut push = around.tip_force;
         let n = self.links.len();
@@ -303,7 +323,7 @@ impl<D: Scalar> Link<D> {
         match &self.mount {
             Mount::Same => [D::constant(a[0]), D::constant(a[1]), q + a[2]],
             Mount::Opposite => [D::constant(a[0]), D::constant(a[1]), -q + a[2]],
-            Mount::Turned(r) => [0, 1, 2].map(|i| q * r[i][2] + a[i]),
+            Mount::Turned(r) => three!(i => q * r[i][2] + a[i]),
         }
     }
 
@@ -313,7 +333,7 @@ impl<D: Scalar> Link<D> {
         let x = match &self.mount {
             Mount::Same => x,
             Mount::Opposite => [x[0], -x[1], -x[2]],
-            Mount::Turned(r) => [0, 1, 2].map(|i| x[0] * r[0][i] + x[1] * r[1][i] + x[2] * r[2][i]),
+            Mount::Turned(r) => three!(i => x[0] * r[0][i] + x[1] * r[1][i] + x[2] * r[2][i]),
         };
         if !self.revolute {
             return x;
@@ -334,7 +354,7 @@ impl<D: Scalar> Link<D> {
         match &self.mount {
             Mount::Same => x,
             Mount::Opposite => [x[0], -x[1], -x[2]],
-            Mount::Turned(r) => [0, 1, 2].map(|i| x[0] * r[i][0] + x[1] * r[i][1] + x[2] * r[i][2]),
+            Mount::Turned(r) => three!(i => x[0] * r[i][0] + x[1] * r[i][1] + x[2] * r[i][2]),
         }
     }
 
@@ -451,16 +471,15 @@ fn carried<D: Scalar + Mul<A, Output = D>, A: Copy>(
 /// `∫ |x + s|² E − (x + s)(x + s)ᵀ dm − I`.
 #[inline(always)]
 fn shifted<D: Scalar + Mul<A, Output = D>, A: Copy>(h: V3<D>, m: D, s: V3<A>) -> (V3<D>, [D; 6]) {
-    let moved = [0, 1, 2].map(|a| h[a] + m * s[a]);
-    let e = [0, 1, 2].map(|a| (h[a] + moved[a]) * s[a]);
-    let off = |a: usize, b: usize| -(h[a] * s[b] + moved[b] * s[a]);
+    let moved = three!(a => h[a] + m * s[a]);
+    let e = three!(a => (h[a] + moved[a]) * s[a]);
     let shift = [
         e[1] + e[2],
         e[0] + e[2],
         e[0] + e[1],
-        off(0, 1),
-        off(0, 2),
-        off(1, 2),
+        -(h[0] * s[1] + moved[1] * s[0]),
+        -(h[0] * s[2] + moved[2] * s[0]),
+        -(h[1] * s[2] + moved[2] * s[1]),
     ];
     (moved, shift)
 }
@@ -488,17 +507,14 @@ fn symmetric<D: Scalar>(i: &[D; 6], a: V3<D>) -> V3<D> {
 fn rotated<D: Scalar>(i: &[D; 6], r: &M3<f64>) -> [D; 6] {
     let full = [[i[0], i[3], i[4]], [i[3], i[1], i[5]], [i[4], i[5], i[2]]];
     // Columns R I e_j.
-    let c =
-        full.map(|row| [0, 1, 2].map(|a| row[0] * r[a][0] + row[1] * r[a][1] + row[2] * r[a][2]));
-    let entry = |a: usize, b: usize| c[0][a] * r[b][0] + c[1][a] * r[b][1] + c[2][a] * r[b][2];
-    [
-        entry(0, 0),
-        entry(1, 1),
-        entry(2, 2),
-        entry(0, 1),
-        entry(0, 2),
-        entry(1, 2),
-    ]
+    let c = three!(k => {
+        let row = &full[k];
+        three!(a => row[0] * r[a][0] + row[1] * r[a][1] + row[2] * r[a][2])
+    });
+    let x = three!(a => c[0][a] * r[0][0] + c[1][a] * r[0][1] + c[2][a] * r[0][2]);
+    let y = three!(a => c[0][a] * r[1][0] + c[1][a] * r[1][1] + c[2][a] * r[1][2]);
+    let z = three!(a => c[0][a] * r[2][0] + c[1][a] * r[2][1] + c[2][a] * r[2][2]);
+    [x[0], y[1], z[2], y[0], z[0], z[1]]
 }
 
 /// A body of a link's own frame in the one that `frame` turns into it.
