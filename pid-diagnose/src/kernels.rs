@@ -11,6 +11,7 @@ pub(crate) fn step<D: Pick>(
     machine: &mut Machine<'_, D>,
     state: &mut State<D>,
     commands: &[Commands<'_>],
+    links: Option<f64>,
 ) {
-    machine.advance(state, commands);
+    machine.advance(state, commands, links);
 }

@@ -26,7 +26,7 @@ use crate::effect::Commands;
 use crate::fit::{Direction, Fit, all_gains, linearise, value};
 use crate::linkage::Surroundings;
 use crate::plant::{PER_JOINT, Plant};
-use crate::predict::{Runner, substeps};
+use crate::predict::{Runner, Substeps};
 use crate::simulate::Machine;
 
 /// Length of a motion, s.
@@ -233,8 +233,8 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
     let feed = plant.clone();
     let mut machine = Machine::<f64>::new(plant, &fit.hypothesis, fit.point.e.clone());
     let geared = machine.gears.iter().any(Option::is_some);
-    let steps = substeps(h, geared);
-    let dt = h / steps as f64;
+    let steps = Substeps::new(h, geared, 1);
+    let dt = h / steps.number() as f64;
     let (mut linkage, mut mass, mut bias) = (feed.linkage(), vec![0.0; n * n], vec![0.0; n]);
     let mut u = vec![vec![0.0; samples]; n];
     let mut state = None;
@@ -264,7 +264,7 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
             u[j][k] = command[j];
         }
         let s = state.get_or_insert_with(|| machine.rest(&q, &v, &command));
-        for i in 0..steps {
+        for i in 0..steps.number() {
             let commands: Vec<Commands<'_>> = (0..n)
                 .map(|j| Commands {
                     u: &u[j][..=k],
@@ -275,7 +275,7 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
                     dt,
                 })
                 .collect();
-            machine.step(s, &commands);
+            machine.step(s, &commands, steps.links(h, i));
         }
         if s.q.iter().chain(&s.v).any(|x| x.is_nan() || x.abs() > 1e6) {
             return None;

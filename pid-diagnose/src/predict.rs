@@ -28,14 +28,38 @@ pub fn rows(record: &Record) -> usize {
     record.len() - ((SETTLING / record.h) as usize).min(record.len())
 }
 
-/// Number of substeps per sample.
-pub fn substeps(h: f64, geared: bool) -> usize {
-    let longest = if geared {
-        LONGEST_GEARED_STEP
-    } else {
-        LONGEST_STEP
-    };
-    ((h / longest).ceil() as usize).max(1)
+/// Substeps of a sample: mass matrix and bias of the links at the coarse ones, the rest at the fine ones.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Substeps {
+    /// Coarse substeps per sample.
+    coarse: usize,
+    /// Fine substeps per coarse one.
+    fine: usize,
+}
+
+impl Substeps {
+    /// For a sample time, s; `refined` multiplies both.
+    pub fn new(h: f64, geared: bool, refined: usize) -> Self {
+        let of = |length: f64, longest: f64| ((length / longest).ceil() as usize).max(1);
+        let coarse = of(h, LONGEST_STEP);
+        let fine = if geared {
+            of(h / coarse as f64, LONGEST_GEARED_STEP)
+        } else {
+            1
+        };
+        Substeps {
+            coarse: coarse * refined,
+            fine,
+        }
+    }
+    /// Fine substeps per sample.
+    pub fn number(self) -> usize {
+        self.coarse * self.fine
+    }
+    /// Time for which the links are evaluated at the fine substep `i` of a sample time, s, if they are.
+    pub fn links(self, h: f64, i: usize) -> Option<f64> {
+        i.is_multiple_of(self.fine).then(|| h / self.coarse as f64)
+    }
 }
 
 /// Gains of all joints under a hypothesis at its parameters.
@@ -96,7 +120,7 @@ pub struct Runner<'a, 'h, D: Pick> {
     pub(crate) case: &'a Case,
     pub(crate) record: &'a Record,
     pub(crate) machine: Machine<'h, D>,
-    substeps: usize,
+    substeps: Substeps,
 }
 
 impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
@@ -115,7 +139,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         Runner {
             case,
             record,
-            substeps: substeps(record.h, geared) * case.refined,
+            substeps: Substeps::new(record.h, geared, case.refined),
             machine,
         }
     }
@@ -198,8 +222,8 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
     }
 
     fn sample(&mut self, state: &mut State<D>, k: usize, commands: &mut Vec<Commands<'a>>) {
-        let dt = self.record.h / self.substeps as f64;
-        for s in 0..self.substeps {
+        let dt = self.record.h / self.substeps.number() as f64;
+        for s in 0..self.substeps.number() {
             commands.clear();
             for j in 0..self.case.n() {
                 commands.push(Commands {
@@ -211,7 +235,8 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                     dt,
                 });
             }
-            self.machine.step(state, commands);
+            let links = self.substeps.links(self.record.h, s);
+            self.machine.step(state, commands, links);
         }
     }
 
