@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use clap::Args;
-use pid_estimate::coverage::{Coverage, coverage};
+use pid_estimate::coverage::{Coverage, Study, coverage};
 use pid_estimate::synthetic::Recipe;
 use pid_interpret::Model;
 use pid_interpret::nominal::{Nominal, Ranges};
@@ -71,6 +71,9 @@ pub(crate) struct CoverageArgs {
     /// Parameter that is held at the truth; may be repeated.
     #[arg(long, value_name = "NAME")]
     pub(crate) hold: Vec<String>,
+    /// Parameter whose intervals by profile likelihood are counted too, at one more fit per set; may be repeated.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) profile: Vec<String>,
     /// One-step scheme.
     #[arg(long, default_value = "gauss-legendre-2", value_name = "SCHEME")]
     pub(crate) scheme: Scheme,
@@ -126,17 +129,23 @@ pub(crate) fn run(args: &CoverageArgs) -> Result<u8, CliError> {
         noise: [vec![*q; nq], vec![*v; nq]].concat(),
         outliers: (args.outliers, 30.0),
     };
-    let hold = args
-        .hold
-        .iter()
-        .map(|name| {
-            let position = model.params().iter().position(|p| p.name == *name);
-            position.ok_or_else(|| CliError::NoParameter {
-                option: "--hold",
-                name: name.clone(),
+    let positions = |option: &'static str, names: &[String]| -> Result<Vec<usize>, CliError> {
+        names
+            .iter()
+            .map(|name| {
+                let position = model.params().iter().position(|p| p.name == *name);
+                position.ok_or_else(|| CliError::NoParameter {
+                    option,
+                    name: name.clone(),
+                })
             })
-        })
-        .collect::<Result<_, _>>()?;
+            .collect()
+    };
+    let study = Study {
+        sets: args.sets,
+        seed: args.seed,
+        profiled: positions("--profile", &args.profile)?,
+    };
     let settings = Settings {
         scheme: args.scheme,
         likelihood: Some(Likelihood {
@@ -144,7 +153,7 @@ pub(crate) fn run(args: &CoverageArgs) -> Result<u8, CliError> {
             ..Likelihood::default()
         }),
         sandwich: args.sandwich,
-        hold,
+        hold: positions("--hold", &args.hold)?,
         ..Settings::default()
     };
     let truth: Vec<f64> = model.params().iter().map(|p| p.nominal).collect();
@@ -157,14 +166,7 @@ pub(crate) fn run(args: &CoverageArgs) -> Result<u8, CliError> {
             false => ControlFlow::Continue(()),
         }
     };
-    let found = coverage(
-        model,
-        &truth,
-        &recipe,
-        &settings,
-        (args.sets, args.seed),
-        &news,
-    )?;
+    let found = coverage(model, &truth, &recipe, &settings, &study, &news)?;
     drop(progress);
     make_folder(&args.out)?;
     let file = args.out.join("coverage.json");
@@ -199,6 +201,16 @@ fn in_words(model: &dyn Hessian, found: &Coverage) -> String {
             row.stated / row.scatter
         );
     }
+    for row in &found.rows {
+        if let Some((share, sets)) = row.profile {
+            let _ = writeln!(
+                s,
+                "  {:<24} {:6.1} % of {sets:<4} by profile likelihood",
+                name(row.parameter),
+                100.0 * share
+            );
+        }
+    }
     let _ = writeln!(
         s,
         "  all together             {:6.1} %",
@@ -222,7 +234,7 @@ fn as_json(model: &dyn Hessian, found: &Coverage) -> serde_json::Value {
         "overall": found.overall(), "elsewhere": found.elsewhere,
         "parameters": found.rows.iter().map(|r| json!({
             "name": name(r.parameter), "share": r.share, "sets": r.sets, "bias_over_scatter": r.bias, "scatter": r.scatter,
-            "stated": r.stated,
+            "stated": r.stated, "profile": r.profile.map(|(share, sets)| json!({ "share": share, "sets": sets })),
         })).collect::<Vec<_>>(),
     })
 }

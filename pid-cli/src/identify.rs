@@ -134,14 +134,19 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
         )?;
         intervals.extend(bootstrap_findings(model.params(), &drawn));
     }
-    for j in profiled {
-        progress.step(format!("profile likelihood of {}", model.params()[j].name));
+    if !profiled.is_empty() {
         let mut go_on = |_: &ident::Progress<'_>| match interrupt.requested() {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
         };
-        let found = ident::profile(model, &dataset, &settings, &identification, j, &mut go_on)?;
-        intervals.push(profile_finding(&model.params()[j], &found));
+        progress.step("profile likelihood".to_owned());
+        let profiler =
+            ident::Profiler::new(model, &dataset, &settings, &identification, &mut go_on)?;
+        for j in profiled {
+            progress.step(format!("profile likelihood of {}", model.params()[j].name));
+            let found = profiler.interval(j, &mut go_on)?;
+            intervals.push(profile_finding(&model.params()[j], &found));
+        }
     }
     let seconds = started.elapsed().as_secs_f64();
     let best = identification.best();

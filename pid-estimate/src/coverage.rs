@@ -8,13 +8,13 @@ use std::ops::ControlFlow;
 
 use pid_runtime::data::Dataset;
 use pid_runtime::dynamics::Hessian;
-use pid_runtime::ident::{self, IdentError, Identification, Progress, Settings};
+use pid_runtime::ident::{self, IdentError, Identification, Profiler, Progress, Settings};
 use pid_runtime::integrate::SimulateError;
 use rayon::prelude::*;
 
 use crate::synthetic::{Recipe, records};
 
-/// Half width of a 95 % interval in standard deviations.
+/// Half width of a 95 % interval in standard deviations; its square is χ²₁(0.95).
 const QUANTILE: f64 = 1.959_963_984_540_054;
 /// Most rounds of holding parameters.
 const ROUNDS: usize = 20;
@@ -59,6 +59,20 @@ pub struct Row {
     pub scatter: f64,
     /// Mean standard deviation they state.
     pub stated: f64,
+    /// Share of the sets whose 95 % interval by profile likelihood holds the truth, and the sets with such an interval, those with
+    /// the parameter at a bound included; `None` unless it was asked for.
+    pub profile: Option<(f64, usize)>,
+}
+
+/// The size of a study.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Study {
+    /// Number of data sets.
+    pub sets: usize,
+    /// Seed of the first; each further one has the next.
+    pub seed: u64,
+    /// Parameters whose intervals by profile likelihood are counted too, one more fit per set each; those held are passed over.
+    pub profiled: Vec<usize>,
 }
 
 /// A finished study.
@@ -88,7 +102,7 @@ impl Coverage {
     }
 }
 
-/// Simulates and identifies `sets` data sets; `settings` as for one of them, the fits start at the truth.
+/// Simulates and identifies the data sets of a study; `settings` as for one of them, the fits start at the truth.
 ///
 /// `news` is called with the number of finished sets and may end the study.
 ///
@@ -99,11 +113,11 @@ pub fn coverage(
     truth: &[f64],
     recipe: &Recipe,
     settings: &Settings,
-    (sets, seed): (usize, u64),
+    study: &Study,
     news: &(dyn Fn(usize) -> ControlFlow<()> + Sync),
 ) -> Result<Coverage, CoverageError> {
     let make = |set: usize| -> Result<Dataset, CoverageError> {
-        records(model, truth, recipe, seed.wrapping_add(set as u64))
+        records(model, truth, recipe, study.seed.wrapping_add(set as u64))
             .map_err(|error| CoverageError::Simulate { set, error })
     };
     let fit = |dataset: &Dataset, settings: &Settings| -> Result<Identification, IdentError> {
@@ -146,22 +160,48 @@ pub fn coverage(
     let done = std::sync::atomic::AtomicUsize::new(0);
     let stopped = std::sync::atomic::AtomicBool::new(false);
     use std::sync::atomic::Ordering::Relaxed;
-    let found: Vec<Option<Identification>> = (0..sets)
+    let profiled: Vec<usize> = free
+        .iter()
+        .copied()
+        .filter(|j| study.profiled.contains(j))
+        .collect();
+    type Set = (Identification, Vec<f64>);
+    let found: Vec<Option<Set>> = (0..study.sets)
         .into_par_iter()
         .map(|set| {
             if stopped.load(Relaxed) {
                 return Ok(None);
             }
-            let found = fit(&make(set)?, &settings)?;
+            let dataset = make(set)?;
+            let found = fit(&dataset, &settings)?;
+            let mut costs = Vec::with_capacity(profiled.len());
+            if !profiled.is_empty() {
+                let go_on = &mut |_: &Progress<'_>| ControlFlow::Continue(());
+                let profiler = Profiler::new(model, &dataset, &settings, &found, go_on)?;
+                for &j in &profiled {
+                    costs.push(profiler.deviance(j, truth[j], go_on)?);
+                }
+            }
             if news(done.fetch_add(1, Relaxed) + 1).is_break() {
                 stopped.store(true, Relaxed);
             }
-            Ok(Some(found))
+            Ok(Some((found, costs)))
         })
         .collect::<Result<_, CoverageError>>()?;
-    let all: Vec<Identification> = found.into_iter().flatten().collect();
-    let (good, bad): (Vec<_>, Vec<_>) = all.into_iter().partition(|f| f.best().status.converged());
-    let rows: Vec<Row> = free.iter().map(|&j| row(j, truth[j], &good)).collect();
+    let all: Vec<Set> = found.into_iter().flatten().collect();
+    let (good, bad): (Vec<_>, Vec<_>) = all
+        .into_iter()
+        .partition(|(f, _)| f.best().status.converged());
+    let rows: Vec<Row> = free
+        .iter()
+        .map(|&j| {
+            let at = profiled.iter().position(|&p| p == j);
+            Row {
+                profile: at.map(|at| held_by_profiles(good.iter().map(|(_, costs)| costs[at]))),
+                ..row(j, truth[j], good.iter().map(|(f, _)| f))
+            }
+        })
+        .collect();
     let far = rows.iter().filter(|r| r.bias.abs() > FAR).count();
     Ok(Coverage {
         elsewhere: good.len() > 2 && 3 * far >= rows.len(),
@@ -172,9 +212,15 @@ pub fn coverage(
     })
 }
 
-fn row(parameter: usize, truth: f64, found: &[Identification]) -> Row {
+/// Share of the deviances at the truth within an interval of 95 %, and their number.
+fn held_by_profiles(costs: impl Iterator<Item = f64>) -> (f64, usize) {
+    let known: Vec<f64> = costs.filter(|c| c.is_finite()).collect();
+    let within = known.iter().filter(|c| **c <= QUANTILE * QUANTILE).count();
+    (within as f64 / known.len().max(1) as f64, known.len())
+}
+
+fn row<'a>(parameter: usize, truth: f64, found: impl Iterator<Item = &'a Identification>) -> Row {
     let pairs: Vec<(f64, f64)> = found
-        .iter()
         .filter_map(|f| Some((f.best().parameters[parameter], f.deviations[parameter]?)))
         .collect();
     let n = pairs.len().max(1) as f64;
@@ -189,5 +235,6 @@ fn row(parameter: usize, truth: f64, found: &[Identification]) -> Row {
         bias: (mean - truth) / scatter.max(f64::MIN_POSITIVE),
         scatter,
         stated: pairs.iter().map(|p| p.1).sum::<f64>() / n,
+        profile: None,
     }
 }

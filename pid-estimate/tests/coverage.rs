@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use pid_estimate::coverage::coverage;
+use pid_estimate::coverage::{Study, coverage};
 use pid_estimate::synthetic::Recipe;
 use pid_models::ServoPendulum;
 use pid_runtime::dynamics::Dynamics;
@@ -33,7 +33,12 @@ fn intervals_of_a_servo_hold_the_truth() {
             ..Settings::default()
         };
         let go_on = |_: usize| ControlFlow::Continue(());
-        let found = coverage(&ServoPendulum, &truth, &recipe, &settings, (40, 1), &go_on)
+        let study = Study {
+            sets: 40,
+            seed: 1,
+            profiled: (0..truth.len()).collect(),
+        };
+        let found = coverage(&ServoPendulum, &truth, &recipe, &settings, &study, &go_on)
             .expect("identifies");
         assert_eq!(found.sets.1, 0, "{found:?}");
         // Of mass, length, gain, resistance, rotor and friction, the motion tells the ratios only: some are held.
@@ -46,6 +51,10 @@ fn intervals_of_a_servo_hold_the_truth() {
             // Square loss: stated deviations are those of the scatter (known to 1/√80 = 11 %).
             let ratio = row.stated / row.scatter;
             assert!((0.7..1.5).contains(&ratio), "{loss:?}: {row:?}");
+            // Profiles agree where the posterior is nearly normal.
+            let (share, sets) = row.profile.expect("was asked for");
+            assert_eq!(sets, 40, "{loss:?}: {row:?}");
+            assert!((share - row.share).abs() < 0.08, "{loss:?}: {row:?}");
         }
     }
 }

@@ -7,7 +7,7 @@ use pid_models::ServoPendulum;
 use pid_runtime::data::{Dataset, Horizon};
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::ident::{
-    Identification, Likelihood, Method, Prepare, Progress, Settings, identify, profile,
+    Identification, Likelihood, Method, Prepare, Profiler, Progress, Settings, identify,
 };
 use pid_runtime::transcribe::{Loss, Prior, Scheme};
 
@@ -218,14 +218,33 @@ fn the_windows_gradients_sum_to_that_of_the_priors() {
 #[test]
 fn a_profile_of_a_nearly_normal_posterior_is_its_normal_interval() {
     let dataset = records(&ServoPendulum, &truth(), &recipe(3), 17).expect("simulates");
-    let settings = settings(
-        &["dry_shaft", "viscous_shaft", "gain_shaft"],
-        Likelihood::default(),
-    );
-    let found = fit(&dataset, &settings);
+    let with = |loss| {
+        let likelihood = Likelihood {
+            loss,
+            ..Likelihood::default()
+        };
+        settings(&["dry_shaft", "viscous_shaft", "gain_shaft"], likelihood)
+    };
+    // Position and velocity, weighed without noise levels.
+    let weighed = Settings {
+        likelihood: None,
+        ..with(Loss::Square)
+    };
+    for settings in [
+        with(Loss::Square),
+        with(Loss::StudentT { freedom: 4.0 }),
+        weighed,
+    ] {
+        its_profile_is_the_normal_interval(&dataset, &settings);
+    }
+}
+
+fn its_profile_is_the_normal_interval(dataset: &Dataset, settings: &Settings) {
+    let found = fit(dataset, settings);
     let j = position("gain_shaft");
     let go_on = &mut |_: &Progress<'_>| ControlFlow::Continue(());
-    let interval = profile(&ServoPendulum, &dataset, &settings, &found, j, go_on).expect("fits");
+    let profiler = Profiler::new(&ServoPendulum, dataset, settings, &found, go_on).expect("fits");
+    let interval = profiler.interval(j, go_on).expect("fits");
     let (value, deviation) = (
         found.best().parameters[j],
         found.deviations[j].expect("determined"),
@@ -275,7 +294,8 @@ fn priors_are_knowledge_of_what_the_records_leave_open() {
     // The profile agrees that it is wide, and stays within the bounds.
     let j = position("gain_shaft");
     let go_on = &mut |_: &Progress<'_>| ControlFlow::Continue(());
-    let interval = profile(&ServoPendulum, &dataset, &settings, &known, j, go_on).expect("fits");
+    let profiler = Profiler::new(&ServoPendulum, &dataset, &settings, &known, go_on).expect("fits");
+    let interval = profiler.interval(j, go_on).expect("fits");
     let value = known.best().parameters[j];
     let info = &ServoPendulum.params()[j];
     let (low, high) = (

@@ -504,6 +504,7 @@ pub(super) fn identify(
         sandwich: spread.sandwich,
         noise: vec![None; 2 * model.dims().nq],
         correlation_factor: spread.correlation_factor,
+        dispersion: spread.dispersion,
         fixed,
         lower,
         upper,

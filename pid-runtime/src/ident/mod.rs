@@ -29,7 +29,7 @@ mod uncertainty;
 pub use cross_validation::{CandidateScore, CrossValidationError, cross_validate};
 pub use error::IdentError;
 pub use likelihood::Likelihood;
-pub use profile::{Profile, profile};
+pub use profile::{Profile, Profiler};
 pub use settings::{InitialState, Method, Prepare, Settings, Weighting};
 pub use starts::{Optimum, Sampling};
 pub use uncertainty::{Covariance, OpenDirection};
@@ -106,6 +106,9 @@ pub struct Identification {
     pub noise: Vec<Option<f64>>,
     /// Factor on the variances for residuals that are correlated in time (1 for white ones).
     pub correlation_factor: f64,
+    /// Dispersion of the residuals as the loss ρ sees it, `½ Σρ'²/Σρ''` over the degrees of freedom: their variance for squares, and what
+    /// a difference of objectives is divided by to be χ² distributed (J. T. Kent, Biometrika 69, 1982).
+    pub dispersion: f64,
     /// Held parameters.
     pub fixed: Vec<bool>,
     /// Bounds that were in force.

@@ -133,6 +133,7 @@ pub(super) fn from_starts<P: Motions>(
         sandwich: spread.sandwich,
         noise,
         correlation_factor: spread.correlation_factor,
+        dispersion: spread.dispersion,
         fixed: fixed.clone(),
         lower: lower.clone(),
         upper: upper.clone(),

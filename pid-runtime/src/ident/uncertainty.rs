@@ -51,6 +51,8 @@ pub(super) struct Spread {
     pub(super) deviations: Vec<Option<f64>>,
     pub(super) undetermined: usize,
     pub(super) correlation_factor: f64,
+    /// `½ Σρ'²/Σρ''`, corrected for the number of unknowns.
+    pub(super) dispersion: f64,
     pub(super) covariance: Option<Covariance>,
     pub(super) open: Vec<OpenDirection>,
     /// Whether the sandwich form was asked for and could be made.
@@ -63,6 +65,7 @@ impl Spread {
             deviations: vec![None; np],
             undetermined: np,
             correlation_factor: 1.0,
+            dispersion: 1.0,
             covariance: None,
             open: Vec::new(),
             sandwich: false,
@@ -176,8 +179,8 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
     };
     let (u, d) = (eigen.U(), eigen.S());
     let largest = (0..n).fold(0.0_f64, |a, k| a.max(d[k]));
-    let unit = gradient_variance(solved) * count as f64 / (count - unknowns) as f64
-        * spread.correlation_factor;
+    spread.dispersion = dispersion(solved) * count as f64 / (count - unknowns) as f64;
+    let unit = 2.0 * solved.share * spread.dispersion * spread.correlation_factor;
     let rounding = ROUNDING * n as f64 * largest;
     let least = (unit / SHARE_OF_RANGE.powi(2)).max(rounding);
     let expected: Vec<bool> = free
@@ -249,15 +252,15 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
     spread
 }
 
-/// `1/N Σρ'²/Σρ''`: the factor between Hessian and variance of the gradient for white residuals.
-fn gradient_variance(solved: &Solved<'_>) -> f64 {
+/// `½ Σρ'²/Σρ''`: with 2/N the factor between Hessian and variance of the gradient for white residuals; for squares their variance.
+fn dispersion(solved: &Solved<'_>) -> f64 {
     let (mut slope, mut curvature) = (0.0, 0.0);
     for r in solved.residuals.iter().filter(|r| !r.is_nan()) {
         let z = r / solved.share.sqrt();
         slope += solved.loss.slope(z).powi(2);
         curvature += solved.loss.curvature(z);
     }
-    solved.share * slope / curvature.max(f64::MIN_POSITIVE)
+    0.5 * slope / curvature.max(f64::MIN_POSITIVE)
 }
 
 /// Variance of the gradient from the windows' own gradients; `None` if not asked for or with too few windows.
