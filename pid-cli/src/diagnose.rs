@@ -157,6 +157,24 @@ pub(crate) fn summary(d: &Diagnosis) -> String {
     for m in d.missing_force.iter().filter(|m| m.share > 0.1) {
         text.push_str(&force("missing force", m));
     }
+    for s in &d.signals {
+        let velocity = s.velocity.as_ref().map(|v| &v.timing);
+        let paths = [
+            ("input acts", s.input.as_ref()),
+            ("velocity shows", velocity),
+        ];
+        for (what, a) in paths {
+            if let Some((a, std)) = a.filter(|a| a.noticeable()).and_then(|a| Some((a, a.std?))) {
+                text.push_str(&format!(
+                    "  signals: {what} {:.1} ± {:.1} ms late at joint {} (stated {:.1} ms)\n",
+                    1e3 * a.delay,
+                    1e3 * std,
+                    s.joint,
+                    1e3 * a.stated
+                ));
+            }
+        }
+    }
     if let Some(n) = &d.next_experiment {
         text.push_str(&format!(
             "  next: next_experiment.csv separates {} and {}, expected log-likelihood ratio {:.1}\n",

@@ -195,6 +195,19 @@ impl Sums {
 }
 
 impl Gap {
+    /// Share of each joint and channel in the squared gap; all zero where there is none.
+    pub fn shares(&self) -> Vec<(f64, Option<f64>)> {
+        let all = self.joints.iter();
+        let sum: f64 = all
+            .flat_map(|(q, v)| std::iter::once(*q).chain(*v))
+            .map(|x| x * x)
+            .sum();
+        let share = |x: f64| x * x / sum.max(1e-300);
+        self.joints
+            .iter()
+            .map(|(q, v)| (share(*q), v.map(share)))
+            .collect()
+    }
     /// Interval of 95 % of the total, by drawing the windows anew (B. Efron, R. J. Tibshirani, An Introduction to the
     /// Bootstrap, 1993, chapter 13), about the stated total; fixed seed.
     pub fn interval(&self) -> (f64, f64) {

@@ -82,4 +82,5 @@ pub mod screen;
 pub mod simulate;
 pub mod study;
 pub mod thin;
+pub mod timing;
 pub mod windows;

@@ -9,6 +9,7 @@ use crate::locate::{Axis, Place, classes};
 use crate::next::Experiment;
 use crate::plot;
 use crate::report::Report;
+use crate::timing::Alignment;
 
 const STYLE: &str = ":root{color-scheme:light dark;--page:#f6f7f9;--card:#fff;--text:#14181f;--quiet:#5a6473;--line:#e3e7ed;--axis:#b4bcc8;\
 --bar:#4a7ab5;--force:#8e3fc9;--band:#2b3440;--forward:#1d6fd6;--backward:#d9480f}\
@@ -24,7 +25,7 @@ td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}.equation{font-fami
 .plots{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(24rem,100%),1fr));gap:.4rem 1.2rem}figure{margin:0}.single{max-width:38rem}\
 svg{width:100%;height:auto;display:block}svg.bars{max-width:46rem}svg text{fill:var(--quiet);font:11px system-ui,sans-serif}\
 svg.bars text{font-size:13px;fill:var(--text)}svg.bars rect{fill:var(--bar)}.grid{stroke:var(--line)}.zero{stroke:var(--axis)}\
-.band{fill:var(--band);opacity:.16}.force{fill:none;stroke:var(--force);stroke-width:1.2}circle.forward{fill:var(--forward)}\
+.band{fill:var(--band);opacity:.16}.stated{stroke:var(--quiet);stroke-dasharray:4 3}.force{fill:none;stroke:var(--force);stroke-width:1.2}circle.forward{fill:var(--forward)}\
 circle.backward{fill:var(--backward)}.dot{opacity:.28}.mean{fill:none;stroke-width:1.8}.mean.forward,.spread.forward{stroke:var(--forward)}\
 .mean.backward,.spread.backward{stroke:var(--backward)}.legend i{display:inline-block;width:9px;height:9px;border-radius:50%;margin:0 .4rem 0 .9rem}";
 
@@ -64,6 +65,7 @@ pub(crate) fn page(report: &Report) -> String {
                     (joints(d))
                 }
                 section { (located(report)) }
+                @if !d.signals.is_empty() { section { (signals(report)) } }
                 section {
                     h2 { "Which" }
                     (ranking(d))
@@ -128,6 +130,62 @@ fn located(report: &Report) -> Markup {
             }
         }
     }
+}
+
+/// When inputs act and readings show.
+fn signals(report: &Report) -> Markup {
+    let name = |j: usize| &report.found.case.nominal.joints[j - 1].name;
+    let all = &report.diagnosis().signals;
+    html! {
+        h2 { "Signal paths" }
+        p class="quiet" {
+            "When the input acts: shift of the input against the force that moves the joint, beside errors of inertia, gain, friction, offset "
+            "and gravity. When the velocity shows: shift of its reading against the derivative of the positions, and its factor. "
+            "A figure in bold differs from what is stated by four standard deviations and takes 30 % of the squares away."
+        }
+        table {
+            tr { th { "joint" } th class="n" { "input acts late by" } th class="n" { "velocity shows late by" } th class="n" { "stated" } th class="n" { "velocity over derivative" } th class="n" { "mismatch" } }
+            @for s in all {
+                tr {
+                    td { (name(s.joint)) }
+                    td class="n" { (shift(s.input.as_ref(), "not determined")) }
+                    @match &s.velocity {
+                        Some(v) => {
+                            td class="n" { (shift(Some(&v.timing), "")) }
+                            td class="n" { (format!("{:.2} ms", 1e3 * v.timing.stated)) }
+                            td class="n" { (format!("{:.4}", v.scale)) }
+                            td class="n" { (format!("{:.2} %", 100.0 * v.mismatch)) }
+                        }
+                        None => td class="n" colspan="4" { "no velocity recorded" }
+                    }
+                }
+            }
+        }
+        div class="plots" {
+            @for s in all {
+                @for (what, found) in [("input", s.input.as_ref()), ("velocity", s.velocity.as_ref().map(|v| &v.timing))] {
+                    @if let Some(a) = found {
+                        figure {
+                            (plot::alignment(a, &format!("left of the {what}, %")))
+                            figcaption { (name(s.joint)) ": what a shift of the " (what) " leaves; bar: best shift with two standard deviations, dashes: stated" }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A shift in words, bold where it is news.
+fn shift(found: Option<&Alignment>, absent: &str) -> Markup {
+    let Some(a) = found else {
+        return html! { (absent) };
+    };
+    let text = match a.std {
+        Some(std) => format!("{:.2} ± {:.2} ms", 1e3 * a.delay, 1e3 * std),
+        None => "not determined".to_owned(),
+    };
+    html! { @if a.noticeable() { b { (text) } } @else { (text) } }
 }
 
 fn unit(report: &Report, j: usize) -> &'static str {
@@ -373,19 +431,24 @@ fn joints(d: &Diagnosis) -> Markup {
         .zip(&d.gap_joints)
         .enumerate()
         .collect();
+    let part = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{:.0} %", 100.0 * x));
     html! {
         table {
-            tr { th { "joint" } th class="n" { "position before" } th class="n" { "after" } th class="n" { "velocity before" } th class="n" { "after" } }
+            tr { th { "joint" } th class="n" { "position before" } th class="n" { "share" } th class="n" { "after" } th class="n" { "velocity before" } th class="n" { "share" } th class="n" { "after" } }
             @for (j, (before, after)) in rows {
+                @let share = d.gap_shares.get(j);
                 tr {
                     td { (j + 1) }
                     td class="n" { (figure(Some(before.0))) }
+                    td class="n" { (part(share.map(|s| s.0))) }
                     td class="n" { (figure(Some(after.0))) }
                     td class="n" { (figure(before.1)) }
+                    td class="n" { (part(share.and_then(|s| s.1))) }
                     td class="n" { (figure(after.1)) }
                 }
             }
         }
+        p class="quiet" { "Share: part of the squared gap before that this joint and channel have." }
     }
 }
 

@@ -4,6 +4,7 @@ use maud::{Markup, PreEscaped, html};
 
 use crate::diagnose::Nameless;
 use crate::locate::{Class, Curve, Sample};
+use crate::timing::Alignment;
 
 const WIDTH: f64 = 460.0;
 const HEIGHT: f64 = 210.0;
@@ -125,6 +126,36 @@ pub(crate) fn over_time(curve: &Curve, unit: &str) -> Markup {
         ("time, s", &format!("missing force, {unit}")),
         &content,
     )
+}
+
+/// What shifts of a channel leave, the best shift with two deviations, the stated one.
+pub(crate) fn alignment(a: &Alignment, name: &str) -> Markup {
+    let points_of = || a.curve.iter().map(|(t, x)| (1e3 * t, 100.0 * x));
+    let ends = |f: &dyn Fn(&(f64, f64)) -> f64| {
+        points_of()
+            .map(|p| f(&p))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| {
+                (l.min(x), h.max(x))
+            })
+    };
+    let x = Scale::new(ends(&|p| p.0), LEFT, WIDTH - RIGHT, 0.0);
+    let y = Scale::new((0.0, ends(&|p| p.1).1), HEIGHT - BOTTOM, TOP, 0.04);
+    let line = points(&x, &y, points_of());
+    let mut content = format!("<polyline class=\"force\" points=\"{line}\"/>");
+    let (top, bottom) = (TOP, HEIGHT - BOTTOM);
+    let stated = x.at(1e3 * a.stated);
+    content.push_str(&format!(
+        "<line class=\"stated\" x1=\"{stated:.1}\" x2=\"{stated:.1}\" y1=\"{top}\" y2=\"{bottom}\"/>"
+    ));
+    if let Some(std) = a.std {
+        let edge = |sign: f64| x.at(1e3 * (a.delay + sign * 2.0 * std));
+        let (from, width) = (edge(-1.0), (edge(1.0) - edge(-1.0)).max(1.5));
+        content.push_str(&format!(
+            "<rect class=\"band\" x=\"{from:.1}\" y=\"{top}\" width=\"{width:.1}\" height=\"{:.1}\"/>",
+            bottom - top
+        ));
+    }
+    frame(&x, &y, ("shift, ms", name), &content)
 }
 
 /// A free law with its band, straight between its marks.

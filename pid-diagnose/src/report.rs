@@ -7,11 +7,13 @@ use pid_runtime::dynamics::Dynamics;
 use serde::{Deserialize, Serialize};
 
 use crate::case::{Case, CaseError};
+use crate::channel::{Reading, inputs, readings};
 use crate::diagnose::{Diagnosis, Found, Settings, investigate};
 use crate::fit::Fit;
 use crate::locate::{Place, locate, rest};
 use crate::next::{Experiment, separate};
 use crate::nominal::Nominal;
+use crate::timing::Alignment;
 
 /// A file of a report cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +38,17 @@ pub struct Share {
     pub regime: String,
     /// How far it is a function of that quantity and the direction, 0 to 1.
     pub explained: f64,
+}
+
+/// When the input of one joint acts, and when its velocity shows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Signals {
+    /// Joint from 1.
+    pub joint: usize,
+    /// The input against the force that moves the joint, all records; `None` where they tell nothing of it.
+    pub input: Option<Alignment>,
+    /// The velocity reading against the derivative of the positions, all records; `None` where no velocity is recorded.
+    pub velocity: Option<Reading>,
 }
 
 /// How well a further motion would separate the first two rivals.
@@ -135,6 +148,7 @@ impl Report {
         if let Ok(place) = &place {
             found.diagnosis.missing_force = shares(place);
         }
+        found.diagnosis.signals = signals(&case, &found.base);
         if let Some(left) = &mut found.diagnosis.remainder {
             left.missing_force = shares(&rest(&found.case, &found.fit));
         }
@@ -172,6 +186,18 @@ impl Report {
         }
         put("diagnosis.json", &self.diagnosis().to_json())
     }
+}
+
+fn signals(case: &Case, base: &Fit) -> Vec<Signals> {
+    // Where the structure cannot be evaluated the missing force says why.
+    let inputs = inputs(case, &base.point.theta).unwrap_or_else(|_| vec![None; case.n()]);
+    let both = inputs.into_iter().zip(readings(case)).enumerate();
+    both.map(|(j, (input, velocity))| Signals {
+        joint: j + 1,
+        input,
+        velocity,
+    })
+    .collect()
 }
 
 fn shares(place: &Place) -> Vec<Share> {

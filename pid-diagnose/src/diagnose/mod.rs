@@ -24,7 +24,7 @@ use crate::case::Case;
 use crate::effect::Effect;
 use crate::fit::{Fit, value};
 use crate::gap::{Floor, Gap, floor, gap};
-use crate::report::{Next, Share};
+use crate::report::{Next, Share, Signals};
 use crate::thin::{lengthen, thin};
 pub use residue::Residue;
 use search::search;
@@ -200,9 +200,15 @@ pub struct Diagnosis {
     /// The same before.
     #[serde(default)]
     pub gap_joints_before: Vec<(f64, Option<f64>)>,
+    /// Share of each joint and channel in the squared gap before: position, velocity; they add up to 1.
+    #[serde(default)]
+    pub gap_shares: Vec<(f64, Option<f64>)>,
     /// Where the missing force of the nominal structure lives, joint by joint; empty if it was not looked for.
     #[serde(default)]
     pub missing_force: Vec<Share>,
+    /// When inputs act and readings show, joint by joint; empty if it was not looked for.
+    #[serde(default)]
+    pub signals: Vec<Signals>,
     /// The motion that would separate the rivals that are left, if there are any and it was looked for.
     #[serde(default)]
     pub next_experiment: Option<Next>,

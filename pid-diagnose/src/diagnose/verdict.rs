@@ -119,7 +119,7 @@ pub(super) struct Parts<'a> {
     pub(super) before: &'a Gap,
     pub(super) ranking: &'a [Refit],
     pub(super) accepted: &'a [Term],
-    pub(super) lagging: Option<(Term, f64, f64)>,
+    pub(super) lagging: Option<(Term, Magnitude, f64)>,
     /// A law without a name that describes the records better than the effects accepted.
     pub(super) imitated: Option<Imitated>,
     pub(super) refits: usize,
@@ -146,17 +146,13 @@ impl Parts<'_> {
         let mut named = name(case, &fit);
         if let Some((term, lag, _)) = &lagging {
             fit.hypothesis.terms.push(term.clone());
-            fit.point.e.push(*lag);
+            fit.point.e.push(lag.value);
             named.insert(
                 0,
                 Named {
                     effect: term.effect.info().id.to_owned(),
                     joint: term.shown_joint(),
-                    parameters: vec![Magnitude {
-                        name: "time_constant_s".to_owned(),
-                        value: *lag,
-                        std: None,
-                    }],
+                    parameters: vec![lag.clone()],
                     regime: term.effect.info().regime.to_owned(),
                 },
             );
@@ -292,7 +288,9 @@ impl Parts<'_> {
             gap_floor: floor,
             gap_joints: after.joints,
             gap_joints_before: before.joints.clone(),
+            gap_shares: before.shares(),
             missing_force: Vec::new(),
+            signals: Vec::new(),
             remainder,
             beyond_tolerance: Vec::new(),
             next_experiment: None,
@@ -310,7 +308,7 @@ impl Parts<'_> {
 }
 
 /// A derived velocity that does not follow from its positions as stated.
-pub(super) fn lagging_velocity(case: &Case, settings: &Settings) -> Option<(Term, f64, f64)> {
+pub(super) fn lagging_velocity(case: &Case, settings: &Settings) -> Option<(Term, Magnitude, f64)> {
     let effect = settings
         .effects
         .iter()
@@ -326,7 +324,11 @@ pub(super) fn lagging_velocity(case: &Case, settings: &Settings) -> Option<(Term
                     effect: effect.clone(),
                     joint,
                 },
-                c.lag,
+                Magnitude {
+                    name: "time_constant_s".to_owned(),
+                    value: c.lag,
+                    std: c.lag_std,
+                },
                 c.mismatch / c.with_lag.max(1e-12),
             )
         })
