@@ -1,5 +1,5 @@
 //! Simulated records with noise and with a plant whose Stribeck friction the model lacks: of the two-link robot under sums of sines,
-//! of the six-axis arm under inverse-dynamics control.
+//! of the six-axis arm under inverse-dynamics control, with and without the rotors of its drives.
 
 use std::f64::consts::TAU;
 
@@ -7,8 +7,11 @@ use pid_models::Arm6;
 use pid_runtime::data::{
     Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
 };
-use pid_runtime::dynamics::{At, Dynamics, Hessian, JointInfo};
+use pid_runtime::dynamics::{
+    At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
+};
 use pid_runtime::integrate::{self, Drive, SimulateError, Simulator};
+use pid_runtime::lanes::{Lane, LanesAt};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -62,8 +65,139 @@ fn reference(t: f64, j: usize) -> [f64; 3] {
     [q, v, a_to]
 }
 
+/// Inertia of a rotor of [`Geared`] as the joint feels it, kg·m²: the `armature` of every joint of the UR10e in MuJoCo Menagerie
+/// (`universal_robots_ur10e/ur10e.xml`; K. Zakka, Y. Tassa et al., 2022).
+pub const ROTOR: f64 = 0.1;
+
+/// A model whose drives have rotors of known inertia, [`ROTOR`], at every joint.
+///
+/// The arm of the benchmarks has none: its flange of 5e-4 kg·m² then moves behind 4 N·m of dry friction, with a time constant at rest
+/// of a few microseconds.
+pub struct Geared<'m> {
+    inner: &'m dyn Hessian,
+    /// Entry of ∂r_j/∂a_j in the pattern of the Jacobian.
+    own: Vec<usize>,
+}
+
+impl<'m> Geared<'m> {
+    /// The model with rotors.
+    ///
+    /// # Panics
+    /// If a joint has no inertia of its own.
+    pub fn new(inner: &'m dyn Hessian) -> Self {
+        let (dims, pattern) = (inner.dims(), inner.jacobian_pattern());
+        let entry = |j: usize| {
+            let place = (j as u32, (dims.a() + j) as u32);
+            let places = pattern.rows.iter().zip(pattern.cols);
+            let mut places = places.map(|(row, col)| (*row, *col));
+            places
+                .position(|p| p == place)
+                .expect("a joint moves something")
+        };
+        let own = (0..dims.nq).map(entry).collect();
+        Self { inner, own }
+    }
+}
+
+impl Dynamics for Geared<'_> {
+    fn name(&self) -> &str {
+        self.inner.name()
+    }
+    fn dims(&self) -> Dims {
+        self.inner.dims()
+    }
+    fn params(&self) -> &[ParamInfo] {
+        self.inner.params()
+    }
+    fn joints(&self) -> &[JointInfo] {
+        self.inner.joints()
+    }
+    fn inputs(&self) -> &[InputInfo] {
+        self.inner.inputs()
+    }
+    fn mass_matrix(&self, at: &At<'_>, m: &mut [f64]) {
+        self.inner.mass_matrix(at, m);
+        (0..self.own.len()).for_each(|j| m[j * (j + 3) / 2] += ROTOR);
+    }
+    fn bias(&self, at: &At<'_>, b: &mut [f64]) {
+        self.inner.bias(at, b);
+    }
+    fn applied_force(&self, at: &At<'_>, f: &mut [f64]) {
+        self.inner.applied_force(at, f);
+    }
+    fn residual(&self, at: &At<'_>, r: &mut [f64]) {
+        self.inner.residual(at, r);
+        r.iter_mut().zip(at.a).for_each(|(r, a)| *r += ROTOR * a);
+    }
+    fn kinetic_energy(&self, at: &At<'_>) -> f64 {
+        let rotors: f64 = at.v.iter().map(|v| v * v).sum();
+        self.inner.kinetic_energy(at) + 0.5 * ROTOR * rotors
+    }
+    fn potential_energy(&self, at: &At<'_>) -> f64 {
+        self.inner.potential_energy(at)
+    }
+    fn mass_matrix_lanes(&self, at: &LanesAt<'_>, m: &mut [Lane]) {
+        self.inner.mass_matrix_lanes(at, m);
+        (0..self.own.len()).for_each(|j| m[j * (j + 3) / 2].iter_mut().for_each(|m| *m += ROTOR));
+    }
+    fn applied_force_lanes(&self, at: &LanesAt<'_>, f: &mut [Lane]) {
+        self.inner.applied_force_lanes(at, f);
+    }
+    fn residual_lanes(&self, at: &LanesAt<'_>, r: &mut [Lane]) {
+        self.inner.residual_lanes(at, r);
+        add_rotors(at, r);
+    }
+}
+
+/// Forces that accelerate the rotors.
+fn add_rotors(at: &LanesAt<'_>, r: &mut [Lane]) {
+    for (r, a) in r.iter_mut().zip(at.a) {
+        r.iter_mut().zip(a).for_each(|(r, a)| *r += ROTOR * a);
+    }
+}
+
+impl Jacobian for Geared<'_> {
+    fn jacobian_pattern(&self) -> Pattern<'_> {
+        self.inner.jacobian_pattern()
+    }
+    fn residual_jacobian(&self, at: &At<'_>, r: &mut [f64], values: &mut [f64]) {
+        self.inner.residual_jacobian(at, r, values);
+        r.iter_mut().zip(at.a).for_each(|(r, a)| *r += ROTOR * a);
+        self.own.iter().for_each(|&k| values[k] += ROTOR);
+    }
+    fn residual_jacobian_lanes(&self, at: &LanesAt<'_>, r: &mut [Lane], values: &mut [Lane]) {
+        self.inner.residual_jacobian_lanes(at, r, values);
+        add_rotors(at, r);
+        for &k in &self.own {
+            values[k].iter_mut().for_each(|v| *v += ROTOR);
+        }
+    }
+}
+
+impl Hessian for Geared<'_> {
+    fn hessian_pattern(&self) -> Pattern<'_> {
+        self.inner.hessian_pattern()
+    }
+    fn residual_hessian(&self, at: &At<'_>, lambda: &[f64], values: &mut [f64]) {
+        self.inner.residual_hessian(at, lambda, values);
+    }
+    fn residual_hessian_lanes(&self, at: &LanesAt<'_>, lambda: &[Lane], values: &mut [Lane]) {
+        self.inner.residual_hessian_lanes(at, lambda, values);
+    }
+}
+
+/// [`follow`] for the arm with rotors.
+pub fn follow_geared(t: f64, q: &[f64], v: &[f64], gains: &[f64]) -> Vec<f64> {
+    computed(t, q, v, (gains, ROTOR))
+}
+
 /// The arm under control by its inverse dynamics, loops of 20 rad/s with critical damping.
 pub fn follow(t: f64, q: &[f64], v: &[f64], gains: &[f64]) -> Vec<f64> {
+    computed(t, q, v, (gains, 0.0))
+}
+
+/// Currents of the control by inverse dynamics, with the inertia of the rotors.
+fn computed(t: f64, q: &[f64], v: &[f64], (gains, rotor): (&[f64], f64)) -> Vec<f64> {
     let one = |j: usize| {
         let [to_q, to_v, to_a] = reference(t, j);
         to_a + 400.0 * (to_q - q[j]) + 40.0 * (to_v - v[j])
@@ -80,7 +214,10 @@ pub fn follow(t: f64, q: &[f64], v: &[f64], gains: &[f64]) -> Vec<f64> {
     };
     // Without input the residual is the force that the drives must bring.
     Arm6.residual(&at, &mut force);
-    force.iter().zip(gains).map(|(f, gain)| f / gain).collect()
+    let currents = force.iter().zip(&a).zip(gains);
+    currents
+        .map(|((f, a), gain)| (f + rotor * a) / gain)
+        .collect()
 }
 
 /// Stribeck friction at a joint, which the model does not know of: a share of its dry friction that fades with speed.

@@ -116,6 +116,8 @@ fn solve<'m, P: Around<FullDiscretization<'m>>>(
     report: &mut Report<'_>,
 ) -> Reached {
     let started = Instant::now();
+    let samples = problem.samples() as f64;
+    let growth = (samples / MANY).max(1.0);
     let mut x0 = starting_point(problem.program(), start);
     let mut iterations = 0;
     if settings.prepare == Prepare::Everything {
@@ -124,6 +126,8 @@ fn solve<'m, P: Around<FullDiscretization<'m>>>(
             // A start is wanted, not the optimum of the fit.
             tol: PREPARED,
             max_iterations: 100,
+            // Its objective is a sum over the samples, its tolerance is not.
+            objective_scale: settings.solver.objective_scale / growth,
             ..settings.solver.clone()
         };
         let mut fit = ResidualFit::new(problem.program_mut(), &x0).holding(held);
@@ -136,8 +140,6 @@ fn solve<'m, P: Around<FullDiscretization<'m>>>(
         }
     }
     x0 = problem.extend(x0);
-    let samples = problem.samples() as f64;
-    let growth = (samples / MANY).max(1.0);
     let options = crate::solver::Settings {
         objective_scale: settings.solver.objective_scale * samples,
         tol: growth * settings.solver.tol,

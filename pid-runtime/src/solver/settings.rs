@@ -94,7 +94,7 @@ pub struct Settings {
     pub watchdog: usize,
     /// Iterations that may reduce the optimality error instead of satisfying the filter before a restoration phase begins.
     pub soft_restoration: usize,
-    /// Iterations of a restoration phase.
+    /// Iterations of a restoration phase; 0 for none: where one would begin, the run ends.
     pub max_restoration: usize,
     /// ‖x‖∞ above which the problem counts as unbounded.
     pub divergence: f64,

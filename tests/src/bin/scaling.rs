@@ -2,12 +2,12 @@
 //! the model lacks; one window, or restart windows of a length.
 //!
 //! ```text
-//! scaling [--two-link N,N,…] [--arm N,N,…] [--window SECONDS] [--limit SECONDS] [--consistent true] [--verbose true]
-//!         [--records FOLDER]
+//! scaling [--two-link N,N,…] [--arm N,N,…] [--rotors true] [--window SECONDS] [--limit SECONDS] [--consistent true]
+//!         [--verbose true] [--records FOLDER]
 //! ```
 //!
 //! The two-link robot moves under sums of sines at 50 Hz, the six-axis arm (84 parameters) under inverse-dynamics control at 100 Hz;
-//! the record grows with N. Starts are the true values times 0.8. Seconds are of the processor, all threads together;
+//! with `--rotors` its drives have inertia. The record grows with N. Starts are the true values times 0.8. Seconds are of the processor, all threads together;
 //! memory is the largest of the process so far, so numbers of samples shall grow.
 //! `--records` writes the records as CSV (t, q, dq, u), for other programs, and solves nothing.
 #![allow(clippy::print_stdout, reason = "a command that prints a table")]
@@ -24,14 +24,14 @@ use pid_runtime::dynamics::Hessian;
 use pid_runtime::ident::{Settings, Weighting, identify};
 use pid_runtime::solver;
 use pid_runtime::transcribe::Scheme;
-use pid_tests::mismatched::{Control, follow, record, sines, start};
+use pid_tests::mismatched::{Control, Geared, follow, follow_geared, record, sines, start};
 use pid_tests::two_link;
 
 type Failure = Box<dyn std::error::Error>;
 
 fn main() -> Result<(), Failure> {
     let mut sizes = [vec![1_000, 10_000, 100_000], vec![1_000, 10_000]];
-    let (mut limit, mut consistent, mut verbose) = (600.0, false, false);
+    let (mut limit, mut consistent, mut verbose, mut rotors) = (600.0, false, false, false);
     let mut horizon = Horizon::Record;
     let mut folder: Option<PathBuf> = None;
     let mut args = std::env::args().skip(1);
@@ -47,6 +47,7 @@ fn main() -> Result<(), Failure> {
             "--two-link" => sizes[0] = list()?,
             "--arm" => sizes[1] = list()?,
             "--consistent" => consistent = value.parse()?,
+            "--rotors" => rotors = value.parse()?,
             "--verbose" => verbose = value.parse()?,
             "--records" => folder = Some(value.into()),
             "--window" => horizon = Horizon::Seconds(value.parse()?),
@@ -58,7 +59,11 @@ fn main() -> Result<(), Failure> {
     }
     let limit = Duration::try_from_secs_f64(limit)?;
     let two_link: (&dyn Hessian, &Control) = (&TwoLink, &sines);
-    let arm: (&dyn Hessian, &Control) = (&Arm6, &follow);
+    let geared = Geared::new(&Arm6);
+    let arm: (&dyn Hessian, &Control) = match rotors {
+        true => (&geared, &follow_geared),
+        false => (&Arm6, &follow),
+    };
     for ((model, control), (sizes, step)) in [two_link, arm]
         .into_iter()
         .zip(sizes.iter().zip([0.02, 0.01]))

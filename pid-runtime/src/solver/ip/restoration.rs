@@ -112,6 +112,9 @@ impl Solver<'_> {
             }
         }
         self.soft = 0;
+        if self.settings.max_restoration == 0 {
+            return Err(Status::RestorationFailed);
+        }
         self.counts.restorations += 1;
         self.watchdog = None;
         self.shortened = 0;
