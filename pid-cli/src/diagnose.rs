@@ -175,6 +175,9 @@ pub(crate) fn summary(d: &Diagnosis) -> String {
             }
         }
     }
+    for warning in &d.warnings {
+        text.push_str(&format!("  warning: {warning}\n"));
+    }
     if let Some(n) = &d.next_experiment {
         text.push_str(&format!(
             "  next: next_experiment.csv separates {} and {}, expected log-likelihood ratio {:.1}\n",

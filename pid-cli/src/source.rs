@@ -251,6 +251,9 @@ fn load_with(source: &Source, controller: Option<&Path>) -> Result<(Subject, Dat
         subject.origin = Origin::Lagging(Box::new((model, records)));
     }
     dataset.check_model(subject.model())?;
+    for warning in &dataset.warnings {
+        output::print(&format!("warning: {warning}\n"));
+    }
     Ok((subject, dataset))
 }
 

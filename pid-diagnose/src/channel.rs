@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::case::{Case, Record, Velocity, smoothed};
 use crate::levels::shared;
 use crate::locate::parameters;
-use crate::timing::{Alignment, Channels, align};
+use crate::timing::{Alignment, Channels, align, golden};
 
 /// What the velocity channel of one joint says.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +26,11 @@ pub struct Consistency {
     pub lagging: bool,
 }
 
+/// Time constants among which a lag is sought, s, and steps of the search over their logarithm.
+const SHORTEST: f64 = 1e-4;
+const LONGEST: f64 = 0.5;
+const STEPS: usize = 40;
+
 /// Rounding of the files and of the drives: a mismatch below this share of the motion says nothing.
 const NEGLIGIBLE: f64 = 5e-3;
 
@@ -37,64 +42,46 @@ pub fn consistency(case: &Case) -> Vec<Option<Consistency>> {
             if case.velocity[j] != Velocity::Derived {
                 return None;
             }
-            let plain = passed(case, j, hz, 0.0).mismatch();
-            // Golden section over the logarithm of the time constant.
-            let (mut a, mut b) = ((1e-4f64).ln(), (0.5f64).ln());
-            let ratio = 0.618_033_988_75;
-            let left = |lag: f64| passed(case, j, hz, lag.exp()).mismatch();
-            for _ in 0..40 {
-                let (c, d) = (b - ratio * (b - a), a + ratio * (b - a));
-                if left(c) < left(d) {
-                    b = d;
-                } else {
-                    a = c;
-                }
-            }
-            let lag = (0.5 * (a + b)).exp();
-            let best = passed(case, j, hz, lag);
-            let with_lag = best.mismatch();
+            let plain = mismatch(case, j, hz, 0.0);
+            let left = |log: f64| mismatch(case, j, hz, log.exp());
+            let lag = golden(STEPS, (SHORTEST.ln(), LONGEST.ln()), left).exp();
+            let with_lag = mismatch(case, j, hz, lag);
             Some(Consistency {
                 mismatch: plain,
                 with_lag,
                 lag,
-                lag_std: best.deviation(),
+                lag_std: deviation(case, j, hz, lag),
                 lagging: plain > NEGLIGIBLE && with_lag < 0.5 * plain,
             })
         })
         .collect()
 }
 
-/// What positions give through the stated filter and a lag, less the reading.
-struct Passed {
-    errors: Vec<f64>,
-    /// Derivatives of the errors by the lag.
-    slopes: Vec<f64>,
-    /// Sum of the squared readings.
-    size: f64,
+/// Root mean square that a lag leaves, relative to the reading.
+fn mismatch(case: &Case, j: usize, hz: f64, lag: f64) -> f64 {
+    let (mut square, mut size) = (0.0, 0.0);
+    passed(case, j, hz, lag, |error, _, v| {
+        square += error * error;
+        size += v * v;
+    });
+    (square / f64::max(size, 1e-300)).sqrt()
 }
 
-impl Passed {
-    fn mismatch(&self) -> f64 {
-        let square: f64 = self.errors.iter().map(|e| e * e).sum();
-        (square / self.size.max(1e-300)).sqrt()
-    }
-
-    /// Deviation of the lag by a Gauss-Newton step.
-    fn deviation(&self) -> Option<f64> {
-        let square: f64 = self.errors.iter().map(|e| e * e).sum();
-        let curvature: f64 = self.slopes.iter().map(|s| s * s).sum();
-        let level = square / self.errors.len() as f64 * shared(&self.errors);
-        let std = (level / curvature).sqrt();
-        std.is_finite().then_some(std)
-    }
+/// Deviation of the lag by a Gauss-Newton step.
+fn deviation(case: &Case, j: usize, hz: f64, lag: f64) -> Option<f64> {
+    let (mut errors, mut curvature) = (Vec::new(), 0.0);
+    passed(case, j, hz, lag, |error, slope, _| {
+        errors.push(error);
+        curvature += slope * slope;
+    });
+    let square: f64 = errors.iter().map(|e| e * e).sum();
+    let level = square / errors.len() as f64 * shared(&errors);
+    let std = (level / curvature).sqrt();
+    std.is_finite().then_some(std)
 }
 
-fn passed(case: &Case, j: usize, hz: f64, lag: f64) -> Passed {
-    let mut out = Passed {
-        errors: Vec::new(),
-        slopes: Vec::new(),
-        size: 0.0,
-    };
+/// What positions give through the stated filter and a lag less the reading, its derivative by the lag, and the reading.
+fn passed(case: &Case, j: usize, hz: f64, lag: f64, mut each: impl FnMut(f64, f64, f64)) {
     for r in &case.records {
         let fade = (-2.0 * std::f64::consts::PI * hz * r.h).exp();
         let (late, later) = if lag > 0.0 {
@@ -113,13 +100,10 @@ fn passed(case: &Case, j: usize, hz: f64, lag: f64) -> Passed {
             slope = late * slope + later * (x - w);
             x = late * x + (1.0 - late) * w;
             if k as f64 * r.h > 0.3 {
-                out.errors.push(x - v);
-                out.slopes.push(slope);
-                out.size += v * v;
+                each(x - v, slope, v);
             }
         }
     }
-    out
 }
 
 /// How the velocity reading of one joint goes with the derivative of its positions: late, and larger or smaller.
@@ -130,8 +114,6 @@ pub struct Reading {
     pub timing: Alignment,
     /// Factor of the reading on the derivative of the position.
     pub scale: f64,
-    /// Root mean square that the stated delay leaves between the two, relative to the reading.
-    pub mismatch: f64,
 }
 
 /// Compares every recorded velocity with the derivative of its positions, whatever it was made from; `None` where there is none.
@@ -161,16 +143,7 @@ fn reading(case: &Case, j: usize, derived: bool) -> Option<Reading> {
     timing.delay = -timing.delay;
     timing.stated = stated;
     timing.curve = timing.curve.iter().rev().map(|(t, x)| (-t, *x)).collect();
-    let nearest = |a: &&(f64, f64), b: &&(f64, f64)| {
-        let off = |c: &(f64, f64)| (c.0 - stated).abs();
-        off(a).total_cmp(&off(b))
-    };
-    let mismatch = timing.curve.iter().min_by(nearest)?.1;
-    Some(Reading {
-        scale,
-        mismatch,
-        timing,
-    })
+    Some(Reading { timing, scale })
 }
 
 /// The reading, and the derivative of the positions with an offset beside it.
@@ -198,8 +171,8 @@ const REST: f64 = 0.02;
 /// When the input of each joint acts: the drive's force against the force that the motion takes under the nominal structure with
 /// its parameters at `theta` half tolerances from their nominal values, on all records; `None` where they tell nothing of it.
 ///
-/// Free beside the shift are offset, viscous and dry friction, a spring, gravity, inertia (with these the gain of the drive) and the accelerations of all
-/// joints, so that errors of these do not pass for a delay.
+/// Free beside the shift are offset, viscous and dry friction, a spring, gravity, inertia (with these the gain of the drive) and the
+/// accelerations of all joints, so that errors of these do not pass for a delay.
 ///
 /// # Errors
 /// If the structure has no equations that can be evaluated.
@@ -379,6 +352,6 @@ mod tests {
         let late = 2e-3 * fade / (1.0 - fade);
         let found = reading.timing.delay;
         assert!((found - late).abs() < 2e-4, "{found} {late}");
-        assert!(reading.timing.noticeable() && reading.mismatch > 0.01);
+        assert!(reading.timing.noticeable() && reading.timing.left > 0.01);
     }
 }

@@ -48,6 +48,7 @@ pub(crate) fn page(report: &Report) -> String {
                 @if !d.confusion_set.is_empty() {
                     p { "These records do not tell it apart from: " (d.confusion_set.join(", ")) "." }
                 }
+                @for warning in &d.warnings { p class="quiet" { (warning) } }
                 @if let Some(law) = law(d) { section { (nameless(report, law)) } }
                 @for e in &d.effects { section { (effect(e)) } }
                 @if !d.beyond_tolerance.is_empty() {
@@ -144,7 +145,7 @@ fn signals(report: &Report) -> Markup {
             "A figure in bold differs from what is stated by four standard deviations and takes 30 % of the squares away."
         }
         table {
-            tr { th { "joint" } th class="n" { "input acts late by" } th class="n" { "velocity shows late by" } th class="n" { "stated" } th class="n" { "velocity over derivative" } th class="n" { "mismatch" } }
+            tr { th { "joint" } th class="n" { "input acts late by" } th class="n" { "velocity shows late by" } th class="n" { "stated" } th class="n" { "velocity over derivative" } th class="n" { "left as stated" } }
             @for s in all {
                 tr {
                     td { (name(s.joint)) }
@@ -154,7 +155,7 @@ fn signals(report: &Report) -> Markup {
                             td class="n" { (shift(Some(&v.timing), "")) }
                             td class="n" { (format!("{:.2} ms", 1e3 * v.timing.stated)) }
                             td class="n" { (format!("{:.4}", v.scale)) }
-                            td class="n" { (format!("{:.2} %", 100.0 * v.mismatch)) }
+                            td class="n" { (format!("{:.2} %", 100.0 * v.timing.left)) }
                         }
                         None => td class="n" colspan="4" { "no velocity recorded" }
                     }

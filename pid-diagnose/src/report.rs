@@ -148,6 +148,7 @@ impl Report {
         if let Ok(place) = &place {
             found.diagnosis.missing_force = shares(place);
         }
+        found.diagnosis.warnings = dataset.warnings.iter().map(ToString::to_string).collect();
         found.diagnosis.signals = signals(&case, &found.base);
         if let Some(left) = &mut found.diagnosis.remainder {
             left.missing_force = shares(&rest(&found.case, &found.fit));

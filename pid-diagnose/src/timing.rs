@@ -56,6 +56,8 @@ pub struct Alignment {
     pub std: Option<f64>,
     /// The shift that the description states, s.
     pub stated: f64,
+    /// Root mean square that the stated shift leaves, relative to the size of the channel.
+    pub left: f64,
     /// Share of the squares left at the stated shift that the best one takes away.
     pub gain: f64,
     /// Shifts, s, and what they leave, relative to the size of the channel.
@@ -132,13 +134,8 @@ impl Problem {
         if still.len() < 10 * (number + 2) {
             return None;
         }
-        let columns = DMatrix::from_fn(still.len(), 0, |_, _| 0.0);
-        let columns = (0..number).fold(columns, |m, i| {
-            let end = m.ncols();
-            let mut m = m.insert_column(end, 0.0);
-            m.set_column(end, &DVector::from_vec(gather(&|r, k| r.beside[i][k])));
-            m
-        });
+        let columns = (0..number).flat_map(|i| gather(&|r, k| r.beside[i][k]));
+        let columns = DMatrix::from_iterator(still.len(), number, columns);
         let basis = orthonormal(&columns);
         let own = gather(&|r, k| r.shifted[k]);
         let mean = own.iter().sum::<f64>() / own.len() as f64;
@@ -218,7 +215,9 @@ pub fn align(records: Vec<Channels>, stated: f64) -> Option<Alignment> {
     let best = (0..curve.len()).min_by(|&a, &b| curve[a].1.total_cmp(&curve[b].1))?;
     let inside = best > 0 && best + 1 < curve.len();
     let delay = match inside {
-        true => golden(&problem, (curve[best - 1].0, curve[best + 1].0)),
+        true => golden(GOLDEN, (curve[best - 1].0, curve[best + 1].0), |tau| {
+            problem.left(tau)
+        }),
         false => curve[best].0,
     };
     let residual = problem.residual(delay);
@@ -230,29 +229,30 @@ pub fn align(records: Vec<Channels>, stated: f64) -> Option<Alignment> {
     let std = (level / slope.norm_squared()).sqrt();
     let before = problem.left(stated);
     let target = &problem.still - problem.shifted(delay);
-    let columns = problem.columns.clone().svd(true, true);
+    // Sizes of the columns by the normal equations: they are few.
+    let gram = problem.columns.tr_mul(&problem.columns).svd(true, true);
+    let sizes = gram.solve(&problem.columns.tr_mul(&target), 1e-12);
     Some(Alignment {
         delay,
         std: (inside && std.is_finite() && std < reach).then_some(std),
         stated,
+        left: before,
         gain: if before > 0.0 {
             (1.0 - (problem.left(delay) / before).powi(2)).max(0.0)
         } else {
             0.0
         },
-        columns: columns
-            .solve(&target, 1e-12)
-            .map(|c| c.as_slice().to_vec())
-            .unwrap_or_default(),
+        columns: sizes.map(|c| c.as_slice().to_vec()).unwrap_or_default(),
         curve,
     })
 }
 
-fn golden(problem: &Problem, (mut a, mut b): (f64, f64)) -> f64 {
+/// Golden section: where a function of one minimum between two places is least.
+pub(crate) fn golden(steps: usize, (mut a, mut b): (f64, f64), f: impl Fn(f64) -> f64) -> f64 {
     let ratio = 0.5 * (5f64.sqrt() - 1.0);
-    for _ in 0..GOLDEN {
+    for _ in 0..steps {
         let (c, d) = (b - ratio * (b - a), a + ratio * (b - a));
-        if problem.left(c) < problem.left(d) {
+        if f(c) < f(d) {
             b = d;
         } else {
             a = c;
@@ -304,6 +304,12 @@ mod tests {
     }
 
     #[test]
+    fn golden_section_ends_at_the_least_value() {
+        let found = golden(60, (-3.0, 8.0), |x| (x - 1.7).powi(4) + 0.2);
+        assert!((found - 1.7).abs() < 1e-3, "{found}");
+    }
+
+    #[test]
     fn a_channel_that_stands_still_or_is_short_has_no_shift() {
         let mut still = channels(0.0, 0.0, 1);
         still.shifted.fill(0.7);
@@ -320,5 +326,10 @@ mod tests {
         let found = align(vec![channels(0.02, 0.02, 3)], 0.02).expect("enough samples");
         assert!(!found.noticeable());
         assert!((found.delay - 0.02).abs() < 1e-3);
+        // Noise of 0.02 beside a motion of this size.
+        let of_noise = 0.02 / (0.5_f64 * (1.0 + 0.25 + 0.04)).sqrt();
+        assert!(found.left < of_noise, "{} {of_noise}", found.left);
+        let off = align(vec![channels(0.02, 0.02, 3)], 0.0).expect("enough samples");
+        assert!(off.left > 5.0 * of_noise, "{}", off.left);
     }
 }

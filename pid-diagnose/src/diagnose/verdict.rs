@@ -291,6 +291,7 @@ impl Parts<'_> {
             gap_shares: before.shares(),
             missing_force: Vec::new(),
             signals: Vec::new(),
+            warnings: Vec::new(),
             remainder,
             beyond_tolerance: Vec::new(),
             next_experiment: None,

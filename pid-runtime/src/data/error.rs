@@ -315,6 +315,19 @@ pub enum DataWarning {
         /// The column.
         column: String,
     },
+    /// A velocity that is said to be measured and is a difference of the positions.
+    #[error(
+        "{file}: `dq{joint}` is the {difference} difference of `q{joint}`, dataset.toml says velocity = \"measured\"\n  help: \
+         write velocity = \"derived\": it tells nothing that the positions do not"
+    )]
+    VelocityIsDifference {
+        /// The file.
+        file: String,
+        /// Joint from 1.
+        joint: usize,
+        /// Which.
+        difference: super::Difference,
+    },
     /// Empty cells.
     #[error("{file}: {count} empty cells are taken as missing samples")]
     Missing {

@@ -42,11 +42,13 @@
 //! ```
 
 mod check;
+mod difference;
 mod error;
 mod manifest;
 mod read;
 mod windows;
 
+pub use difference::Difference;
 pub use error::{DataError, DataWarning, ModelMismatch};
 pub use windows::{Horizon, ParseHorizonError, windows};
 

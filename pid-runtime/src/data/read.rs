@@ -6,7 +6,9 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::manifest::{self, Listed};
-use super::{DataError, DataWarning, Dataset, Experiment, JointChannels, Role, VelocityKind};
+use super::{
+    DataError, DataWarning, Dataset, Experiment, JointChannels, Role, VelocityKind, difference,
+};
 
 /// The manifest's file name.
 const MANIFEST: &str = "dataset.toml";
@@ -213,7 +215,30 @@ fn read_experiment(
         missing,
     };
     compare_with_manifest(file, listed, &experiment, &mut warnings);
+    warnings.extend(differences(file, &experiment, joints));
     Ok((experiment, warnings))
+}
+
+/// Velocities that are said to be measured and are differences of the positions.
+fn differences(file: &str, experiment: &Experiment, joints: &[JointChannels]) -> Vec<DataWarning> {
+    let Some(v) = &experiment.v else {
+        return Vec::new();
+    };
+    let nq = joints.len();
+    let measured = (0..nq).filter(|&j| joints[j].velocity == VelocityKind::Measured);
+    measured
+        .filter_map(|j| {
+            let q = experiment.q.iter().skip(j).step_by(nq);
+            let v = v.iter().skip(j).step_by(nq);
+            let samples = experiment.t.iter().zip(q).zip(v);
+            let samples: Vec<(f64, f64, f64)> = samples.map(|((t, q), v)| (*t, *q, *v)).collect();
+            difference::made_by(&samples).map(|difference| DataWarning::VelocityIsDifference {
+                file: file.to_owned(),
+                joint: j + 1,
+                difference,
+            })
+        })
+        .collect()
 }
 
 /// A cell's value; NaN for an empty one.
@@ -582,6 +607,25 @@ role = "test"
         ] {
             assert!(text.iter().any(|w| w.contains(piece)), "{piece}: {text:?}");
         }
+    }
+
+    #[test]
+    fn a_measured_velocity_that_is_a_difference_is_named() {
+        let mut csv = "t,q1,q2,dq1,u1,u2\n0,0,2,0,4,5\n".to_owned();
+        let q = |k: i32| f64::from(k).powi(2).sin();
+        for k in 1..40 {
+            let v = (q(k) - q(k - 1)) / 0.5;
+            csv += &format!("{},{},2,{v},4,5\n", 0.5 * f64::from(k), q(k));
+        }
+        let toml = TOML.replace("samples = 3\n", "").replace("0.1", "0.5");
+        let told = |toml: &str| read(toml, &csv).unwrap().warnings;
+        assert_eq!(
+            told(&toml)[0].to_string(),
+            "a.csv: `dq1` is the backward difference of `q1`, dataset.toml says velocity = \"measured\"\n  help: write velocity = \
+             \"derived\": it tells nothing that the positions do not"
+        );
+        let stated = told(&toml.replace("measured", "derived"));
+        assert!(!stated.iter().any(|w| w.to_string().contains("dq1")));
     }
 
     #[test]

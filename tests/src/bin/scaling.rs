@@ -7,8 +7,8 @@
 //! ```
 //!
 //! The two-link robot moves under sums of sines at 50 Hz, the six-axis arm (84 parameters) under inverse-dynamics control at 100 Hz;
-//! with `--rotors` its drives have inertia. The record grows with N. Starts are the true values times 0.8. Seconds are of the processor, all threads together;
-//! memory is the largest of the process so far, so numbers of samples shall grow.
+//! with `--rotors` its drives have inertia. The record grows with N. Starts are the true values times 0.8. Seconds are of the
+//! processor, all threads together; memory is the largest of the process so far, so numbers of samples shall grow.
 //! `--records` writes the records as CSV (t, q, dq, u), for other programs, and solves nothing.
 #![allow(clippy::print_stdout, reason = "a command that prints a table")]
 
