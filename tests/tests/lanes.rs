@@ -1,9 +1,10 @@
 //! Four nodes at once against the same nodes one by one, for every model.
 
-use pid_models::all;
+use pid_models::{Arm6, all};
 use pid_runtime::dynamics::{At, Dynamics, Hessian};
 use pid_runtime::lanes::{LANES, Lane, LanesAt};
 use pid_runtime::transcribe::ExplicitForm;
+use pid_tests::mismatched::Geared;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -167,6 +168,7 @@ fn four_nodes_at_once_equal_one_by_one() {
     for entry in all() {
         check_model(entry.name, entry.model, 1e-14);
     }
+    check_model("arm with rotors", &Geared::new(&Arm6), 1e-14);
 }
 
 /// A model without lanes of its own evaluates its nodes one by one, through a model that has them.

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use pid_models::Arm6;
 use pid_runtime::data::Dataset;
-use pid_runtime::dynamics::Dynamics;
+use pid_runtime::dynamics::{At, Dynamics, Jacobian};
 use pid_runtime::ident::{Identification, Progress, Settings, Weighting, identify};
 use pid_runtime::nlp::Nlp;
 use pid_runtime::solver;
@@ -12,13 +12,11 @@ use pid_runtime::transcribe::{Body, FullDiscretization, Scheme, Setup};
 use pid_tests::derivatives::{
     assert_derivative, dense_hessian, lagrangian_gradient, setup, window,
 };
-use pid_tests::mismatched::{follow, record, start};
+use pid_tests::mismatched::{Geared, ROTOR, follow, follow_geared, record, start};
 use pid_tests::two_link;
 
-/// Fits 84 parameters of the arm to 400 noisy samples; it must converge.
-fn fitted(consistent: bool) -> (Dataset, Identification) {
-    let dataset = record(&Arm6, &follow, 400, 0.01).expect("simulates");
-    let settings = Settings {
+fn settings(consistent: bool) -> Settings {
+    Settings {
         weighting: Weighting::Spread,
         consistent,
         solver: solver::Settings {
@@ -26,7 +24,13 @@ fn fitted(consistent: bool) -> (Dataset, Identification) {
             ..Settings::default().solver
         },
         ..two_link::settings(Scheme::Trapezoidal)
-    };
+    }
+}
+
+/// Fits 84 parameters of the arm to 400 noisy samples; it must converge.
+fn fitted(consistent: bool) -> (Dataset, Identification) {
+    let dataset = record(&Arm6, &follow, 400, 0.01).expect("simulates");
+    let settings = settings(consistent);
     let go_on = &mut |_: &Progress<'_>| ControlFlow::Continue(());
     let found = identify(&Arm6, &dataset, &settings, Some(&start(&Arm6)), go_on);
     let found = found.expect("identifies");
@@ -39,6 +43,86 @@ fn fitted(consistent: bool) -> (Dataset, Identification) {
         run.check.primal_inf
     );
     (dataset, found)
+}
+
+/// r = M a + b − f with the rotors in M alone, and ∂r/∂a = M.
+#[test]
+fn rotors_add_their_inertia_to_the_mass_matrix() {
+    let geared = Geared::new(&Arm6);
+    let wave = |scale: f64, of: f64| -> Vec<f64> {
+        (0..6).map(|j| scale * (of + f64::from(j)).sin()).collect()
+    };
+    let (q, v, a, u) = (
+        wave(1.0, 0.3),
+        wave(2.0, 1.1),
+        wave(9.0, 2.0),
+        wave(5.0, 0.7),
+    );
+    let p: Vec<f64> = Arm6.params().iter().map(|p| p.nominal).collect();
+    let at = At {
+        q: &q,
+        v: &v,
+        a: &a,
+        u: &u,
+        p: &p,
+    };
+    let (mut m, mut bare) = ([0.0; 21], [0.0; 21]);
+    geared.mass_matrix(&at, &mut m);
+    Arm6.mass_matrix(&at, &mut bare);
+    let (mut b, mut f, mut r) = ([0.0; 6], [0.0; 6], [0.0; 6]);
+    geared.bias(&at, &mut b);
+    geared.applied_force(&at, &mut f);
+    let pattern = geared.jacobian_pattern();
+    let mut values = vec![0.0; pattern.nnz()];
+    geared.residual_jacobian(&at, &mut r, &mut values);
+    for i in 0..6 {
+        let mut sum = b[i] - f[i];
+        for j in 0..6 {
+            let place = i.max(j) * (i.max(j) + 1) / 2 + i.min(j);
+            let rotor = if i == j { ROTOR } else { 0.0 };
+            assert!((m[place] - bare[place] - rotor).abs() < 1e-14);
+            sum += m[place] * a[j];
+            let entries = pattern.rows.iter().zip(pattern.cols).zip(&values);
+            let slope: f64 = entries
+                .filter(|((row, col), _)| (**row, **col) == (i as u32, (12 + j) as u32))
+                .map(|(_, value)| *value)
+                .sum();
+            assert!((slope - m[place]).abs() < 1e-12, "{i} {j}");
+        }
+        assert!((r[i] - sum).abs() < 1e-10, "{i}: {} {sum}", r[i]);
+    }
+}
+
+/// Beyond a thousand samples the barrier grows with the record, once the constraints hold.
+#[test]
+fn a_longer_record_of_bodies_converges_once_its_constraints_hold() {
+    let geared = Geared::new(&Arm6);
+    let dataset = record(&geared, &follow_geared, 1200, 0.01).expect("simulates");
+    let mut phases = Vec::new();
+    let news = &mut |news: &Progress<'_>| {
+        if phases.last() != Some(&news.phase) {
+            phases.push(news.phase);
+        }
+        ControlFlow::Continue(())
+    };
+    let settings = settings(true);
+    let found = identify(&geared, &dataset, &settings, Some(&start(&Arm6)), news);
+    let found = found.expect("identifies");
+    let run = found.best();
+    assert!(run.status.converged(), "{}", run.status.reason());
+    assert!(run.check.primal_inf < 1e-6, "{:e}", run.check.primal_inf);
+    assert_eq!(
+        phases[1..],
+        [
+            "approaching by Gauss-Newton",
+            "closing the constraints",
+            "solving"
+        ]
+    );
+    let bodies = Body::all(Arm6.params());
+    assert!(bodies.iter().all(|b| b.holds(&run.parameters)));
+    // Noise of 1e-3 rad and 1e-2 rad/s, and what Stribeck friction leaves beside it.
+    assert!(run.objective < 1e-2, "{:e}", run.objective);
 }
 
 /// The preparing fit of the steps' residuals finds inertias of the wrist that are negative. Motions then grow by 30 a step; the linear

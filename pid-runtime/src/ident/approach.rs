@@ -1,4 +1,4 @@
-//! Gauss-Newton iterations ahead of those with the exact Hessian.
+//! Iterations ahead of those that end at the optimum: by Gauss-Newton, and until the constraints hold.
 
 use super::motions::Motions;
 use super::starts::Report;
@@ -55,21 +55,58 @@ pub(super) fn approach<P: Motions>(
         max_restoration: how.restoration,
         ..options.clone()
     };
-    let mut news = |line: &Iteration, _: &[f64]| {
+    let mut near = |line: &Iteration| {
         // A step that was cut short tells nothing.
         let settled = line.alpha >= WHOLE
             && (line.objective - previous).abs() <= how.settled * line.objective.abs();
         previous = line.objective;
-        if report("approaching by Gauss-Newton", line).is_break()
-            || line.primal_inf < how.near && settled
-        {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
+        line.primal_inf < how.near && settled
+    };
+    let phase = "approaching by Gauss-Newton";
+    let iterations = until(problem, kkt, x, &options, phase, &mut near, report);
+    problem.curve(Curvature::Exact);
+    iterations
+}
+
+/// Violation of the constraints at which they count as closed, twice in a row.
+const CLOSED: f64 = 1e-2;
+
+/// Iterations with the exact Hessian until the constraints hold but for little. Returns the iterations it took.
+pub(super) fn close<P: Motions>(
+    problem: &mut P,
+    kkt: &mut dyn Kkt,
+    x: &mut Vec<f64>,
+    options: &Settings,
+    report: &mut Report<'_>,
+) -> usize {
+    let mut before = false;
+    let mut closed = |line: &Iteration| {
+        let now = line.primal_inf < CLOSED;
+        std::mem::replace(&mut before, now) && now
+    };
+    let phase = "closing the constraints";
+    until(problem, kkt, x, options, phase, &mut closed, report)
+}
+
+/// Solves until a line of the log is the last one; x is the best point seen. Returns the iterations it took.
+fn until<P: Motions>(
+    problem: &mut P,
+    kkt: &mut dyn Kkt,
+    x: &mut Vec<f64>,
+    options: &Settings,
+    phase: &'static str,
+    last: &mut dyn FnMut(&Iteration) -> bool,
+    report: &mut Report<'_>,
+) -> usize {
+    let mut news = |line: &Iteration, _: &[f64]| {
+        // Both count every line.
+        let (stop, last) = (report(phase, line).is_break(), last(line));
+        match stop || last {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
         }
     };
-    let near = ip::solve(problem, kkt, x, &options, &mut news);
-    problem.curve(Curvature::Exact);
+    let near = ip::solve(problem, kkt, x, options, &mut news);
     if near.objective.is_finite() {
         *x = near.x;
     }

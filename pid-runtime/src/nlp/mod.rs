@@ -92,7 +92,7 @@ pub trait Nlp {
     /// Values of ∇²(σ f + λᵀ c).
     fn hessian(&mut self, x: &[f64], sigma: f64, lambda: &[f64], values: &mut [f64]);
     /// Told by a barrier method when its parameter changes, in units of the objective: a program that keeps to the inside of a set
-    /// by a barrier of its own weighs it anew. True if the objective changed with it.
+    /// by a barrier of its own weighs it anew, and leaves it out at zero. True if the objective changed with it.
     fn barrier_changed(&mut self, mu: f64) -> bool {
         let _ = mu;
         false

@@ -187,9 +187,9 @@ impl Barrier {
         }
     }
 
-    /// Takes the solver's barrier parameter; whether that changes the objective.
+    /// Takes the solver's barrier parameter, zero for none; whether that changes the objective.
     pub(super) fn set(&mut self, mu: f64) -> bool {
-        let weight = mu.max(self.floor);
+        let weight = if mu == 0.0 { 0.0 } else { mu.max(self.floor) };
         let changed = !self.bodies.is_empty() && weight != self.weight;
         self.weight = weight;
         changed
@@ -408,6 +408,25 @@ mod tests {
                     "{i} {j}"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn its_weight_is_the_solvers_down_to_a_floor_and_zero_leaves_it_out() {
+        let (_, bodies, mut p) = links();
+        p[1] *= 1.1;
+        let mut barrier = Barrier::new(&bodies, &vec![1.0; p.len()], 0.7);
+        let slope = |barrier: &Barrier| {
+            let mut first = 0.0;
+            barrier.value(&p, |j, s| first += if j == 1 { s } else { 0.0 });
+            first
+        };
+        let floor = slope(&barrier);
+        assert!(floor.abs() > 1e-3);
+        for (mu, share) in [(1.4, 2.0), (1e-9, 1.0), (0.0, 0.0)] {
+            assert!(barrier.set(mu), "{mu}");
+            assert!((slope(&barrier) - share * floor).abs() < 1e-12, "{mu}");
+            assert!(!barrier.set(mu), "{mu} again");
         }
     }
 
