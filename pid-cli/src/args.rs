@@ -321,6 +321,10 @@ pub(crate) struct RegressArgs {
     /// the robot in one fit over records with and without it.
     #[arg(long, value_name = "LINK=RECORDS")]
     pub(crate) payload: Option<Payload>,
+    /// Standard deviations of the input gains as shares of them (0.1: known to 10 %), one per joint, separated by commas: no record
+    /// tells of an error that all of them have, so it enters the deviations of the values.
+    #[arg(long, value_name = "S1,S2,…", value_delimiter = ',', value_parser = not_negative)]
+    pub(crate) gain_deviation: Vec<f64>,
     /// Parameters whose residuals are printed beside those of the fit, through the same filters: a fit.json, or a TOML file of
     /// lines `name = value`; may be repeated.
     #[arg(long, value_name = "FILE")]

@@ -72,6 +72,7 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
         judge,
         private,
         payload: args.payload.clone(),
+        gains: args.gain_deviation.clone(),
         weights: match args.weights {
             JointWeightsArg::Variance => JointWeights::Variance,
             JointWeightsArg::Common => JointWeights::Common,

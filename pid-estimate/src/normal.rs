@@ -28,6 +28,8 @@ pub struct Sums {
     pub a: DMatrix<f64>,
     /// −Σ yᵀ r₀.
     pub b: DVector<f64>,
+    /// Σ yᵀf with the force f of the drive: the part of b that its gain scales.
+    pub driven: DVector<f64>,
     /// Σ r₀².
     pub c: f64,
     /// Σ of the squared force of the drive.
@@ -41,6 +43,7 @@ impl Sums {
         Self {
             a: DMatrix::zeros(n, n),
             b: DVector::zeros(n),
+            driven: DVector::zeros(n),
             c: 0.0,
             drive: 0.0,
             count: 0,
@@ -50,6 +53,7 @@ impl Sums {
     fn add(&mut self, other: &Self) {
         self.a += &other.a;
         self.b += &other.b;
+        self.driven += &other.driven;
         self.c += other.c;
         self.drive += other.drive;
         self.count += other.count;
@@ -66,6 +70,7 @@ impl Sums {
         for (k, own) in place.iter().enumerate() {
             for &(i, f) in own {
                 out.b[i] += f * self.b[k];
+                out.driven[i] += f * self.driven[k];
                 for (l, others) in place.iter().enumerate() {
                     let value = f * self.a[(l, k)];
                     if value != 0.0 {
@@ -84,6 +89,7 @@ impl Sums {
         Self {
             a: self.a.select_columns(columns).select_rows(columns),
             b: self.b.select_rows(columns),
+            driven: self.driven.select_rows(columns),
             c: self.c,
             drive: self.drive,
             count: self.count,
@@ -338,19 +344,18 @@ fn sums(
     let yt = DMatrix::from_fn(used.len(), kept.len(), |k, i| {
         kept[i].1.sqrt() * entry(kept[i].0, used[k])
     });
-    let offset = DVector::from_fn(kept.len(), |i, _| kept[i].1.sqrt() * kept[i].0[joint]);
-    let (a, b) = (&yt * yt.transpose(), &yt * &offset);
+    let column = |at: usize| DVector::from_fn(kept.len(), |i, _| kept[i].1.sqrt() * kept[i].0[at]);
+    let (offset, drive) = (column(joint), column(nq + joint));
+    let (a, b, driven) = (&yt * yt.transpose(), &yt * &offset, &yt * &drive);
     for (i, &k) in used.iter().enumerate() {
         out.b[k] = -b[i];
+        out.driven[k] = driven[i];
         for (j, &l) in used.iter().enumerate() {
             out.a[(k, l)] = a[(i, j)];
         }
     }
     out.c = offset.norm_squared();
-    out.drive = kept
-        .iter()
-        .map(|(row, w)| w * row[nq + joint].powi(2))
-        .sum();
+    out.drive = drive.norm_squared();
     out.count = kept.len();
     out
 }

@@ -41,6 +41,9 @@ pub struct Options {
     pub private: Vec<String>,
     /// A body fixed to a link in some records.
     pub payload: Option<Payload>,
+    /// Standard deviation of the gain of each joint's drive, as a share of it; empty where they are known. It enters the deviations of
+    /// the combinations, not the intervals of the bootstrap.
+    pub gains: Vec<f64>,
     /// How the joints are weighed.
     pub weights: JointWeights,
     /// What residuals cost in units of their own deviation, over 1.4826 of their median.
@@ -74,6 +77,7 @@ impl Default for Options {
             hold: Vec::new(),
             private: Vec::new(),
             payload: None,
+            gains: Vec::new(),
             weights: JointWeights::Variance,
             loss: Loss::Square,
             priors: Vec::new(),
@@ -117,6 +121,26 @@ pub enum RegressError {
         name: String,
         /// Why.
         reason: &'static str,
+    },
+    /// Deviations of gains that are not one per joint.
+    #[error(
+        "{found} deviations of gains for {joints} joints\n  help: one per joint, a share of its gain (0.1: known to 10 %), 0 where it is known"
+    )]
+    Gains {
+        /// How many were given.
+        found: usize,
+        /// Joints.
+        joints: usize,
+    },
+    /// A deviation that is none.
+    #[error(
+        "the gain of joint {joint} has the deviation {value}\n  help: a share of the gain, 0 or above (0.1: known to 10 %)"
+    )]
+    Gain {
+        /// Joint from 1.
+        joint: usize,
+        /// What was given.
+        value: f64,
     },
     /// Unknowns that do not fit.
     #[error(transparent)]
@@ -262,12 +286,14 @@ pub fn regress(
     let how = How {
         weights: options.weights,
         beliefs: beliefs(&unknowns, &options.priors)?,
+        gains: gains(&options.gains, model.dims().nq)?,
     };
     if options.instruments.is_some() {
         for (asked, what) in [
             (!unknowns.plain(), "private parameters nor a payload"),
             (!options.loss.is_square(), "another loss than squares"),
             (!how.beliefs.is_empty(), "priors"),
+            (!how.gains.is_empty(), "deviations of gains"),
         ] {
             if asked {
                 return Err(RegressError::InstrumentsAlone { what });
@@ -437,6 +463,24 @@ pub fn regress(
         instruments,
         solution,
     })
+}
+
+/// Deviations of gains, checked.
+fn gains(deviations: &[f64], joints: usize) -> Result<Vec<f64>, RegressError> {
+    let found = deviations.len();
+    if found != 0 && found != joints {
+        return Err(RegressError::Gains { found, joints });
+    }
+    match deviations
+        .iter()
+        .position(|d| !(d.is_finite() && *d >= 0.0))
+    {
+        Some(j) => Err(RegressError::Gain {
+            joint: j + 1,
+            value: deviations[j],
+        }),
+        None => Ok(deviations.to_vec()),
+    }
 }
 
 fn positions(model: &dyn Hessian, names: &[String]) -> Result<Vec<usize>, RegressError> {

@@ -52,10 +52,10 @@ pub fn tune(
         first.push(end);
         end += variant.values.len();
     }
-    // Beliefs are of shared parameters and do not decide between shapes.
+    // Beliefs are of shared parameters and do not decide between shapes, and deviations of gains move no value.
     let how = How {
         weights: how.weights,
-        beliefs: Vec::new(),
+        ..How::default()
     };
     let cost = |choice: &[usize]| -> Result<f64, RegressionError> {
         let mut selected: Vec<usize> = (0..columns).collect();

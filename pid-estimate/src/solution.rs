@@ -78,6 +78,9 @@ pub struct How {
     pub weights: JointWeights,
     /// Prior knowledge: each counts as one more residual, the deviation its noise.
     pub beliefs: Vec<Belief>,
+    /// Standard deviation of the gain of each joint's drive, as a share of it; empty where they are known. A wrong gain scales the
+    /// force of its drive in all records alike, so that no residual tells of it.
+    pub gains: Vec<f64>,
 }
 
 impl How {
@@ -100,7 +103,7 @@ pub struct Solution {
     pub beta: DVector<f64>,
     /// Their covariance under white residuals of the fitted variances.
     pub white: DMatrix<f64>,
-    /// Their covariance by the jackknife; equal to `white` with fewer than three blocks.
+    /// Their covariance by the jackknife, or `white` with fewer than three blocks; and what the gains' deviations add.
     pub covariance: DMatrix<f64>,
     /// Weight of each joint: one over its residual variance.
     pub weights: Vec<f64>,
@@ -266,8 +269,13 @@ pub fn solve(normal: &Normal, how: &How) -> Result<Solution, RegressionError> {
     let (a, _) = believed(&total, &weights, how);
     let reduced = Reduced::new(&a, &base.independent).ok_or(RegressionError::NotFinite)?;
     let white = reduced.inverse();
-    let covariance =
+    let mut covariance =
         jackknife(normal, &base, &weights, &total, how).unwrap_or_else(|| white.clone());
+    for ((sum, weight), deviation) in total.iter().zip(&weights).zip(&how.gains) {
+        // Least squares are linear in the forces: exact under given weights.
+        let moved = reduced.solve(&(*weight * &sum.driven), &base.independent);
+        covariance += deviation.powi(2) * &moved * moved.transpose();
+    }
     Ok(Solution {
         base,
         beta,

@@ -5,6 +5,7 @@ use pid_estimate::judge::Errors;
 use pid_estimate::pseudo_inertia::SUFFIXES;
 use pid_estimate::record::Filtering;
 use pid_estimate::regress::{Options, Regression, regress};
+use pid_estimate::solution::JointWeights;
 use pid_models::Ur10e;
 use pid_runtime::data::{Dataset, Experiment, InputHold, Role};
 use pid_runtime::dynamics::{At, Dynamics};
@@ -108,6 +109,67 @@ fn dataset(outliers: bool) -> Dataset {
             made("e_load", Role::Test, 3.3, 1.0),
         ],
         ..frame
+    }
+}
+
+/// Scaling the torques of one joint in all records is what an error of its gain does: the deviation that a stated one adds is the
+/// slope of the whole regression by it.
+#[test]
+fn a_gain_known_to_a_tenth_leaves_the_payload_to_what_it_does_to_it() {
+    let data = dataset(false);
+    let plain = || Options {
+        weights: JointWeights::Common,
+        ..Options::default()
+    };
+    let mass = |found: &Regression| {
+        let (value, deviation) = found.payload.as_ref().expect("a payload").values[0];
+        (value, deviation.expect("pinned"))
+    };
+    let alone = mass(&run(&data, plain())).1;
+    for joint in 0..6 {
+        let scaled = |factor: f64| {
+            let mut data = data.clone();
+            for e in &mut data.experiments {
+                e.u.iter_mut()
+                    .skip(joint)
+                    .step_by(6)
+                    .for_each(|u| *u *= factor);
+            }
+            mass(&run(&data, plain())).0
+        };
+        let slope = (scaled(1.001) - scaled(0.999)) / 0.002;
+        let mut gains = vec![0.0; 6];
+        gains[joint] = 0.1;
+        let with = mass(&run(&data, Options { gains, ..plain() })).1;
+        let expected = (alone.powi(2) + (0.1 * slope).powi(2)).sqrt();
+        assert!(
+            (with / expected - 1.0).abs() < 1e-3,
+            "joint {joint}: {with} {expected}"
+        );
+        // The payload hangs on the joints that bear it.
+        assert!(joint != 1 || with > 0.02, "{with}");
+    }
+}
+
+#[test]
+fn deviations_of_gains_that_do_not_fit_are_refused() {
+    let model = model();
+    let start: Vec<f64> = model.params().iter().map(|p| p.nominal).collect();
+    for (gains, words) in [
+        (vec![0.1; 5], "5 deviations of gains for 6 joints"),
+        (
+            vec![0.1, 0.1, -0.2, 0.1, 0.1, 0.1],
+            "joint 3 has the deviation -0.2",
+        ),
+        (vec![f64::NAN; 6], "joint 1 has the deviation NaN"),
+    ] {
+        let options = Options {
+            gains,
+            ..Options::default()
+        };
+        let error = regress(&model, &dataset(false), &start, &options).expect_err("refused");
+        let text = error.to_string();
+        assert!(text.contains(words) && text.contains("help"), "{text}");
     }
 }
 
