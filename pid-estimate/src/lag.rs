@@ -182,6 +182,8 @@ impl<'m> Lagging<'m> {
                     false => InputQuantity::Torque,
                 },
                 input_unit: dataset.joints[j].force_unit().to_owned(),
+                // Who asks for its lag takes it for a reading of its own.
+                velocity: VelocityKind::Measured,
                 ..dataset.joints[j].clone()
             };
             dataset.joints[j].velocity = VelocityKind::Absent;

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use pid_estimate::synthetic::{Recipe, records};
 use pid_models::ServoPendulum;
-use pid_runtime::data::{Dataset, Horizon};
+use pid_runtime::data::{Dataset, Horizon, VelocityKind};
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::ident::{
     Identification, Likelihood, Method, Prepare, Profiler, Progress, Settings, identify,
@@ -72,6 +72,48 @@ fn estimated_noise_is_that_of_the_readings() {
     };
     let other = fit(&dataset, &settings(&free, stated));
     assert!((other.noise[1].expect("fitted") / NOISE[1] - 1.0).abs() < 0.08);
+}
+
+/// Velocities computed from the positions have their errors: they add nothing to what the positions tell.
+#[test]
+fn computed_velocities_are_no_further_readings() {
+    let mut measured = records(&ServoPendulum, &truth(), &recipe(3), 1).expect("simulates");
+    for e in &mut measured.experiments {
+        e.v = Some(pid_runtime::signal::central_differences(&e.t, &e.q));
+    }
+    let (mut derived, mut absent) = (measured.clone(), measured.clone());
+    derived.joints[0].velocity = VelocityKind::Derived;
+    absent.joints[0].velocity = VelocityKind::Absent;
+    absent.experiments.iter_mut().for_each(|e| e.v = None);
+    let stated_data = derived.clone();
+    let free = ["dry_shaft", "gain_shaft"];
+    let settings = settings(&free, Likelihood::default());
+    let [measured, derived, absent] = [&measured, &derived, &absent].map(|d| fit(d, &settings));
+    assert!(derived.notes.iter().any(|n| n.contains("computed")));
+    assert!(!measured.notes.iter().any(|n| n.contains("computed")));
+    assert_eq!(derived.noise[1], None);
+    for name in free {
+        let own = |found: &Identification| {
+            let j = position(name);
+            let deviation = found.deviations[j].expect("determined");
+            (found.best().parameters[j], deviation)
+        };
+        let (value, deviation) = own(&derived);
+        let (expected, without) = own(&absent);
+        assert!(
+            (value - expected).abs() < 1e-3 * deviation,
+            "{name}: {value} {expected} {deviation}"
+        );
+        assert!((deviation / without - 1.0).abs() < 1e-3, "{name}");
+        assert_ne!(own(&measured).0, value, "{name}");
+    }
+    // Who states a level for them has them fitted.
+    let stated = Likelihood {
+        noise: vec![None, Some(0.2)],
+        ..Likelihood::default()
+    };
+    let found = fit(&stated_data, &self::settings(&free, stated));
+    assert!(found.noise[1].is_some() && !found.notes.iter().any(|n| n.contains("computed")));
 }
 
 #[test]

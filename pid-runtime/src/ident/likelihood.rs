@@ -9,10 +9,11 @@
 //! ```
 //!
 //! (N' samples of all channels, n unknowns; for squares the mean square of the residuals), until no level moves by more than
-//! half a percent. The first levels come from the records' differences.
+//! half a percent. The first levels come from the records' differences. Velocities that were computed from the positions
+//! ([`VelocityKind::Derived`]) have the errors of these and are left out unless a level is stated for them.
 
 use super::{Callback, IdentError, Identification, Prepare, Settings, once};
-use crate::data::{Dataset, Role};
+use crate::data::{Dataset, Role, VelocityKind};
 use crate::dynamics::Hessian;
 use crate::signal::noise_level_without_jumps;
 use crate::transcribe::{Loss, Prior};
@@ -60,9 +61,17 @@ pub(super) fn identify(
     for j in super::assemble::anchored(model, dataset) {
         stated[j] = Some(1.0);
     }
+    let nq = model.dims().nq;
+    let computed = |c: usize| {
+        c >= nq && dataset.joints[c - nq].velocity == VelocityKind::Derived && stated[c].is_none()
+    };
+    let computed: Vec<bool> = (0..channels).map(computed).collect();
     let spread = spreads(dataset);
     let mut levels = first_levels(dataset, &stated, &spread);
-    let all_stated = stated.iter().all(Option::is_some);
+    let all_stated = stated
+        .iter()
+        .zip(&computed)
+        .all(|(s, computed)| s.is_some() || *computed);
     let mut settings = settings.clone();
     let mut start = start.to_vec();
     let motion = match settings.prepare {
@@ -72,7 +81,11 @@ pub(super) fn identify(
     for turn in 0..TURNS {
         let first = turn == 0 && !all_stated;
         settings.likelihood = Some(Likelihood {
-            noise: levels.iter().copied().map(Some).collect(),
+            noise: levels
+                .iter()
+                .zip(&computed)
+                .map(|(level, computed)| (!computed).then_some(*level))
+                .collect(),
             // First levels are those of the sensors; what the model lacks would look like outliers.
             loss: if first { Loss::Square } else { likelihood.loss },
             priors: likelihood.priors.clone(),
@@ -99,6 +112,11 @@ pub(super) fn identify(
                     "the noise levels have not settled after {} turns",
                     turn + 1
                 ));
+            }
+            if computed.contains(&true) {
+                found.notes.push(
+                    "velocities computed from the positions are no readings of their own and are not fitted".to_owned(),
+                );
             }
             return Ok(found);
         }

@@ -28,7 +28,7 @@ use reduced::Reduced;
 /// Static regularisation of the links in the coarse factorization; refinement removes its effect. A link's compliance is the reciprocal
 /// of the curvature of the state behind it; beside a regularisation of its own size refinement removes only tenths, and a defect
 /// that is costly to close is closed in part. Far from the solution that is welcome: with whole steps two links took 70 instead of
-/// 51 iterations on 100 000 samples. Near it Newton's method then converges linearly, and a single stiff place holds up the whole
+/// 51 iterations on 100 000 samples (68 since the preparing fit is scaled by its samples). Near it Newton's method then converges linearly, and a single stiff place holds up the whole
 /// of a long record (67 iterations): on those it is divided by a curvature above one there.
 const STATIC: f64 = 1e-9;
 /// Optimality error below which the solution is near, and steps from which a record is long. On short ones whole steps gain nothing,
