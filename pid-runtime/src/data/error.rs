@@ -317,8 +317,8 @@ pub enum DataWarning {
     },
     /// A velocity that is said to be measured and is a difference of the positions.
     #[error(
-        "{file}: `dq{joint}` is the {difference} difference of `q{joint}`, dataset.toml says velocity = \"measured\"\n  help: \
-         write velocity = \"derived\": it tells nothing that the positions do not"
+        "{file}: joint {joint}: velocity = \"measured\", but `dq{joint}` is the {difference} difference of `q{joint}` ({records} of {of} \
+         records)\n  help: write velocity = \"derived\": it tells nothing that the positions do not"
     )]
     VelocityIsDifference {
         /// The file.
@@ -327,6 +327,10 @@ pub enum DataWarning {
         joint: usize,
         /// Which.
         difference: super::Difference,
+        /// In how many records.
+        records: usize,
+        /// Of how many.
+        of: usize,
     },
     /// Empty cells.
     #[error("{file}: {count} empty cells are taken as missing samples")]

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 
 use super::manifest::{self, Listed};
 use super::{
-    DataError, DataWarning, Dataset, Experiment, JointChannels, Role, VelocityKind, difference,
+    DataError, DataWarning, Dataset, Difference, Experiment, JointChannels, Role, VelocityKind,
+    difference,
 };
 
 /// The manifest's file name.
@@ -64,6 +65,7 @@ fn load(load: &Load<'_>) -> Result<Dataset, DataError> {
         experiments.push(experiment);
         warnings.extend(odd);
     }
+    warnings.extend(differences(&file, &experiments, &manifest.joints));
     for role in [Role::Train, Role::Test] {
         if !experiments.iter().any(|e| e.role == role) {
             warnings.push(DataWarning::NoExperiment { role });
@@ -215,27 +217,34 @@ fn read_experiment(
         missing,
     };
     compare_with_manifest(file, listed, &experiment, &mut warnings);
-    warnings.extend(differences(file, &experiment, joints));
     Ok((experiment, warnings))
 }
 
-/// Velocities that are said to be measured and are differences of the positions.
-fn differences(file: &str, experiment: &Experiment, joints: &[JointChannels]) -> Vec<DataWarning> {
-    let Some(v) = &experiment.v else {
-        return Vec::new();
-    };
+/// Velocities that are said to be measured and are differences of the positions, in all records or in some.
+fn differences(
+    file: &str,
+    experiments: &[Experiment],
+    joints: &[JointChannels],
+) -> Vec<DataWarning> {
     let nq = joints.len();
+    let made = |e: &Experiment, j: usize| {
+        let q = e.q.iter().skip(j).step_by(nq);
+        let v = e.v.iter().flatten().skip(j).step_by(nq);
+        let samples = e.t.iter().zip(q).zip(v);
+        let samples: Vec<(f64, f64, f64)> = samples.map(|((t, q), v)| (*t, *q, *v)).collect();
+        difference::made_by(&samples)
+    };
     let measured = (0..nq).filter(|&j| joints[j].velocity == VelocityKind::Measured);
     measured
         .filter_map(|j| {
-            let q = experiment.q.iter().skip(j).step_by(nq);
-            let v = v.iter().skip(j).step_by(nq);
-            let samples = experiment.t.iter().zip(q).zip(v);
-            let samples: Vec<(f64, f64, f64)> = samples.map(|((t, q), v)| (*t, *q, *v)).collect();
-            difference::made_by(&samples).map(|difference| DataWarning::VelocityIsDifference {
+            let found = experiments.iter().filter_map(|e| made(e, j));
+            let found: Vec<Difference> = found.collect();
+            Some(DataWarning::VelocityIsDifference {
                 file: file.to_owned(),
                 joint: j + 1,
-                difference,
+                difference: *found.first()?,
+                records: found.len(),
+                of: experiments.len(),
             })
         })
         .collect()
@@ -619,13 +628,22 @@ role = "test"
         }
         let toml = TOML.replace("samples = 3\n", "").replace("0.1", "0.5");
         let told = |toml: &str| read(toml, &csv).unwrap().warnings;
+        let velocity = |w: &&DataWarning| matches!(w, DataWarning::VelocityIsDifference { .. });
+        let warned = told(&toml);
+        let warned: Vec<String> = warned
+            .iter()
+            .filter(velocity)
+            .map(ToString::to_string)
+            .collect();
         assert_eq!(
-            told(&toml)[0].to_string(),
-            "a.csv: `dq1` is the backward difference of `q1`, dataset.toml says velocity = \"measured\"\n  help: write velocity = \
-             \"derived\": it tells nothing that the positions do not"
+            warned,
+            [
+                "dataset.toml: joint 1: velocity = \"measured\", but `dq1` is the backward difference of `q1` (1 of 2 records)\n  help: write \
+             velocity = \"derived\": it tells nothing that the positions do not"
+            ]
         );
         let stated = told(&toml.replace("measured", "derived"));
-        assert!(!stated.iter().any(|w| w.to_string().contains("dq1")));
+        assert!(!stated.iter().any(|w| velocity(&w)));
     }
 
     #[test]
