@@ -101,7 +101,8 @@ pub(crate) struct Source {
     pub(crate) armature: bool,
     /// Force law that the model lacks, at every joint (`stribeck`), one joint (`stribeck:elbow`) or a motor of two joints
     /// (`viscous:j5+j6`); may be repeated. Laws: armature, offset, viscous, coulomb, asymmetric (viscous friction that
-    /// differs between the directions), stribeck, saturating, load (friction with the drive's torque), quadratic.
+    /// differs between the directions), stribeck, saturating, load (friction with the drive's torque), quadratic,
+    /// presliding (friction that builds up over a displacement; regressions only).
     #[arg(long = "with", value_name = "TERM", conflicts_with_all = ["urdf", "nominal"])]
     pub(crate) terms: Vec<Request>,
     /// Factors from the input columns to the torque or force at the joints (N·m/A for currents), one per joint, separated by
@@ -308,9 +309,9 @@ pub(crate) struct RegressArgs {
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub(crate) decimate: Option<usize>,
     /// A joint slower than so many transition velocities (0.02 rad/s, 1 mm/s) rests: its rows are left out of the fit, not of
-    /// the judgement. 0 keeps all.
-    #[arg(long, default_value_t = 2.0, value_name = "X", value_parser = not_negative)]
-    pub(crate) rest: f64,
+    /// the judgement. 0 keeps all. Without it 2, and 0 with `--with presliding`, which explains what joints at rest do.
+    #[arg(long, value_name = "X", value_parser = not_negative)]
+    pub(crate) rest: Option<f64>,
     /// Training records to fit on, separated by commas; all of them if absent. Those left out are neither fitted nor judged.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub(crate) train: Vec<String>,

@@ -85,6 +85,10 @@ pub(crate) enum CliError {
         "--velocity-lag needs motions to be simulated\n  help: use `pid identify` with full discretization or shooting, or `pid simulate`"
     )]
     LagOfRegression,
+    #[error(
+        "--with {term}: friction with a memory needs a state that this command does not simulate\n  help: `pid regress` has it from the recorded positions; `pid diagnose` simulates it (`presliding_hysteresis`)"
+    )]
+    Memory { term: String },
     #[error("--velocity-lag needs one of the models that `pid models` lists")]
     LagOfFile,
     #[error(

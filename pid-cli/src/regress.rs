@@ -2,11 +2,13 @@
 
 use std::fmt::Write;
 
+use pid_estimate::extend::Extended;
 use pid_estimate::judge::Errors;
 use pid_estimate::pseudo_inertia::SUFFIXES;
 use pid_estimate::record::Filtering;
 use pid_estimate::regress::{Options, Regression, regress};
 use pid_estimate::solution::JointWeights;
+use pid_estimate::term::Request;
 use pid_runtime::data::{Dataset, Experiment, Role};
 use pid_runtime::dynamics::Hessian;
 use serde_json::{Value, json};
@@ -25,6 +27,11 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     // Here private parameters are unknowns of the regression, not of the model.
     let mut wanted = args.source.clone();
     let private = std::mem::take(&mut wanted.private);
+    // Friction with a memory takes states that are worked out from the records.
+    let terms = std::mem::take(&mut wanted.terms);
+    let (remembering, terms): (Vec<Request>, Vec<Request>) =
+        terms.into_iter().partition(|t| t.law.has_memory());
+    wanted.terms = terms;
     if !wanted.velocity_lag.is_empty() {
         return Err(CliError::LagOfRegression);
     }
@@ -35,7 +42,11 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
         (_, None) => return Err(CliError::NoController),
     };
     keep(&mut dataset, &args.train)?;
-    let model = subject.model();
+    let extended = Extended::new(subject.model(), &remembering)?;
+    let model: &dyn Hessian = match remembering.is_empty() {
+        true => subject.model(),
+        false => &extended,
+    };
     let mut start: Vec<f64> = match &args.start {
         Some(file) => parameters::read(file, model.params())?,
         None => model.params().iter().map(|i| i.nominal).collect(),
@@ -89,6 +100,7 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
         choose_filter: args.cutoff == Some(CutoffArg::Auto),
         hold,
         rest: args.rest,
+        memories: extended.memories().to_vec(),
         instruments,
         shapes: !args.hold_shapes,
         consistent: !args.no_consistent,

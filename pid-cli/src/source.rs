@@ -178,6 +178,11 @@ pub(crate) fn load_open(source: &Source) -> Result<(Subject, Dataset), CliError>
 }
 
 fn load_with(source: &Source, controller: Option<&Path>) -> Result<(Subject, Dataset), CliError> {
+    if let Some(term) = source.terms.iter().find(|t| t.law.has_memory()) {
+        return Err(CliError::Memory {
+            term: term.to_string(),
+        });
+    }
     // With --urdf or --nominal the one positional argument is the folder.
     let description = source.urdf.as_ref().or(source.nominal.as_ref());
     let (subject, folder) = match (description, &source.model, &source.folder) {

@@ -2,11 +2,14 @@
 
 use pid_runtime::dynamics::{At, Hessian};
 
+use crate::memory::Memory;
+
 /// A model split into parameters in which its residual is jointly linear, and the others, which are held.
 ///
 /// A parameter is linear if the Hessian pattern has no entry that couples it with itself or with another linear one. Those
 /// that multiply inputs, gains and load-dependent friction, are held: the measured input is what the regression explains, and with
-/// it on both sides scaling it down would pass for a fit.
+/// it on both sides scaling it down would pass for a fit. States of laws with a memory are inputs that nobody measured: their levels are
+/// linear.
 pub struct LinearModel<'m> {
     model: &'m dyn Hessian,
     /// Positions of the linear parameters in `p`.
@@ -19,6 +22,8 @@ pub struct LinearModel<'m> {
     columns: Vec<Option<usize>>,
     /// Further columns: those of coefficients at other values of their shapes.
     variants: Vec<Variant>,
+    /// The last of the model's inputs.
+    memories: Vec<Memory>,
 }
 
 /// A shape parameter at several values: the column of its coefficient for each of them.
@@ -35,8 +40,19 @@ pub struct Variant {
 impl<'m> LinearModel<'m> {
     /// Splits a model; parameters that are not linear keep the values in `p`. Those in `hold` are held besides.
     pub fn new(model: &'m dyn Hessian, p: &[f64], hold: &[usize]) -> Self {
+        Self::with_memories(model, p, hold, &[])
+    }
+
+    /// As [`Self::new`] for a model whose last inputs are the states of these memories.
+    pub fn with_memories(
+        model: &'m dyn Hessian,
+        p: &[f64],
+        hold: &[usize],
+        memories: &[Memory],
+    ) -> Self {
         let dims = model.dims();
         let first = dims.p();
+        let measured = dims.u()..first - memories.len();
         let mut free: Vec<bool> = model.params().iter().map(|i| !i.fixed).collect();
         let candidates = free.clone();
         hold.iter().for_each(|&j| free[j] = false);
@@ -58,7 +74,7 @@ impl<'m> LinearModel<'m> {
             .for_each(|&(i, _)| free[i] = false);
         for (&r, &c) in pattern.rows.iter().zip(pattern.cols) {
             if let Some(j) = (r as usize).checked_sub(first)
-                && (dims.u()..first).contains(&(c as usize))
+                && measured.contains(&(c as usize))
             {
                 free[j] = false;
             }
@@ -101,6 +117,7 @@ impl<'m> LinearModel<'m> {
             held,
             base,
             variants: Vec::new(),
+            memories: memories.to_vec(),
         }
     }
 
@@ -140,7 +157,13 @@ impl<'m> LinearModel<'m> {
             base: self.base.clone(),
             columns: self.columns.clone(),
             variants,
+            memories: self.memories.clone(),
         }
+    }
+
+    /// Memories whose states are the last of the model's inputs.
+    pub fn memories(&self) -> &[Memory] {
+        &self.memories
     }
 
     /// The shapes with columns of their own.

@@ -6,6 +6,7 @@ use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
 };
 
+use crate::memory::{Memory, widths};
 use crate::term::{ARGUMENTS, Law, Place, REST_ROTATION, REST_TRANSLATION, Request, SHAPE};
 
 /// Range of velocities in which a shape parameter is sought, as multiples of v₀.
@@ -49,6 +50,18 @@ pub enum ExtendError {
         term: String,
         /// The joint.
         joint: String,
+    },
+    /// A law with a memory in a model whose inputs are not one per joint.
+    #[error(
+        "term `{term}`: the model has {inputs} inputs for {joints} joints; a law with a memory needs one at each\n  help: declare the missing ones, with a record of zeros"
+    )]
+    Inputs {
+        /// The term as written.
+        term: String,
+        /// Inputs.
+        inputs: usize,
+        /// Joints.
+        joints: usize,
     },
 }
 
@@ -131,6 +144,9 @@ pub struct Extended<'m> {
     dims: Dims,
     params: Vec<ParamInfo>,
     terms: Vec<Term>,
+    /// The model's inputs and the states of laws with a memory.
+    inputs: Vec<InputInfo>,
+    memories: Vec<Memory>,
     jacobian: Merged,
     hessian: Merged,
 }
@@ -146,14 +162,9 @@ struct Merged {
 }
 
 impl Merged {
-    fn new(inner: Pattern<'_>, entries: &[Vec<((u32, u32), Part)>]) -> Self {
-        let mut all: Vec<(u32, u32)> = inner
-            .rows
-            .iter()
-            .copied()
-            .zip(inner.cols.iter().copied())
-            .collect();
-        let own = all.clone();
+    /// `own`: places of the model's entries.
+    fn new(own: Vec<(u32, u32)>, entries: &[Vec<((u32, u32), Part)>]) -> Self {
+        let mut all = own.clone();
         all.extend(entries.iter().flatten().map(|(place, _)| *place));
         all.sort_unstable();
         all.dedup();
@@ -206,26 +217,50 @@ impl<'m> Extended<'m> {
     /// # Errors
     /// [`ExtendError`] where a term names a joint that does not exist, or a parameter that does.
     pub fn new(inner: &'m dyn Hessian, requests: &[Request]) -> Result<Self, ExtendError> {
-        let mut params = inner.params().to_vec();
-        let mut terms = Vec::new();
+        let mut added = Added {
+            params: inner.params().to_vec(),
+            inputs: inner.inputs().to_vec(),
+            memories: Vec::new(),
+            terms: Vec::new(),
+        };
         for request in requests {
             for joints in places(inner, request)? {
-                terms.push(place(inner, request, joints, &mut params)?);
+                match request.law.has_memory() {
+                    true => added.remember(inner, request, &joints)?,
+                    false => added.place(inner, request, joints)?,
+                }
             }
         }
+        let Added {
+            params,
+            inputs,
+            memories,
+            terms,
+        } = added;
         let dims = Dims {
+            nu: inner.dims().nu + memories.len(),
             np: params.len(),
             ..inner.dims()
         };
+        // Further inputs lie before the parameters.
+        let (first, further) = (inner.dims().p(), memories.len());
+        let moved = |z: u32| match z as usize {
+            z if z >= first => (z + further) as u32,
+            z => z as u32,
+        };
+        let own = |pattern: Pattern<'_>, row: &dyn Fn(u32) -> u32| -> Vec<(u32, u32)> {
+            let places = pattern.rows.iter().zip(pattern.cols);
+            places.map(|(&r, &c)| (row(r), moved(c))).collect()
+        };
         let jacobian = Merged::new(
-            inner.jacobian_pattern(),
+            own(inner.jacobian_pattern(), &|row| row),
             &terms
                 .iter()
                 .map(|t| jacobian_entries(t, dims))
                 .collect::<Vec<_>>(),
         );
         let hessian = Merged::new(
-            inner.hessian_pattern(),
+            own(inner.hessian_pattern(), &moved),
             &terms
                 .iter()
                 .map(|t| hessian_entries(t, dims))
@@ -236,14 +271,27 @@ impl<'m> Extended<'m> {
             dims,
             params,
             terms,
+            inputs,
+            memories,
             jacobian,
             hessian,
         })
     }
 
+    /// States of laws with a memory, in the order in which the model takes them: after the inputs of the model without terms.
+    pub fn memories(&self) -> &[Memory] {
+        &self.memories
+    }
+
     fn own<'a>(&self, at: &At<'a>) -> At<'a> {
+        let dims = self.inner.dims();
         At {
-            p: &at.p[..self.inner.dims().np],
+            // Records may have more channels than the model has inputs.
+            u: match self.memories.is_empty() {
+                true => at.u,
+                false => &at.u[..dims.nu],
+            },
+            p: &at.p[..dims.np],
             ..*at
         }
     }
@@ -274,53 +322,30 @@ fn places(model: &dyn Hessian, request: &Request) -> Result<Vec<Vec<usize>>, Ext
     })
 }
 
-fn place(
-    model: &dyn Hessian,
-    request: &Request,
-    joints: Vec<usize>,
-    params: &mut Vec<ParamInfo>,
-) -> Result<Term, ExtendError> {
-    let law = request.law;
-    let info = &model.joints()[joints[0]];
-    let name = joints
-        .iter()
-        .map(|&j| model.joints()[j].name.as_ref())
-        .collect::<Vec<_>>()
-        .join("_");
-    let input = model
-        .inputs()
-        .iter()
-        .position(|i| i.joint == Some(joints[0]));
-    if law == Law::Load && input.is_none() {
-        return Err(ExtendError::NoInput {
-            term: request.to_string(),
-            joint: name,
-        });
-    }
-    let rest = if info.prismatic {
-        REST_TRANSLATION
-    } else {
-        REST_ROTATION
-    };
-    let unit = law.unit(
-        info.prismatic,
-        input.map_or("", |i| &model.inputs()[i].unit),
-    );
-    // Estimators take the width of a range as the size of what lies in it.
-    let force = model
-        .params()
-        .iter()
-        .filter(|p| p.unit == info.force_unit() && p.upper.is_finite())
-        .fold(0.0_f64, |most, p| most.max(p.upper));
-    let widest = if force > 0.0 { WIDER * force } else { WIDEST };
-    let mut push = |name: String, unit: String, nominal: f64, lower: f64, upper: f64| {
-        if params.iter().any(|p| p.name == name) {
+/// What terms add to a model, in the making.
+struct Added {
+    params: Vec<ParamInfo>,
+    inputs: Vec<InputInfo>,
+    memories: Vec<Memory>,
+    terms: Vec<Term>,
+}
+
+impl Added {
+    /// A parameter of a term; its position.
+    fn parameter(
+        &mut self,
+        request: &Request,
+        name: String,
+        unit: String,
+        (nominal, lower, upper): (f64, f64, f64),
+    ) -> Result<usize, ExtendError> {
+        if self.params.iter().any(|p| p.name == name) {
             return Err(ExtendError::Twice {
                 term: request.to_string(),
                 parameter: name,
             });
         }
-        params.push(ParamInfo {
+        self.params.push(ParamInfo {
             name: Cow::Owned(name),
             unit: Cow::Owned(unit),
             doc: Cow::Owned(format!("term `{request}`")),
@@ -329,37 +354,135 @@ fn place(
             upper,
             fixed: false,
         });
-        Ok(params.len() - 1)
-    };
-    let lower = if law.non_negative() { 0.0 } else { -widest };
-    let coefficient = push(format!("{}_{name}", law.word()), unit, 0.0, lower, widest)?;
-    let shape = match law.has_shape() {
-        true => {
-            let (low, start, high) = SHAPE_RANGE;
-            let unit = if info.prismatic { "m/s" } else { "rad/s" };
-            Some(push(
-                format!("{}_velocity_{name}", law.word()),
-                unit.to_owned(),
-                start * rest,
-                low * rest,
-                high * rest,
-            )?)
+        Ok(self.params.len() - 1)
+    }
+
+    /// A law without a memory.
+    fn place(
+        &mut self,
+        model: &dyn Hessian,
+        request: &Request,
+        joints: Vec<usize>,
+    ) -> Result<(), ExtendError> {
+        let law = request.law;
+        let info = &model.joints()[joints[0]];
+        let name = joined(model, &joints);
+        let input = model
+            .inputs()
+            .iter()
+            .position(|i| i.joint == Some(joints[0]));
+        if law == Law::Load && input.is_none() {
+            return Err(ExtendError::NoInput {
+                term: request.to_string(),
+                joint: name,
+            });
         }
-        // The voltage that drives a current is what the back-EMF leaves.
-        false if law == Law::Load && input.is_some_and(|i| model.inputs()[i].unit == "V") => {
-            let name = format!("gain_{}", info.name);
-            model.params().iter().position(|p| p.name == name)
+        let rest = if info.prismatic {
+            REST_TRANSLATION
+        } else {
+            REST_ROTATION
+        };
+        let unit = law.unit(
+            info.prismatic,
+            input.map_or("", |i| &model.inputs()[i].unit),
+        );
+        let widest = widest(model, info);
+        let lower = if law.non_negative() { 0.0 } else { -widest };
+        let coefficient = self.parameter(
+            request,
+            format!("{}_{name}", law.word()),
+            unit,
+            (0.0, lower, widest),
+        )?;
+        let shape = match law.has_shape() {
+            true => {
+                let (low, start, high) = SHAPE_RANGE;
+                let unit = if info.prismatic { "m/s" } else { "rad/s" };
+                Some(self.parameter(
+                    request,
+                    format!("{}_velocity_{name}", law.word()),
+                    unit.to_owned(),
+                    (start * rest, low * rest, high * rest),
+                )?)
+            }
+            // The voltage that drives a current is what the back-EMF leaves.
+            false if law == Law::Load && input.is_some_and(|i| model.inputs()[i].unit == "V") => {
+                let name = format!("gain_{}", info.name);
+                model.params().iter().position(|p| p.name == name)
+            }
+            false => None,
+        };
+        self.terms.push(Term {
+            law,
+            joints,
+            input,
+            rest,
+            coefficient,
+            shape,
+        });
+        Ok(())
+    }
+
+    /// A law with a memory: a term, and a state among the inputs, for each width.
+    fn remember(
+        &mut self,
+        model: &dyn Hessian,
+        request: &Request,
+        joints: &[usize],
+    ) -> Result<(), ExtendError> {
+        let dims = model.dims();
+        if dims.nu != dims.nq {
+            return Err(ExtendError::Inputs {
+                term: request.to_string(),
+                inputs: dims.nu,
+                joints: dims.nq,
+            });
         }
-        false => None,
-    };
-    Ok(Term {
-        law,
-        joints,
-        input,
-        rest,
-        coefficient,
-        shape,
-    })
+        let (law, info) = (request.law, &model.joints()[joints[0]]);
+        let name = joined(model, joints);
+        for (width, word) in widths(info.prismatic) {
+            let coefficient = self.parameter(
+                request,
+                format!("{}_{word}_{name}", law.word()),
+                law.unit(info.prismatic, ""),
+                (0.0, 0.0, widest(model, info)),
+            )?;
+            self.terms.push(Term {
+                law,
+                joints: joints.to_vec(),
+                input: Some(self.inputs.len()),
+                rest: REST_ROTATION,
+                coefficient,
+                shape: None,
+            });
+            self.inputs.push(InputInfo {
+                name: Cow::Owned(format!("{}_state_{word}_{name}", law.word())),
+                unit: Cow::Borrowed("1"),
+                joint: None,
+            });
+            self.memories.push(Memory {
+                joints: joints.to_vec(),
+                width,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Names of joints as part of a parameter's.
+fn joined(model: &dyn Hessian, joints: &[usize]) -> String {
+    let names = joints.iter().map(|&j| model.joints()[j].name.as_ref());
+    names.collect::<Vec<_>>().join("_")
+}
+
+/// Widest coefficient of a term at a joint. Estimators take the width of a range as the size of what lies in it.
+fn widest(model: &dyn Hessian, info: &JointInfo) -> f64 {
+    let force = model
+        .params()
+        .iter()
+        .filter(|p| p.unit == info.force_unit() && p.upper.is_finite())
+        .fold(0.0_f64, |most, p| most.max(p.upper));
+    if force > 0.0 { WIDER * force } else { WIDEST }
 }
 
 fn jacobian_entries(term: &Term, dims: Dims) -> Vec<((u32, u32), Part)> {
@@ -414,7 +537,7 @@ impl Dynamics for Extended<'_> {
         self.inner.joints()
     }
     fn inputs(&self) -> &[InputInfo] {
-        self.inner.inputs()
+        &self.inputs
     }
     fn mass_matrix(&self, at: &At<'_>, m: &mut [f64]) {
         self.inner.mass_matrix(&self.own(at), m);

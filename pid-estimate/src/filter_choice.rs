@@ -67,7 +67,11 @@ pub fn choose(
         cutoff: None,
         decimate: None,
     };
-    let train = |filtering| Record::of(dataset, filtering, |e| e.role == Role::Train);
+    let train = |filtering| {
+        Record::of(dataset, filtering, model.memories(), |e| {
+            e.role == Role::Train
+        })
+    };
     let common = train(own)?;
     let mut cutoffs: Vec<f64> = common.iter().map(|r| r.cutoff).collect();
     cutoffs.sort_by(f64::total_cmp);
@@ -212,7 +216,7 @@ mod tests {
                 cutoff: Some(cutoff),
                 decimate: None,
             };
-            let records = Record::of(&dataset, filtering, |_| true).expect("filters");
+            let records = Record::of(&dataset, filtering, &[], |_| true).expect("filters");
             let normal = Normal::new(&model, &records, Some(&rest));
             let total = normal.total(|_| true);
             let p = solution::estimate(&total, &How::default())

@@ -104,14 +104,15 @@ fn row(records: &str, squares: &Squares) -> Errors {
 }
 
 fn one(model: &dyn Hessian, p: &[f64], record: &Record, rest: Option<&[f64]>) -> Squares {
-    let (nq, nu) = (record.nq, model.dims().nu);
+    let nq = record.nq;
     let residual = residuals_at(model, record, p);
     // The drive's force is what the input adds.
     let mut force = vec![0.0; record.t.len() * nq];
-    let (idle, mut passive) = (vec![0.0; nu], vec![0.0; nq]);
+    let (mut idle, mut passive) = (vec![0.0; record.nu], vec![0.0; nq]);
     for (i, row) in force.chunks_exact_mut(nq).enumerate() {
         let at = record.at(i, p);
         model.applied_force(&at, row);
+        record.idle(i, &mut idle);
         model.applied_force(&At { u: &idle, ..at }, &mut passive);
         row.iter_mut().zip(&passive).for_each(|(f, p)| *f -= p);
     }
@@ -156,7 +157,7 @@ mod tests {
             cutoff: Some(40.0),
             decimate: None,
         };
-        let made = Record::of(&dataset, filtering, |_| true).expect("filters");
+        let made = Record::of(&dataset, filtering, &[], |_| true).expect("filters");
         let split = LinearModel::new(&Emps, &p, &[]);
         let rest = [2e-3];
         let normal = Normal::new(&split, &made, Some(&rest));

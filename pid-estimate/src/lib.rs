@@ -23,6 +23,7 @@ pub mod instruments;
 pub mod judge;
 pub mod lag;
 pub mod log_cholesky;
+pub mod memory;
 pub mod normal;
 pub mod poses;
 pub mod private;

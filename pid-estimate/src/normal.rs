@@ -398,8 +398,8 @@ pub(crate) fn filtered_at(
     let width = nq * (columns + 2);
     let mut rows = vec![0.0; record.t.len() * width];
     let mut scratch = vec![0.0; model.model().jacobian_pattern().nnz()];
-    let (idle, held) = (
-        vec![0.0; dims.nu],
+    let (mut idle, held) = (
+        vec![0.0; record.nu],
         model.complete(&vec![0.0; model.linear().len()]),
     );
     let mut passive = vec![0.0; nq];
@@ -408,13 +408,14 @@ pub(crate) fn filtered_at(
             q: &q[i * nq..(i + 1) * nq],
             v: &v[i * nq..(i + 1) * nq],
             a: &a[i * nq..(i + 1) * nq],
-            u: &record.u[i * nq..(i + 1) * nq],
+            u: record.inputs(i),
             p: &held,
         };
         let (front, y) = row.split_at_mut(2 * nq);
         let (offset, drive) = front.split_at_mut(nq);
         model.evaluate(&at, offset, y, &mut scratch);
         model.model().applied_force(&at, drive);
+        record.idle(i, &mut idle);
         model
             .model()
             .applied_force(&At { u: &idle, ..at }, &mut passive);

@@ -39,8 +39,10 @@ pub struct Excess {
 
 const QUANTITIES: [&str; 3] = ["position", "velocity", "input"];
 
-fn channels(record: &Record) -> [&[f64]; 3] {
-    [&record.q, &record.v, &record.u]
+/// Positions, velocities, inputs, with the number of each in a row.
+fn channels(record: &Record) -> [(&[f64], usize); 3] {
+    let nq = record.nq;
+    [(&record.q, nq), (&record.v, nq), (&record.u, record.nu)]
 }
 
 /// Ranges of all joints over records.
@@ -51,8 +53,8 @@ pub fn of(model: &dyn Dynamics, records: &[Record]) -> Vec<Range> {
             let joint = &model.joints()[j];
             let mut bounds = [(f64::INFINITY, f64::NEG_INFINITY); 3];
             for record in records {
-                for (bound, channel) in bounds.iter_mut().zip(channels(record)) {
-                    for &x in channel.iter().skip(j).step_by(nq) {
+                for (bound, (channel, width)) in bounds.iter_mut().zip(channels(record)) {
+                    for &x in channel.iter().skip(j).step_by(width) {
                         *bound = (bound.0.min(x), bound.1.max(x));
                     }
                 }
@@ -78,12 +80,11 @@ pub fn of(model: &dyn Dynamics, records: &[Record]) -> Vec<Range> {
 pub fn excess(ranges: &[Range], records: &[Record]) -> Vec<Excess> {
     let mut out = Vec::new();
     for record in records {
-        let nq = record.nq;
         for (j, range) in ranges.iter().enumerate() {
-            for (k, channel) in channels(record).into_iter().enumerate() {
+            for (k, (channel, width)) in channels(record).into_iter().enumerate() {
                 let (low, high) = range.bounds[k];
                 let margin = MARGIN * (high - low);
-                let values = || channel.iter().skip(j).step_by(nq);
+                let values = || channel.iter().skip(j).step_by(width);
                 let outside = values()
                     .filter(|x| **x < low - margin || **x > high + margin)
                     .count();
@@ -121,6 +122,7 @@ mod tests {
         Record {
             name: "r".into(),
             nq: 1,
+            nu: 1,
             t: (0..n).map(f64::from).collect(),
             q: wave(reach),
             v: wave(1.0),

@@ -6,6 +6,8 @@ use pid_runtime::signal::{
     FilterError, SignalError, acting_inputs, low_pass_channels, state_from_data,
 };
 
+use crate::memory::Memory;
+
 /// Share of the rate after decimation at which the decimation filter cuts off.
 const PARALLEL: f64 = 0.4;
 /// Samples kept per period of the cut-off of the states' filter.
@@ -27,6 +29,8 @@ pub struct Record {
     pub name: String,
     /// Number of joints.
     pub nq: usize,
+    /// Number of inputs: one per joint, then states of memories.
+    pub nu: usize,
     /// Times, s.
     pub t: Vec<f64>,
     /// Positions, rad or m.
@@ -57,9 +61,41 @@ impl Record {
             q: &self.q[own.clone()],
             v: &self.v[own.clone()],
             a: &self.a[own.clone()],
-            u: &self.u[own],
+            u: self.inputs(i),
             p,
         }
+    }
+
+    /// Inputs at sample `i`.
+    pub(crate) fn inputs(&self, i: usize) -> &[f64] {
+        &self.u[i * self.nu..(i + 1) * self.nu]
+    }
+
+    /// The inputs at sample `i` with no drive: states of memories alone, behind zeros. `u` is as long as them.
+    pub(crate) fn idle(&self, i: usize, u: &mut [f64]) {
+        u.fill(0.0);
+        u[self.nq..].copy_from_slice(&self.inputs(i)[self.nq..]);
+    }
+
+    /// With the states of memories behind the inputs, from the filtered positions.
+    pub fn remembering(mut self, memories: &[Memory]) -> Self {
+        if memories.is_empty() {
+            return self;
+        }
+        let states: Vec<Vec<f64>> = memories
+            .iter()
+            .map(|m| m.states(&self.q, self.nq))
+            .collect();
+        let rows = self.u.chunks_exact(self.nu).enumerate();
+        self.u = rows
+            .flat_map(|(i, u)| {
+                let own = u.iter().copied();
+                own.chain(states.iter().map(move |z| z[i]))
+                    .collect::<Vec<_>>()
+            })
+            .collect();
+        self.nu += memories.len();
+        self
     }
 
     /// Filters an experiment: Butterworth of order 4 forward and backward for states and inputs, central differences, and
@@ -93,6 +129,7 @@ impl Record {
         Ok(Self {
             name: experiment.name.clone(),
             nq,
+            nu: nq,
             t: experiment.t.clone(),
             q: state.q,
             v: state.v,
@@ -106,20 +143,21 @@ impl Record {
         })
     }
 
-    /// All experiments of a data set that a choice takes.
+    /// All experiments of a data set that a choice takes, with the states of memories.
     ///
     /// # Errors
     /// As [`Self::new`].
     pub fn of(
         dataset: &Dataset,
         filtering: Filtering,
+        memories: &[Memory],
         choice: impl Fn(&Experiment) -> bool,
     ) -> Result<Vec<Self>, SignalError> {
         dataset
             .experiments
             .iter()
             .filter(|e| choice(e))
-            .map(|e| Self::new(e, dataset.input_hold, filtering))
+            .map(|e| Ok(Self::new(e, dataset.input_hold, filtering)?.remembering(memories)))
             .collect()
     }
 

@@ -15,6 +15,7 @@ use crate::controllers::Controllers;
 use crate::filter_choice::{self, Choice};
 use crate::instruments::{self, InstrumentError, Rounds};
 use crate::judge::{self, Errors};
+use crate::memory::Memory;
 use crate::normal::Normal;
 use crate::poses::indefinite_share;
 use crate::range::{self, Excess};
@@ -26,6 +27,9 @@ use crate::solution::{
 };
 use crate::term::{REST_ROTATION, REST_TRANSLATION};
 use crate::unknowns::{Payload, Unknowns, UnknownsError};
+
+/// Transition velocities below which a joint rests.
+const REST: f64 = 2.0;
 
 /// What can be chosen.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,8 +55,11 @@ pub struct Options {
     /// Prior knowledge: parameter of the model (or `payload_m` …), mean, standard deviation.
     pub priors: Vec<(String, f64, f64)>,
     /// Multiple of the transition velocity v₀ below which a joint counts as resting; its rows are then left out of the fit
-    /// (not of the judgement). 0 keeps all.
-    pub rest: f64,
+    /// (not of the judgement). 0 keeps all; `None` is 0 with friction that has a memory, which explains such rows and is told
+    /// from Coulomb's by them, and 2 without.
+    pub rest: Option<f64>,
+    /// States of friction with a memory, which the model takes as its last inputs ([`crate::extend::Extended::memories`]).
+    pub memories: Vec<Memory>,
     /// The controllers of the records, for instrumental variables in place of least squares.
     pub instruments: Option<Controllers>,
     /// Further values of all parameters to judge in the same way, with their names.
@@ -81,7 +88,8 @@ impl Default for Options {
             weights: JointWeights::Variance,
             loss: Loss::Square,
             priors: Vec::new(),
-            rest: 2.0,
+            rest: None,
+            memories: Vec::new(),
             instruments: None,
             judge: Vec::new(),
             shapes: true,
@@ -253,18 +261,22 @@ pub fn regress(
 ) -> Result<Regression, RegressError> {
     let started = Instant::now();
     let hold = positions(model, &options.hold)?;
-    let mut split = LinearModel::new(model, start, &hold);
+    let mut split = LinearModel::with_memories(model, start, &hold, &options.memories);
     if split.linear().is_empty() {
         return Err(RegressionError::NothingLinear {
             model: model.name().to_owned(),
         }
         .into());
     }
+    let transitions = options.rest.unwrap_or(match options.memories.is_empty() {
+        true => REST,
+        false => 0.0,
+    });
     let rest: Vec<f64> = model
         .joints()
         .iter()
         .map(|j| {
-            options.rest
+            transitions
                 * if j.prismatic {
                     REST_TRANSLATION
                 } else {
@@ -294,6 +306,7 @@ pub fn regress(
             (!options.loss.is_square(), "another loss than squares"),
             (!how.beliefs.is_empty(), "priors"),
             (!how.gains.is_empty(), "deviations of gains"),
+            (!options.memories.is_empty(), "friction with a memory"),
         ] {
             if asked {
                 return Err(RegressError::InstrumentsAlone { what });
@@ -312,8 +325,12 @@ pub fn regress(
         false => None,
     };
     let filtering = choice.as_ref().map_or(options.filtering, |c| c.filtering);
-    let train = Record::of(dataset, filtering, |e| e.role == Role::Train)?;
-    let test = Record::of(dataset, filtering, |e| e.role == Role::Test)?;
+    let train = Record::of(dataset, filtering, split.memories(), |e| {
+        e.role == Role::Train
+    })?;
+    let test = Record::of(dataset, filtering, split.memories(), |e| {
+        e.role == Role::Test
+    })?;
     if options.shapes {
         shapes::tune(&mut split, &train, &rest, &hold, &how)?;
     }

@@ -150,7 +150,7 @@ mod tests {
             cutoff: Some(60.0),
             decimate: None,
         };
-        let made = Record::of(&dataset, filtering, |_| true).expect("filters");
+        let made = Record::of(&dataset, filtering, &[], |_| true).expect("filters");
         let shapes = ["stribeck_velocity_x", "saturating_velocity_x"].map(at);
         let split = LinearModel::new(&model, &p, &[]);
         let grids = shapes.map(|s| (s, vec![0.01, 0.03]));

@@ -15,8 +15,10 @@
 //! | `saturating` | tanh(w/s): viscous friction that grows ever less (strain-wave gears) | N·m | velocity |
 //! | `load` | √(ũ² + ε²) tanh(w/v₀): friction grows with the transmitted drive torque; ũ = u, for a voltage u − k w with the motor's constant k (parameter `gain_JOINT`) | N·m per unit of u | |
 //! | `quadratic` | w √(w² + v₀²) | N·m·s² | |
+//! | `presliding` | z of [`crate::memory`], at three widths: friction that builds up over a displacement | N·m | |
 //!
 //! v₀ is the velocity of the transition at rest ([`REST_ROTATION`], [`REST_TRANSLATION`]), ε a thousandth of a unit of the input.
+//! `presliding` depends on the motion so far: the model takes z as one more input, which whoever evaluates it works out.
 //! Sources: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30, 1994 (Stribeck); P. Hamon, M. Gautier, P. Garrec,
 //! IROS 2010 (load); A. Janot, M. Gautier, M. Brunot, 2019 (asymmetry).
 
@@ -53,10 +55,12 @@ pub enum Law {
     Load,
     /// Friction with the square of the velocity.
     Quadratic,
+    /// Friction that builds up over a displacement.
+    Presliding,
 }
 
 /// All laws.
-pub const LAWS: [Law; 9] = [
+pub const LAWS: [Law; 10] = [
     Law::Armature,
     Law::Offset,
     Law::Viscous,
@@ -66,6 +70,7 @@ pub const LAWS: [Law; 9] = [
     Law::Saturating,
     Law::Load,
     Law::Quadratic,
+    Law::Presliding,
 ];
 
 /// Arguments of φ: velocity, acceleration, input, shape parameter.
@@ -86,12 +91,18 @@ impl Law {
             Law::Saturating => "saturating",
             Law::Load => "load",
             Law::Quadratic => "quadratic",
+            Law::Presliding => "presliding",
         }
     }
 
     /// Whether φ has a shape parameter, a velocity.
     pub fn has_shape(self) -> bool {
         matches!(self, Law::Stribeck | Law::Saturating)
+    }
+
+    /// Whether φ depends on the motion so far, by a state that the model takes as an input.
+    pub fn has_memory(self) -> bool {
+        self == Law::Presliding
     }
 
     /// Whether a negative coefficient would feed energy into the motion.
@@ -109,7 +120,9 @@ impl Law {
         match self {
             Law::Armature if prismatic => "kg".to_owned(),
             Law::Armature => "kg*m^2".to_owned(),
-            Law::Offset | Law::Coulomb | Law::Stribeck | Law::Saturating => force.to_owned(),
+            Law::Offset | Law::Coulomb | Law::Stribeck | Law::Saturating | Law::Presliding => {
+                force.to_owned()
+            }
             Law::Viscous | Law::Asymmetric => format!("{force}*s/{speed}"),
             Law::Load if input == force => "1".to_owned(),
             Law::Load => format!("{force}/{input}"),
@@ -127,15 +140,20 @@ impl Law {
             }
             Law::Stribeck | Law::Saturating => [true, false, false, true],
             Law::Load => [true, false, true, true],
+            Law::Presliding => [false, false, true, false],
         }
     }
 
     /// Whether φ is linear in its arguments, so that its second derivatives vanish.
     pub(crate) fn linear(self) -> bool {
-        matches!(self, Law::Armature | Law::Offset | Law::Viscous)
+        matches!(
+            self,
+            Law::Armature | Law::Offset | Law::Viscous | Law::Presliding
+        )
     }
 
-    /// φ of (w, α, u, s) with the transition velocity v₀; s of [`Law::Load`] is the motor's constant behind a voltage, or 0.
+    /// φ of (w, α, u, s) with the transition velocity v₀; s of [`Law::Load`] is the motor's constant behind a voltage, or 0; u of
+    /// [`Law::Presliding`] is its state z.
     pub fn value<D: DualNum<Primitive = f64> + Copy>(self, x: [D; ARGUMENTS], rest: f64) -> D {
         let [w, alpha, u, s] = x;
         let sign = || saturated(w / rest);
@@ -155,6 +173,7 @@ impl Law {
                 (net * net + LOAD_SMOOTHING * LOAD_SMOOTHING).sqrt() * sign()
             }
             Law::Quadratic => w * (w * w + rest * rest).sqrt(),
+            Law::Presliding => u,
         }
     }
 
@@ -314,7 +333,7 @@ mod tests {
     fn friction_of_a_non_negative_law_never_drives() {
         for law in LAWS
             .into_iter()
-            .filter(|l| l.non_negative() && *l != Law::Armature)
+            .filter(|l| l.non_negative() && *l != Law::Armature && !l.has_memory())
         {
             for w in [-2.0, -0.01, 0.0, 0.003, 1.0] {
                 assert!(
