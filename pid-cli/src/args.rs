@@ -191,9 +191,9 @@ pub(crate) struct IdentifyArgs {
     /// Nodes of each window in shooting: 1 is single shooting.
     #[arg(long, default_value = "1", value_name = "M", value_parser = at_least_one)]
     pub(crate) nodes: usize,
-    /// Shooting starts from the solution with a node at every sample.
+    /// Shooting does not start from the solution with a node at every sample.
     #[arg(long)]
-    pub(crate) lift: bool,
+    pub(crate) no_lift: bool,
     /// Shooting with controlled Dormand-Prince steps of this relative tolerance instead of the scheme.
     #[arg(long, value_name = "RTOL", value_parser = positive)]
     pub(crate) adaptive: Option<f64>,
@@ -251,7 +251,7 @@ pub(crate) struct IdentifyArgs {
     /// Draws of the block bootstrap over windows: intervals of 95 % by as many further fits.
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub(crate) bootstrap: usize,
-    /// Start the solver from the given parameters as they are, without fitting the residual first.
+    /// Start the solver from the given parameters as they are, without fitting the residual first or lifting the start of shooting.
     #[arg(long)]
     pub(crate) no_prepare: bool,
     /// Cut-off of the zero-phase filter behind derived velocities and the equation error, Hz; found from the data if absent.

@@ -40,6 +40,8 @@ pub(crate) struct Fit {
     pub(crate) seconds: f64,
     /// Independent check of the point.
     pub(crate) checks: Vec<CheckRow>,
+    /// Iterations of the best start, those that prepared it included.
+    pub(crate) iterations: usize,
     /// Log of the best start.
     pub(crate) log: Vec<Iteration>,
     /// All starts.
@@ -195,6 +197,7 @@ pub(crate) fn assemble(
         .collect();
 
     let dims = model.dims();
+    let solving = fit.log.last().map_or(0, |i| i.iteration);
     Ok(Report {
         schema_version: SCHEMA_VERSION,
         program: format!("pid {}", env!("CARGO_PKG_VERSION")),
@@ -211,7 +214,8 @@ pub(crate) fn assemble(
         outcome: OutcomeSection {
             verdict: fit.verdict,
             status: fit.status,
-            iterations: fit.log.last().map_or(0, |i| i.iteration),
+            iterations: solving,
+            preparing_iterations: fit.iterations.saturating_sub(solving),
             objective: fit.objective,
             seconds: fit.seconds,
             checks: fit.checks,

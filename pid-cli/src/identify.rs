@@ -167,6 +167,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
             objective: best.objective.is_finite().then_some(best.objective),
             seconds,
             checks: checks(best),
+            iterations: best.iterations,
             log: best.log.clone(),
             starts: identification.runs.iter().map(start_row).collect(),
             cutoff: args.cutoff,
@@ -227,7 +228,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         scheme: args.scheme,
         substeps: args.substeps,
         nodes: args.nodes,
-        lift: args.lift,
+        lift: args.no_lift.then_some(false),
         adaptive: args.adaptive.map(|rtol| Adaptive {
             rtol,
             atol: 1e-2 * rtol,

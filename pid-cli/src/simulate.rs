@@ -39,6 +39,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<u8, CliError> {
         objective: None,
         seconds: 0.0,
         checks: Vec::new(),
+        iterations: 0,
         log: Vec::new(),
         starts: Vec::new(),
         cutoff: None,

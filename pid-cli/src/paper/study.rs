@@ -85,7 +85,7 @@ fn settings(job: &Job, max_iterations: usize, limit: Duration) -> Settings {
         scheme: job.scheme,
         substeps: job.substeps,
         nodes: job.nodes.unwrap_or(1),
-        lift: job.lift,
+        lift: Some(job.lift),
         curvature: if job.hessian == Second::GaussNewton {
             Curvature::GaussNewton
         } else {

@@ -121,7 +121,7 @@ pub(super) fn identify(
             return Ok(found);
         }
         start.clone_from(&found.best().parameters);
-        (settings.starts, settings.prepare) = (1, motion);
+        (settings.starts, settings.prepare, settings.lift) = (1, motion, Some(false));
     }
     unreachable!("invariant: the last turn returns")
 }

@@ -69,8 +69,8 @@ pub struct Settings {
     /// Nodes of each window in shooting: 1 is single shooting; more than samples means one per sample.
     pub nodes: usize,
     /// Whether shooting starts from the solution of the same problem with a node at every sample (equal steps only): bad starts
-    /// then matter as little as there.
-    pub lift: bool,
+    /// then matter as little as there. `None`: where `prepare` is [`Prepare::Everything`].
+    pub lift: Option<bool>,
     /// Shooting with controlled Dormand-Prince steps; `None` for equal steps of `scheme`.
     pub adaptive: Option<Adaptive>,
     /// Second derivatives for the solver.
@@ -126,7 +126,7 @@ impl Default for Settings {
             scheme: Scheme::ImplicitMidpoint,
             substeps: 1,
             nodes: 1,
-            lift: false,
+            lift: None,
             adaptive: None,
             curvature: Curvature::Exact,
             quasi_newton: None,

@@ -88,7 +88,10 @@ fn solve<'m, P: Around<Shooting<'m>>>(
     if settings.prepare == Prepare::Everything {
         iterations += fit_residual(model, assembled, settings, start, &mut x0, report);
     }
-    let lifted = settings.lift && settings.adaptive.is_none();
+    let lift_first = settings
+        .lift
+        .unwrap_or(settings.prepare == Prepare::Everything);
+    let lifted = lift_first && settings.adaptive.is_none();
     let arcs: usize = problem.program().nodes().iter().sum();
     let long = settings.nodes > 1 && !lifted && problem.samples() >= LONG_ARC * arcs;
     let mut options = solver::Settings {

@@ -113,7 +113,7 @@ fn tiles(report: &Report) -> Markup {
             div.tile {
                 div.name { "Objective" }
                 div.value { (report.outcome.objective.map_or_else(|| "–".into(), number)) }
-                div.more { (report.outcome.iterations) " iterations, " (number(round3(report.outcome.seconds))) " s" }
+                div.more { (report.outcome.iterations_in_words()) ", " (number(round3(report.outcome.seconds))) " s" }
             }
             div.tile {
                 div.name { "Model" }

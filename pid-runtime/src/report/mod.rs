@@ -170,14 +170,30 @@ pub struct OutcomeSection {
     pub verdict: Verdict,
     /// The status in words.
     pub status: String,
-    /// Iterations of the best start.
+    /// Iterations of the best start, without those before its last solve.
     pub iterations: usize,
+    /// Those before: fitting the residual, lifting, earlier noise levels.
+    #[serde(default)]
+    pub preparing_iterations: usize,
     /// Its objective; `None` if nothing was minimised.
     pub objective: Option<f64>,
     /// Time of the whole identification, s.
     pub seconds: f64,
     /// Re-computed from the problem itself, not from the solver's claims.
     pub checks: Vec<CheckRow>,
+}
+
+impl OutcomeSection {
+    /// `12 iterations after 30 that prepared the start`.
+    pub(crate) fn iterations_in_words(&self) -> String {
+        match self.preparing_iterations {
+            0 => format!("{} iterations", self.iterations),
+            before => format!(
+                "{} iterations after {before} that prepared the start",
+                self.iterations
+            ),
+        }
+    }
 }
 
 /// Whether a result can be used.

@@ -39,9 +39,9 @@ fn write_summary(r: &Report, out: &mut String) -> std::fmt::Result {
         mark,
         r.outcome.status,
         r.outcome.objective.map_or_else(String::new, |j| format!(
-            "; J = {}, {} iterations",
+            "; J = {}, {}",
             number(j),
-            r.outcome.iterations
+            r.outcome.iterations_in_words()
         )),
         r.outcome.seconds
     )?;

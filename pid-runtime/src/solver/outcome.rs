@@ -90,7 +90,7 @@ pub struct Iteration {
     /// Trial points of the line search.
     pub trials: usize,
     /// `f` sufficient decrease, `h` filter, `s` second-order correction, `w` watchdog, `S` soft restoration, `R` restoration,
-    /// `t` step too small to be judged.
+    /// `e` below the objective's rounding, by the optimality error, `t` step too small to be judged.
     pub kind: char,
 }
 

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! shooting_study [--scheme NAME] [--nodes 1,2,5] [--starts 10] [--hessian exact|gauss-newton]
-//!                [--prepare nothing|motion|everything] [--lift] [FOLDER]
+//!                [--prepare nothing|motion|everything] [--no-lift] [FOLDER]
 //! ```
 //! FOLDER holds data/seed_two_link and bench/.
 #![allow(clippy::print_stdout, reason = "a command that prints a table")]
@@ -22,7 +22,7 @@ const BEST: f64 = 0.044253;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut scheme = Scheme::ExplicitEuler;
     let mut nodes = vec![1, 2, 3, 5, 10, 20, 50, 100, 200, 300, 301];
-    let (mut count, mut curvature, mut lift) = (10, Curvature::Exact, false);
+    let (mut count, mut curvature, mut lift) = (10, Curvature::Exact, None);
     let mut prepare = Prepare::Everything;
     let mut folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared"));
     let mut args = std::env::args().skip(1);
@@ -52,7 +52,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     other => return Err(format!("unknown preparation {other}").into()),
                 }
             }
-            "--lift" => lift = true,
+            "--no-lift" => lift = Some(false),
             other if other.starts_with('-') => {
                 return Err(format!("unknown option {other}; see the head of this file").into());
             }
@@ -63,7 +63,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     starts.truncate(count);
     let dataset = Dataset::read(&folder.join("data/seed_two_link"))?;
     println!(
-        "{}, {curvature:?}, prepare {prepare:?}, lift {lift}, {} starts",
+        "{}, {curvature:?}, prepare {prepare:?}, lift {lift:?}, {} starts",
         scheme.label(),
         starts.len()
     );

@@ -15,6 +15,11 @@ const GAMMA_ALPHA: f64 = 0.05;
 /// A second-order correction must shrink θ by this factor to be repeated.
 const KAPPA_SOC: f64 = 0.99;
 
+/// Relative change of the barrier objective that may be an error of its evaluation where integrations are solved by iteration.
+const NOISE: f64 = 1e-10;
+/// Factor by which a step too short for the objective to judge must reduce the primal-dual error.
+const UNSEEN_REDUCTION: f64 = 0.5;
+
 /// An accepted trial point; it stands in `Solver::trial`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Accepted {
@@ -274,6 +279,14 @@ impl Solver<'_> {
                 self.shortened = if trials > 1 { self.shortened + 1 } else { 0 };
                 return Some(self.accept(alpha, trials, decrease, phi, ' '));
             }
+            if trials == 1 && !returned && self.unseen(alpha, slope, phi) {
+                self.shortened = 0;
+                return Some(Accepted {
+                    alpha,
+                    trials,
+                    kind: 'e',
+                });
+            }
             // After a watchdog the linear system is that of another point.
             if trials == 1
                 && !returned
@@ -291,6 +304,18 @@ impl Solver<'_> {
             halvings += 1;
         }
         None
+    }
+
+    /// Whether the trial point is one that only the primal-dual error can judge, and better by that: feasible like the current one,
+    /// and the step changes the barrier objective, to first order, by less than its rounding.
+    fn unseen(&mut self, alpha: f64, slope: f64, phi: f64) -> bool {
+        let tolerance = self.settings.constraint_tol;
+        (alpha * slope).abs() <= f64::EPSILON * phi.abs()
+            && self.current.theta <= tolerance
+            && self.trial.is_finite()
+            && self.trial.theta <= tolerance
+            && self.barrier_objective(&self.trial) - phi <= NOISE * phi.abs()
+            && self.error_falls(alpha, UNSEEN_REDUCTION)
     }
 
     fn accept(

@@ -132,6 +132,8 @@ struct Solver<'a> {
     soft: usize,
     /// Successive steps below the resolution of x.
     tiny: usize,
+    /// Whether the last accepted step was too short to change x.
+    unmoved: bool,
     /// Points that go to and fro.
     turns: Turns,
     /// Depth of restoration.
@@ -218,6 +220,7 @@ impl<'a> Solver<'a> {
             watchdog: None,
             soft: 0,
             tiny: 0,
+            unmoved: false,
             turns: Turns::new(),
             nested: false,
             forgiven: 0,

@@ -72,6 +72,18 @@ impl Solver<'_> {
             self.soft = 0;
             return Some(accepted);
         }
+        let falls = self.error_falls(alpha, SOFT_REDUCTION);
+        if falls {
+            self.soft += 1;
+            return Some(accepted);
+        }
+        self.soft = 0;
+        None
+    }
+
+    /// Whether the primal-dual error at the trial point, the multipliers moved by the same share of their steps, is at most
+    /// `factor` times that at the current one. Derivatives are those of the current point afterwards unless it is.
+    pub(super) fn error_falls(&mut self, alpha: f64, factor: f64) -> bool {
         let before = self.primal_dual_error();
         let kept = (
             self.lambda.clone(),
@@ -86,16 +98,13 @@ impl Solver<'_> {
             self.z_lower[j] += alpha * self.dz_lower[j];
             self.z_upper[j] += alpha * self.dz_upper[j];
         }
-        let falls = self.derivatives() && self.primal_dual_error() <= SOFT_REDUCTION * before;
+        let falls = self.derivatives() && self.primal_dual_error() <= factor * before;
         std::mem::swap(&mut self.current, &mut self.trial);
         (self.lambda, self.z_lower, self.z_upper) = kept;
-        if falls {
-            self.soft += 1;
-            return Some(accepted);
+        if !falls {
+            self.derivatives();
         }
-        self.soft = 0;
-        self.derivatives();
-        None
+        falls
     }
 
     /// Takes over when the line search finds nothing; the filter gets the point that is left.

@@ -141,7 +141,11 @@ impl Solver<'_> {
                 .iter()
                 .zip(&self.current.x)
                 .all(|(d, x)| d.abs() <= TINY * (1.0 + x.abs()));
-        self.tiny = if tiny { self.tiny + 1 } else { 0 };
+        self.tiny = if tiny || self.unmoved {
+            self.tiny + 1
+        } else {
+            0
+        };
         let found = if tiny {
             self.full_step()
         } else {
@@ -155,6 +159,7 @@ impl Solver<'_> {
         };
         // A watchdog that gave up goes back to the step it began with.
         let alpha_dual = self.dual_fraction();
+        self.unmoved = self.trial.x == self.current.x;
         std::mem::swap(&mut self.current, &mut self.trial);
         self.turns.record(self.current.theta);
         for i in 0..self.m {

@@ -321,6 +321,24 @@ impl Formula for Infeasible {
     }
 }
 
+/// Its value carries the error of an iterative evaluation, which its derivatives do not have.
+struct Rough;
+impl Formula for Rough {
+    const N: usize = 2;
+    const M: usize = 0;
+    fn bounds(_: usize) -> (f64, f64) {
+        FREE
+    }
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
+        let error = 1e-12 * (1e15 * (x[0].re() + x[1].re())).sin();
+        let d = x[0] - x[1];
+        (x[0].exp() - x[0] + d * d + d * d * d * 0.1) * 50.0 + error
+    }
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(_: usize, _: &[D]) -> D {
+        unreachable!("no constraints")
+    }
+}
+
 #[test]
 fn published_optima() {
     let hs6 = solves::<Hs6>(&[-1.2, 1.0], 0.0);
@@ -491,4 +509,21 @@ fn a_warm_start_needs_fewer_iterations() {
         warm.log.len(),
         cold.log.len()
     );
+}
+
+/// Last steps are shorter than the objective can show; the optimality error judges them.
+#[test]
+fn errors_of_the_objective_do_not_keep_from_the_optimum() {
+    let settings = Settings {
+        tol: 1e-10,
+        ..Settings::default()
+    };
+    for k in 0..100 {
+        let start = f64::from(k) * 1e-3;
+        let (solution, check) = run::<Rough>(&[0.3 + start, -0.2 - start], &settings);
+        let ended = (solution.status, solution.log.len());
+        assert_eq!(solution.status, Status::Solved, "{k}: {ended:?}");
+        assert!(solution.log.len() < 15, "{k}: {ended:?}");
+        assert!(check.dual_inf < 1e-8, "{k}: {check:?}");
+    }
 }
