@@ -60,7 +60,7 @@ impl PartialEq for Interrupt {
 pub struct Settings {
     /// Scaled optimality error at which the solver stops.
     pub tol: f64,
-    /// Error that is good enough when 15 iterations in a row do not get below it.
+    /// Error that is good enough where 15 iterations in a row do not halve it, or no step gets on.
     pub acceptable_tol: f64,
     /// Absolute constraint violation, ∞-norm in the problem's units, that `Solved` also needs.
     pub constraint_tol: f64,

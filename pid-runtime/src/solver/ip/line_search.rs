@@ -18,7 +18,7 @@ const KAPPA_SOC: f64 = 0.99;
 /// Relative change of the barrier objective that may be an error of its evaluation where integrations are solved by iteration.
 const NOISE: f64 = 1e-10;
 /// Factor by which a step too short for the objective to judge must reduce the primal-dual error.
-const UNSEEN_REDUCTION: f64 = 0.5;
+pub(super) const UNSEEN_REDUCTION: f64 = 0.5;
 
 /// An accepted trial point; it stands in `Solver::trial`.
 #[derive(Debug, Clone, Copy)]
@@ -51,7 +51,7 @@ pub(super) struct Watchdog {
 }
 
 impl Solver<'_> {
-    fn move_trial(&mut self, alpha: f64, corrected: bool) {
+    pub(super) fn move_trial(&mut self, alpha: f64, corrected: bool) {
         let d = if corrected {
             &self.correction
         } else {
@@ -309,13 +309,17 @@ impl Solver<'_> {
     /// Whether the trial point is one that only the primal-dual error can judge, and better by that: feasible like the current one,
     /// and the step changes the barrier objective, to first order, by less than its rounding.
     fn unseen(&mut self, alpha: f64, slope: f64, phi: f64) -> bool {
-        let tolerance = self.settings.constraint_tol;
         (alpha * slope).abs() <= f64::EPSILON * phi.abs()
-            && self.current.theta <= tolerance
-            && self.trial.is_finite()
-            && self.trial.theta <= tolerance
+            && self.feasible_trial()
             && self.barrier_objective(&self.trial) - phi <= NOISE * phi.abs()
             && self.error_falls(alpha, UNSEEN_REDUCTION)
+    }
+
+    /// Whether the constraints hold, to the tolerance, at the current point and at the trial point.
+    pub(super) fn feasible_trial(&self) -> bool {
+        let holds =
+            |point: &Iterate| self.problem.violation(&point.c) <= self.settings.constraint_tol;
+        self.trial.is_finite() && holds(&self.current) && holds(&self.trial)
     }
 
     fn accept(

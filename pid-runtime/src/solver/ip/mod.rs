@@ -42,8 +42,9 @@ use turns::Turns;
 const TAU_MIN: f64 = 0.99;
 /// Scaling of the optimality error for large multipliers.
 const S_MAX: f64 = 100.0;
-/// Iterations at the acceptable level after which the solver stops.
+/// Iterations at the acceptable level after which the solver stops, unless they halved the optimality error.
 const ACCEPTABLE_ITERATIONS: usize = 15;
+const WORTHWHILE: f64 = 0.5;
 
 /// Called after every iteration with its log line and the iterate; `Break` interrupts the solve.
 pub type Callback<'a> = dyn FnMut(&Iteration, &[f64]) -> ControlFlow<()> + 'a;
@@ -140,7 +141,9 @@ struct Solver<'a> {
     nested: bool,
     /// Restorations whose point was feasible and yet refused by the filter.
     forgiven: usize,
+    /// Successive iterations at the acceptable level since its optimality error was last halved, and that error.
     acceptable: usize,
+    accepted: f64,
     iteration: usize,
     counts: Counts,
     seconds: Seconds,
@@ -225,6 +228,7 @@ impl<'a> Solver<'a> {
             nested: false,
             forgiven: 0,
             acceptable: 0,
+            accepted: f64::INFINITY,
             iteration: 0,
             counts: Counts::default(),
             seconds: Seconds::default(),
@@ -273,11 +277,13 @@ impl<'a> Solver<'a> {
         if errors.total <= self.settings.tol && feasible {
             return Some(Status::Solved);
         }
-        self.acceptable = if errors.total <= self.settings.acceptable_tol && feasible {
-            self.acceptable + 1
+        if errors.total > self.settings.acceptable_tol || !feasible {
+            (self.acceptable, self.accepted) = (0, f64::INFINITY);
+        } else if errors.total <= WORTHWHILE * self.accepted {
+            (self.acceptable, self.accepted) = (1, errors.total);
         } else {
-            0
-        };
+            self.acceptable += 1;
+        }
         let largest = self.current.x.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
         let bottomless =
             feasible && self.current.f / self.problem.scale() <= -self.settings.divergence;

@@ -1,7 +1,7 @@
 //! Restoration: soft steps that reduce the optimality error, then the feasibility problem by the same method.
 
 use super::feasibility::{Feasibility, FeasibilityKkt, RHO};
-use super::line_search::Accepted;
+use super::line_search::{Accepted, UNSEEN_REDUCTION};
 use super::projection::REDUCTION;
 use super::{Iterate, Solver, Status};
 use crate::solver::kkt::sparse::SparseKkt;
@@ -81,6 +81,20 @@ impl Solver<'_> {
         None
     }
 
+    /// The full step where the constraints hold before and behind it and the primal-dual error falls by much. It stands in `trial`.
+    fn step_by_error(&mut self) -> Option<Accepted> {
+        let alpha = self
+            .fraction(&self.dx, self.tau())
+            .min(self.dual_fraction());
+        self.move_trial(alpha, false);
+        let better = self.feasible_trial() && self.error_falls(alpha, UNSEEN_REDUCTION);
+        better.then_some(Accepted {
+            alpha,
+            trials: 1,
+            kind: 'e',
+        })
+    }
+
     /// Whether the primal-dual error at the trial point, the multipliers moved by the same share of their steps, is at most
     /// `factor` times that at the current one. Derivatives are those of the current point afterwards unless it is.
     pub(super) fn error_falls(&mut self, alpha: f64, factor: f64) -> bool {
@@ -112,6 +126,11 @@ impl Solver<'_> {
         if self.nested {
             return self.close();
         }
+        if self.acceptable > 0
+            && let Some(accepted) = self.step_by_error()
+        {
+            return self.take_soft(accepted, regularisation);
+        }
         if self.soft == 0 && self.settings.soft_restoration > 0 && self.current.theta > 0.0 {
             let phi = self.barrier_objective(&self.current);
             self.filter.add(self.current.theta, phi);
@@ -121,6 +140,10 @@ impl Solver<'_> {
             }
         }
         self.soft = 0;
+        if self.acceptable > 0 {
+            // The constraints hold; what the filter refuses are rounding errors.
+            return Err(Status::NoProgress);
+        }
         if self.settings.max_restoration == 0 {
             return Err(Status::RestorationFailed);
         }

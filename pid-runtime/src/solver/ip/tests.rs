@@ -339,6 +339,24 @@ impl Formula for Rough {
     }
 }
 
+/// Its row carries an error far above the tolerance asked for, as sums over long records do.
+struct RoughRow;
+impl Formula for RoughRow {
+    const N: usize = 2;
+    const M: usize = 1;
+    fn bounds(_: usize) -> (f64, f64) {
+        FREE
+    }
+    fn objective<D: DualNum<Primitive = f64> + Copy>(x: &[D]) -> D {
+        let d = x[0] - x[1] * 2.0;
+        x[0].exp() + x[1] * x[1] + d * d
+    }
+    fn constraint<D: DualNum<Primitive = f64> + Copy>(_: usize, x: &[D]) -> D {
+        let error = 1e-9 * (1e15 * (x[0].re() - x[1].re())).sin();
+        x[0] * x[0] + x[1] - 1.0 + error
+    }
+}
+
 #[test]
 fn published_optima() {
     let hs6 = solves::<Hs6>(&[-1.2, 1.0], 0.0);
@@ -525,5 +543,25 @@ fn errors_of_the_objective_do_not_keep_from_the_optimum() {
         assert_eq!(solution.status, Status::Solved, "{k}: {ended:?}");
         assert!(solution.log.len() < 15, "{k}: {ended:?}");
         assert!(check.dual_inf < 1e-8, "{k}: {check:?}");
+    }
+}
+
+/// What the filter refuses at an acceptable point are errors of evaluation: no feasibility problem is solved there.
+#[test]
+fn errors_of_a_row_are_not_restored() {
+    let settings = Settings {
+        tol: 1e-13,
+        ..Settings::default()
+    };
+    for k in 0..50 {
+        let start = f64::from(k) * 1e-2;
+        let (solution, check) = run::<RoughRow>(&[0.3 + start, -0.2 - start], &settings);
+        let ended = (solution.status, solution.counts, solution.log.len());
+        assert!(solution.status.converged(), "{k}: {ended:?}");
+        assert_eq!(solution.counts.restorations, 0, "{k}: {ended:?}");
+        assert!(
+            check.primal_inf < 1e-8 && check.dual_inf < 1e-6,
+            "{k}: {check:?}"
+        );
     }
 }
