@@ -2,6 +2,7 @@
 
 pub mod data;
 pub mod dynamics;
+mod eigen;
 pub mod excite;
 pub mod gap;
 pub mod generic;

@@ -1,7 +1,8 @@
 //! Standard deviations from the reduced Hessian of a least-squares objective.
 
+use crate::eigen::Eigen;
 use crate::transcribe::{Loss, Prior};
-use faer::{Mat, Side};
+use faer::Mat;
 
 /// A parameter, or a direction in parameter space, whose standard deviation exceeds this share of the range is not known.
 const SHARE_OF_RANGE: f64 = 0.25;
@@ -174,10 +175,10 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
         let unit = |i: usize| width[i] / scale[free[i]];
         hessian[(i, k)] * unit(i) * unit(k)
     });
-    let Ok(eigen) = by_range.self_adjoint_eigen(Side::Lower) else {
+    let Some(eigen) = Eigen::of(by_range.as_ref()) else {
         return Spread::none(scale.len());
     };
-    let (u, d) = (eigen.U(), eigen.S());
+    let (u, d) = (&eigen.vectors, &eigen.values);
     let largest = (0..n).fold(0.0_f64, |a, k| a.max(d[k]));
     spread.dispersion = dispersion(solved) * count as f64 / (count - unknowns) as f64;
     let unit = 2.0 * solved.share * spread.dispersion * spread.correlation_factor;

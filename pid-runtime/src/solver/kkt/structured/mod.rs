@@ -10,6 +10,7 @@
 //! The last step replaces repeated trial factorizations by one symmetric eigenvalue problem of the size of p and moves only
 //! directions of wrong curvature (reflection: Y. Dauphin et al. 2014, "saddle-free Newton"; here on the reduced Hessian).
 
+mod conjugate;
 mod group;
 mod plan;
 mod reduced;
@@ -37,10 +38,8 @@ const NEAR: f64 = 0.1;
 const LONG: usize = 30_000;
 /// Relative residual at which refinement ends.
 const REFINED: f64 = 1e-11;
-/// Relative residual above which a solution of a long record near the optimum is not used. Beside a largest eigenvalue of the reduced
-/// Hessian of 3e12 (a motion past an unstable rest) its smallest ones are rounding errors; steps along them lead away from the
-/// optimum as often as to it, so they are lifted further.
-const POOR: f64 = 1e-3;
+/// Relative residual of a refined solution above which conjugate residuals go on with it, on long records near the optimum.
+const CRUDE: f64 = 1e-9;
 /// Growth of a state over a segment above which segments are cut into shorter ones, growth they are then cut to, and growth over one
 /// of the length asked for below which they have it again. The condensed cost has the square of the growth, and with it the rounding
 /// errors; where a mass matrix is not positive definite, as iterates may have it, states grow by 30 a step and more. With a limit
@@ -554,9 +553,6 @@ impl Condensing for StructuredKkt {
 impl Kkt for StructuredKkt {
     fn expect_error(&mut self, error: f64) {
         self.whole = error <= NEAR && self.layout.steps() >= LONG;
-        if !self.whole {
-            self.reduced.lower();
-        }
         self.reduced.expect_error(error);
     }
 
@@ -597,12 +593,11 @@ impl Kkt for StructuredKkt {
     }
 
     fn solve(&mut self, rx: &[f64], rc: &[f64], dx: &mut [f64], dlambda: &mut [f64]) -> f64 {
-        loop {
-            let relative = self.refine(rx, rc, dx, dlambda);
-            if relative <= POOR || !self.whole || !self.reduced.raise() {
-                return relative;
-            }
+        let relative = self.refine(rx, rc, dx, dlambda);
+        if self.whole && relative > CRUDE {
+            return self.conjugate(rx, rc, dx, dlambda);
         }
+        relative
     }
 }
 

@@ -1,7 +1,8 @@
 //! The Hessian in the free parameters: made positive definite by its eigenvalues, its steps shortened where it says little.
 
+use crate::eigen::Eigen;
 use crate::solver::kkt::KktError;
-use faer::{Mat, Side};
+use faer::Mat;
 
 /// Eigenvalues of the reduced Hessian below this share of the largest one are rounding errors and are lifted to it. Active
 /// bounds make the largest one as large as 1e8, so that a share of 1e-9 would already slow down the identifiable directions.
@@ -12,8 +13,7 @@ const FLOOR: f64 = 1e-14;
 const SMALLEST: f64 = 1e-5;
 const SHARE: f64 = 1e-3;
 const LEAST: f64 = 1e-7;
-/// Largest share of it that they are lifted to where solutions need it.
-const CEILING: f64 = 1e-11;
+
 /// Dense, np × np.
 pub(super) struct Reduced {
     /// As computed.
@@ -31,9 +31,6 @@ pub(super) struct Reduced {
     norm: f64,
     /// Eigenvalues below this are lifted to it.
     pub(super) smallest: f64,
-    /// Share of the largest eigenvalue that the others are lifted to, and what they are lifted to at present.
-    share: f64,
-    floor: f64,
 }
 
 impl Reduced {
@@ -48,25 +45,7 @@ impl Reduced {
             radius: None,
             norm: f64::NAN,
             smallest: SMALLEST,
-            share: FLOOR,
-            floor: 0.0,
         }
-    }
-
-    /// Lifts the smallest eigenvalues ten times as far until [`Reduced::lower`]; false where they are lifted far already.
-    pub(super) fn raise(&mut self) -> bool {
-        if self.share > 0.5 * CEILING {
-            return false;
-        }
-        self.share *= 10.0;
-        let largest = self.computed.iter().fold(0.0_f64, |a, e| a.max(e.abs()));
-        self.lift((self.share * largest).max(self.floor));
-        true
-    }
-
-    /// Takes back what [`Reduced::raise`] did, from the next factorization on.
-    pub(super) fn lower(&mut self) {
-        self.share = FLOOR;
     }
 
     /// Adapts the smallest eigenvalue that is kept to the optimality error; NaN: to none.
@@ -102,20 +81,13 @@ impl Reduced {
         if np == 0 {
             return Ok(0.0);
         }
-        let eigen = self
-            .hessian
-            .self_adjoint_eigen(Side::Lower)
-            .map_err(|_| KktError::NotFinite)?;
-        let (u, d) = (eigen.U(), eigen.S());
-        let largest = (0..np).fold(0.0_f64, |a, i| a.max(d[i].abs()));
+        let eigen = Eigen::of(self.hessian.as_ref()).ok_or(KktError::NotFinite)?;
+        let largest = eigen.values.iter().fold(0.0_f64, |a, e| a.max(e.abs()));
         if !largest.is_finite() {
             return Err(KktError::NotFinite);
         }
-        let floor = (self.share * largest).max(self.smallest);
-        self.vectors.copy_from(u);
-        for k in 0..np {
-            self.computed[k] = d[k];
-        }
+        let floor = (FLOOR * largest).max(self.smallest);
+        (self.vectors, self.computed) = (eigen.vectors, eigen.values);
         Ok(self.lift(floor))
     }
 
@@ -142,7 +114,6 @@ impl Reduced {
 
     /// Takes the eigenvalues' absolute values, at least `floor`; returns the largest change.
     fn lift(&mut self, floor: f64) -> f64 {
-        self.floor = floor;
         let np = self.computed.len();
         let u = &self.vectors;
         self.modification.fill(0.0);
@@ -204,32 +175,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_smallest_eigenvalues_are_raised_up_to_a_share_of_the_largest() {
+    fn the_smallest_eigenvalues_are_raised_to_a_share_of_the_largest() {
         let mut reduced = Reduced::new(2);
         reduced.hessian[(0, 0)] = 1e12;
         let shift = reduced.convexify().unwrap();
         assert!((shift - 1e-2).abs() < 1e-9, "{shift}");
-        let mut steps = Vec::new();
-        loop {
-            let mut step = [0.0; 2];
-            reduced.solve(&[1e12, 1.0], &mut step);
-            assert!((step[0] - 1.0).abs() < 1e-12, "determined directions stay");
-            let whole = reduced.hessian[(1, 1)] + reduced.modification[(1, 1)];
-            assert!(
-                (whole * step[1] - 1.0).abs() < 1e-9,
-                "it is the matrix that refinement uses"
-            );
-            steps.push(step[1]);
-            if !reduced.raise() {
-                break;
-            }
-        }
-        let expected = [1e2, 1e1, 1.0, 0.1];
-        assert_eq!(steps.len(), expected.len());
-        for (step, expected) in steps.iter().zip(expected) {
-            assert!((step / expected - 1.0).abs() < 1e-6, "{step} {expected}");
-        }
-        reduced.lower();
-        assert!((reduced.convexify().unwrap() - 1e-2).abs() < 1e-9);
+        let mut step = [0.0; 2];
+        reduced.solve(&[1e12, 1.0], &mut step);
+        assert!((step[0] - 1.0).abs() < 1e-12, "determined directions stay");
+        assert!((step[1] / 1e2 - 1.0).abs() < 1e-6, "{}", step[1]);
+        let whole = reduced.hessian[(1, 1)] + reduced.modification[(1, 1)];
+        assert!(
+            (whole * step[1] - 1.0).abs() < 1e-9,
+            "it is the matrix that refinement uses"
+        );
     }
 }

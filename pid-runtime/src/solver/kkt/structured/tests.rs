@@ -323,6 +323,65 @@ fn stiff_links_close_their_defects_near_the_solution() {
     assert!(far > 1e-3, "{far:e} left open");
 }
 
+/// Errors of the reduced Hessian of thrice its size in two directions: refinement makes the solution worse, conjugate residuals need
+/// as many directions as there are errors, and one.
+#[test]
+fn conjugate_residuals_get_over_errors_of_the_reduced_hessian() {
+    let (layout, fixed) = (layout((2, 2, 5), 0, &[30], false), [false; 5]);
+    let mut numbers = Numbers(3);
+    let jacobian: Vec<f64> = (0..layout.steps())
+        .flat_map(|_| &layout.step_jacobian)
+        .map(|&(r, c)| match c {
+            c if c == r => 0.9,
+            c if c == r + 2 => -1.0,
+            _ => 0.3 * numbers.next(),
+        })
+        .collect();
+    let mut hessian = vec![0.0; layout.node_values()];
+    hessian.extend(vec![1.0; layout.nodes() * 2]);
+    hessian.extend(
+        layout
+            .parameter_hessian
+            .iter()
+            .map(|(r, c)| f64::from(u8::from(r == c))),
+    );
+    let sigma = vec![0.01; layout.n()];
+    let values = KktValues {
+        hessian: &hessian,
+        jacobian: &jacobian,
+        sigma: &sigma,
+    };
+    let mut kkt = StructuredKkt::new(layout.clone(), &fixed, 10);
+    kkt.factorise(values).expect("factorises");
+    // What is solved changes, the factorization does not.
+    let mut other = hessian.clone();
+    let own = layout.node_values() + layout.nodes() * 2;
+    for (i, v) in [(0, 4.0), (3, -0.5)] {
+        let size = kkt.reduced.hessian[(i, i)];
+        kkt.reduced.modification[(i, i)] += v * size;
+        let at = layout
+            .parameter_hessian
+            .iter()
+            .position(|&e| e == (i as u32, i as u32));
+        other[own + at.expect("a diagonal entry")] += v * size;
+    }
+    let (n, m) = (layout.n(), layout.m());
+    let rx: Vec<f64> = (0..n).map(|_| numbers.next()).collect();
+    let rc: Vec<f64> = (0..m).map(|_| numbers.next()).collect();
+    let (mut dx, mut dl) = (vec![0.0; n], vec![0.0; m]);
+    let refined = kkt.refine(&rx, &rc, &mut dx, &mut dl);
+    assert!(refined > 0.1, "refinement alone leaves {refined:e}");
+    let left = kkt.conjugate(&rx, &rc, &mut dx, &mut dl);
+    assert!(left < 1e-10, "{left:e}");
+    let patterns = (layout.hessian_pattern(), layout.jacobian_pattern());
+    let changed = KktValues {
+        hessian: &other,
+        ..values
+    };
+    let error = backward_error(&patterns, changed, &vec![false; n], (&rx, &rc), (&dx, &dl));
+    assert!(error < 1e-11, "backward error {error:e}");
+}
+
 #[test]
 fn negative_curvature_in_a_parameter_is_reflected() {
     let layout = layout((2, 2, 3), 0, &[30], false);
