@@ -29,8 +29,10 @@ pub(super) struct Accepted {
 }
 
 /// By how much the radius shrinks, and by how much it grows after a full step at its limit.
-const SHRINKAGE: f64 = 0.25;
-const GROWTH: f64 = 4.0;
+pub(super) const SHRINKAGE: f64 = 0.25;
+pub(super) const GROWTH: f64 = 4.0;
+/// Share of the radius from which on a step is at its limit.
+pub(super) const AT_LIMIT: f64 = 0.8;
 /// A smaller radius that leaves more of the step than this is of no use.
 const SHORTER: f64 = 0.9;
 
@@ -169,7 +171,7 @@ impl Solver<'_> {
             if let Some(accepted) = self.backtrack(false, self.settings.patience) {
                 if accepted.alpha < 0.9 * full && accepted.kind != 's' {
                     self.radius = self.radius.min(2.0 * length * accepted.alpha / full);
-                } else if length > 0.8 * self.radius {
+                } else if length > AT_LIMIT * self.radius && !self.valley.inside() {
                     self.radius *= GROWTH;
                 }
                 return Ok(Some(accepted));

@@ -20,6 +20,7 @@ mod standard;
 mod start;
 mod step;
 mod turns;
+mod valley;
 
 use super::kkt::Kkt;
 use super::kkt::sparse::SparseKkt;
@@ -37,6 +38,7 @@ pub use start::Start;
 use std::ops::ControlFlow;
 use std::time::Instant;
 use turns::Turns;
+use valley::Valley;
 
 /// Fraction-to-the-boundary parameter at large μ.
 const TAU_MIN: f64 = 0.99;
@@ -137,6 +139,8 @@ struct Solver<'a> {
     unmoved: bool,
     /// Points that go to and fro.
     turns: Turns,
+    /// The last step, where it led along a valley.
+    valley: Valley,
     /// Depth of restoration.
     nested: bool,
     /// Restorations whose point was feasible and yet refused by the filter.
@@ -225,6 +229,7 @@ impl<'a> Solver<'a> {
             tiny: 0,
             unmoved: false,
             turns: Turns::new(),
+            valley: Valley::default(),
             nested: false,
             forgiven: 0,
             acceptable: 0,

@@ -133,7 +133,9 @@ impl Solver<'_> {
         self.update_barrier()?;
         let mut regularisation = self.prepare()?;
         self.choose_barrier();
+        self.heed_valley();
         self.newton_step(&mut regularisation)?;
+        self.enter_valley();
         let step = self.dx.iter().fold(0.0_f64, |a, d| a.max(d.abs()));
         let tiny = self.current.theta <= 1e-4
             && self
