@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use pid_models::Arm6;
+use pid_models::{Arm6, TwoLink};
 use pid_runtime::data::Dataset;
 use pid_runtime::dynamics::{At, Dynamics, Jacobian};
 use pid_runtime::ident::{Identification, Progress, Settings, Weighting, identify};
@@ -12,7 +12,7 @@ use pid_runtime::transcribe::{Body, FullDiscretization, Scheme, Setup};
 use pid_tests::derivatives::{
     assert_derivative, dense_hessian, lagrangian_gradient, setup, window,
 };
-use pid_tests::mismatched::{Geared, ROTOR, follow, follow_geared, record, start};
+use pid_tests::mismatched::{Geared, ROTOR, follow, follow_geared, record, sines, start};
 use pid_tests::two_link;
 
 fn settings(consistent: bool) -> Settings {
@@ -43,6 +43,24 @@ fn fitted(consistent: bool) -> (Dataset, Identification) {
         run.check.primal_inf
     );
     (dataset, found)
+}
+
+/// A record long enough that threads share its steps: what they find is the same to the last bit, however many there are.
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let dataset = record(&TwoLink, &sines, 2_000, 0.02).expect("simulates");
+    let mut settings = settings(false);
+    settings.solver.max_iterations = 40;
+    let fit = || {
+        let go_on = &mut |_: &Progress<'_>| ControlFlow::Continue(());
+        let found = identify(&TwoLink, &dataset, &settings, Some(&start(&TwoLink)), go_on);
+        found.expect("identifies").best().parameters.clone()
+    };
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("threads").install(fit)
+    };
+    assert_eq!(with(1), with(3));
 }
 
 /// r = M a + b − f with the rotors in M alone, and ∂r/∂a = M.

@@ -136,6 +136,8 @@ pub struct FullDiscretization<'m> {
 
 /// Steps below which everything runs on the calling thread.
 const PARALLEL_STEPS: usize = 1500;
+/// Parts of the steps that threads share. Sums are of parts, so that their number must not depend on that of the threads.
+const CHUNKS: usize = 64;
 
 impl<'m> FullDiscretization<'m> {
     /// Builds the program for a set of windows.
@@ -241,7 +243,7 @@ impl<'m> FullDiscretization<'m> {
         let chunk = if steps.len() < PARALLEL_STEPS {
             steps.len().max(1)
         } else {
-            let each = steps.len().div_ceil(8 * rayon::current_num_threads());
+            let each = steps.len().div_ceil(CHUNKS);
             each.max(64).next_multiple_of(LANES)
         };
         let scratch = (0..steps.len().div_ceil(chunk))
