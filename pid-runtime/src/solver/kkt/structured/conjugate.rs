@@ -2,9 +2,8 @@
 
 use super::StructuredKkt;
 
-/// Directions that are kept at most, and relative residual at which they end.
+/// Directions that are kept at most.
 const DIRECTIONS: usize = 12;
-const RESIDUAL: f64 = 1e-11;
 
 /// A direction and its product with the matrix, of unit length.
 struct Direction {
@@ -29,7 +28,7 @@ impl StructuredKkt {
         let mut residual = [&self.residual_x[..], &self.residual_c[..]].concat();
         let n = rx.len();
         let mut directions: Vec<Direction> = Vec::with_capacity(DIRECTIONS);
-        while directions.len() < DIRECTIONS && largest(&residual) > RESIDUAL * scale {
+        while directions.len() < DIRECTIONS && largest(&residual) > self.refined * scale {
             self.residual_x.copy_from_slice(&residual[..n]);
             self.residual_c.copy_from_slice(&residual[n..]);
             self.solve_once();
