@@ -99,7 +99,7 @@ impl Solver<'_> {
         let (mut dual, mut complementarity) = (0.0, 0.0);
         for j in 0..self.n {
             if !self.bounds.fixed[j] {
-                dual += (self.rx[j] - self.z_lower[j] + self.z_upper[j]).powi(2);
+                dual += (self.slopes[j] - self.z_lower[j] + self.z_upper[j]).powi(2);
             }
             if self.bounds.has_lower(j) {
                 complementarity += (self.lower_gap(j) * self.z_lower[j]).powi(2);
@@ -232,7 +232,7 @@ impl Solver<'_> {
         self.lagrangian_gradient();
         let dual: f64 = (0..self.n)
             .filter(|&j| !self.bounds.fixed[j])
-            .map(|j| (self.rx[j] - self.z_lower[j] + self.z_upper[j]).powi(2))
+            .map(|j| (self.slopes[j] - self.z_lower[j] + self.z_upper[j]).powi(2))
             .sum::<f64>()
             / self.n.max(1) as f64;
         let primal: f64 = self.current.c.iter().map(|c| c * c).sum::<f64>() / self.m.max(1) as f64;

@@ -115,6 +115,8 @@ struct Solver<'a> {
     jacobian: Vec<f64>,
     hessian: Vec<f64>,
     sigma: Vec<f64>,
+    /// ∇f + Jᵀλ where errors are computed; not the right-hand side, which second-order corrections use again.
+    slopes: Vec<f64>,
     rx: Vec<f64>,
     rc: Vec<f64>,
     dx: Vec<f64>,
@@ -211,6 +213,7 @@ impl<'a> Solver<'a> {
             jacobian: vec![0.0; nj],
             hessian: vec![0.0; nh],
             sigma: vec![0.0; n],
+            slopes: vec![0.0; n],
             rx: vec![0.0; n],
             rc: vec![0.0; m],
             dx: vec![0.0; n],
@@ -374,11 +377,11 @@ impl<'a> Solver<'a> {
         self.bounds.barrier(point.f, &point.x, self.mu)
     }
 
-    /// ∇f + Jᵀλ into `rx`.
+    /// ∇f + Jᵀλ into `slopes`.
     fn lagrangian_gradient(&mut self) {
-        self.rx.copy_from_slice(&self.gradient);
+        self.slopes.copy_from_slice(&self.gradient);
         let pattern = self.problem.jacobian_pattern();
-        pattern.transpose_multiply_add(&self.jacobian, &self.lambda, &mut self.rx);
+        pattern.transpose_multiply_add(&self.jacobian, &self.lambda, &mut self.slopes);
     }
 
     /// E_μ at the current point (Wächter & Biegler, equation 5).
@@ -389,7 +392,7 @@ impl<'a> Solver<'a> {
             if self.bounds.fixed[j] {
                 continue;
             }
-            dual = dual.max((self.rx[j] - self.z_lower[j] + self.z_upper[j]).abs());
+            dual = dual.max((self.slopes[j] - self.z_lower[j] + self.z_upper[j]).abs());
             if self.bounds.has_lower(j) {
                 let product = self.lower_gap(j) * self.z_lower[j];
                 complementarity = complementarity.max((product - mu).abs());

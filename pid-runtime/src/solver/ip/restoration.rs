@@ -33,7 +33,7 @@ impl Solver<'_> {
         let mut error = self.current.theta;
         for j in 0..self.n {
             if !self.bounds.fixed[j] {
-                error += (self.rx[j] - self.z_lower[j] + self.z_upper[j]).abs();
+                error += (self.slopes[j] - self.z_lower[j] + self.z_upper[j]).abs();
             }
             if self.bounds.has_lower(j) {
                 error += (self.lower_gap(j) * self.z_lower[j] - self.mu).abs();

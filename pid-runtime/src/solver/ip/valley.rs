@@ -34,8 +34,6 @@ struct Step {
 #[derive(Debug, Default)]
 pub(super) struct Valley {
     last: Option<Step>,
-    /// Optimality error at a point from which steps are judged.
-    error: Option<f64>,
     /// Barrier parameter and length of the shortest step that was too long.
     refused: Option<(f64, f64)>,
 }
@@ -65,26 +63,27 @@ impl Valley {
 }
 
 impl Solver<'_> {
-    /// Adapts the radius to what the last step along a valley did, and keeps the error that the next one is judged by: before its
-    /// right-hand side is loaded, which stands where errors are computed.
+    /// Adapts the radius to what the last step along a valley did.
     pub(super) fn heed_valley(&mut self) {
-        let steers = self.settings.patience > 0 && self.settings.watchdog == 0 && self.soft == 0;
-        let feasible = self.problem.violation(&self.current.c) <= self.settings.constraint_tol;
-        let error = self.errors(self.mu).total;
-        self.radius = self.valley.radius(self.mu, error, self.radius);
-        self.valley.last = None;
-        self.valley.error = (steers && feasible).then_some(error);
+        if self.valley.inside() {
+            let error = self.errors(self.mu).total;
+            self.radius = self.valley.radius(self.mu, error, self.radius);
+        }
     }
 
     /// Notes whether the step at hand leads along a valley. Its slope is that of the Lagrangian: the objective's own has the rounding
     /// of the constraints times their multipliers.
     pub(super) fn enter_valley(&mut self) {
-        let (Some(error), Some(length)) = (self.valley.error, self.length) else {
+        self.valley.last = None;
+        let steers = self.settings.patience > 0 && self.settings.watchdog == 0 && self.soft == 0;
+        let feasible = self.problem.violation(&self.current.c) <= self.settings.constraint_tol;
+        let (true, true, Some(length)) = (steers, feasible, self.length) else {
             return;
         };
         let products = self.rx.iter().zip(&self.dx).map(|(r, d)| r * d);
         let slope = products.sum::<f64>().abs();
         if slope <= UNTOLD * self.barrier_objective(&self.current).abs() {
+            let error = self.errors(self.mu).total;
             self.valley.last = Some(Step {
                 mu: self.mu,
                 error,
