@@ -565,3 +565,23 @@ fn errors_of_a_row_are_not_restored() {
         );
     }
 }
+
+/// Second-order corrections solve again with the right-hand side of the step, after errors were computed to judge it.
+#[test]
+fn errors_leave_the_right_hand_side_of_the_step() {
+    let mut problem = Dense::<Hs71>::new();
+    let mut kkt = SparseKkt::new(&problem);
+    let (n, m) = (problem.n(), problem.m());
+    let settings = Settings::default();
+    let (mut standard, x) = Standard::new(&mut problem, &[1.0, 5.0, 5.0, 1.0], 1e-2, &settings);
+    let mut adapted = StandardKkt::new(&mut kkt, n, m, &standard.slack_rows);
+    let mut solver = Solver::new(&mut standard, &mut adapted, &settings, Instant::now());
+    solver.current.x.copy_from_slice(&x);
+    solver.start().expect("evaluates");
+    solver.iterate().expect("steps");
+    solver.load_rhs(solver.mu);
+    let loaded = solver.rx.clone();
+    assert!(solver.errors(solver.mu).dual > 1e-3);
+    assert!(!solver.error_falls(0.0, 0.0), "no error is below none");
+    assert_eq!(solver.rx, loaded);
+}

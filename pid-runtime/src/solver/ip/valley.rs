@@ -14,7 +14,7 @@ const UNTOLD: f64 = 1e-8;
 /// Share of the error before that a step is expected to leave.
 const EXPECTED: f64 = 0.5;
 /// Multiples of the pull above which an error has another cause, and up to which it has none.
-const FOREIGN: f64 = 10.0;
+const FOREIGN: f64 = 3.0;
 const OWN: f64 = 2.0;
 /// Share of a step that was too long which later ones of the same barrier problem may have.
 const LESS: f64 = 0.5;
