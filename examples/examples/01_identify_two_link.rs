@@ -4,12 +4,12 @@
 use std::ops::ControlFlow;
 
 use pid_models::TwoLink;
-use pid_runtime::data::{
+use simtrue::data::{
     Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
 };
-use pid_runtime::dynamics::Dynamics;
-use pid_runtime::ident::{Settings, identify};
-use pid_runtime::integrate::{self, Drive, simulate};
+use simtrue::dynamics::Dynamics;
+use simtrue::fit::ident::{Settings, identify};
+use simtrue::fit::integrate::{self, Drive, simulate};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let truth: Vec<f64> = TwoLink.params().iter().map(|p| p.nominal).collect();

@@ -1,7 +1,7 @@
 //! What you learn: declare a robot of your own, evaluate its dynamics and their exact derivatives.
 #![allow(clippy::print_stdout, reason = "an example prints what it found")]
 
-use pid_runtime::robot;
+use simtrue::robot;
 
 robot! {
     /// A carriage on a rail.

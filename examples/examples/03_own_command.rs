@@ -7,7 +7,7 @@
 //! ```
 
 use pid_models::Entry;
-use pid_runtime::robot;
+use simtrue::robot;
 
 robot! {
     /// A carriage on a rail.
@@ -40,5 +40,5 @@ static ROBOTS: [Entry; 1] = [Entry::new(
 )];
 
 fn main() -> std::process::ExitCode {
-    pid_cli::main(&ROBOTS)
+    simtrue::cli::main(&ROBOTS)
 }

@@ -1,6 +1,10 @@
 //! The [`robot!`] macro: a shell around `pid_codegen::expand`.
 //!
-//! Use it through `pid_runtime::robot`; the generated code refers to `::pid_runtime`.
+//! Use it through `simtrue::robot` or `pid_runtime::robot`. The generated code refers to `::pid_runtime`; with the feature
+//! `facade` to the crate through which the user has it.
+
+#[cfg(feature = "facade")]
+mod path;
 
 use proc_macro::TokenStream;
 
@@ -187,5 +191,8 @@ use proc_macro::TokenStream;
 /// Warnings (a parameter without effect, a missing nominal value) are silenced by `#[allow(deprecated)]` on the robot.
 #[proc_macro]
 pub fn robot(input: TokenStream) -> TokenStream {
-    pid_codegen::expand(input.into()).into()
+    let code = pid_codegen::expand(input.into());
+    #[cfg(feature = "facade")]
+    let code = path::reached(code);
+    code.into()
 }

@@ -14,6 +14,7 @@
 
 use std::borrow::Cow;
 
+pub use crate::at::At;
 use crate::lanes::{Lane, LanesAt, one_by_one};
 
 /// Sizes of a model.
@@ -52,21 +53,6 @@ impl Dims {
     pub const fn nm(&self) -> usize {
         self.nq * (self.nq + 1) / 2
     }
-}
-
-/// A point at which a model is evaluated; lengths as in [`Dims`]. Functions that do not depend on a part ignore it.
-#[derive(Debug, Clone, Copy)]
-pub struct At<'a> {
-    /// Coordinates, rad or m.
-    pub q: &'a [f64],
-    /// Velocities, rad/s or m/s.
-    pub v: &'a [f64],
-    /// Accelerations, rad/s² or m/s².
-    pub a: &'a [f64],
-    /// Inputs, in the unit of [`InputInfo`].
-    pub u: &'a [f64],
-    /// Parameters, in the unit of [`ParamInfo`].
-    pub p: &'a [f64],
 }
 
 /// What is known of a parameter beside its value.

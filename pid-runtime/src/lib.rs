@@ -1,20 +1,25 @@
-//! Parameter identification and sim-to-real diagnosis for mechanical systems.
+//! What the code of [`robot!`] needs: the face of a model, and models made of others.
+//!
+//! | module | duty |
+//! |---|---|
+//! | [`dynamics`] | the slice face of a model, with exact derivatives |
+//! | [`lanes`] | four nodes at once |
+//! | [`generic`] | models over dual numbers |
+//! | [`kinematics`] | points of a robot |
+//! | [`extend`], [`term`], [`memory`] | a model with force laws added |
+//! | [`control`] | a model under a joint controller |
+//! | [`chain`] | a model some of whose variables are functions of others |
 
-pub mod data;
+mod at;
+pub mod chain;
+pub mod control;
 pub mod dynamics;
-mod eigen;
-pub mod excite;
-pub mod gap;
+pub mod extend;
 pub mod generic;
-pub mod ident;
-pub mod integrate;
 pub mod kinematics;
 pub mod lanes;
-pub mod nlp;
-pub mod report;
-pub mod signal;
-pub mod solver;
-pub mod transcribe;
+pub mod memory;
+pub mod term;
 
 #[doc(hidden)]
 #[path = "private.rs"]

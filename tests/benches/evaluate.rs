@@ -3,10 +3,10 @@
 //! `cargo bench -p pid-tests --bench evaluate`
 
 use divan::{Bencher, black_box};
+use pid_fit::transcribe::ExplicitForm;
 use pid_models::TwoLink;
 use pid_runtime::dynamics::{At, Dynamics, Hessian};
 use pid_runtime::generic;
-use pid_runtime::transcribe::ExplicitForm;
 use pid_tests::two_link;
 
 fn main() {

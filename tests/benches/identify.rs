@@ -5,9 +5,9 @@
 use std::ops::ControlFlow;
 
 use divan::Bencher;
+use pid_fit::ident::identify;
+use pid_fit::transcribe::Scheme;
 use pid_models::TwoLink;
-use pid_runtime::ident::identify;
-use pid_runtime::transcribe::Scheme;
 use pid_tests::two_link;
 
 fn main() {

@@ -3,13 +3,13 @@
 //! `cargo bench -p pid-tests --bench kkt`
 
 use divan::Bencher;
+use pid_fit::transcribe::{Curvature, FullDiscretization, Loss, Scheme, Setup};
 use pid_models::TwoLink;
+use pid_nlp::Nlp;
+use pid_nlp::solver::kkt::sparse::SparseKkt;
+use pid_nlp::solver::kkt::structured::StructuredKkt;
+use pid_nlp::solver::kkt::{Kkt, KktValues};
 use pid_runtime::dynamics::Dynamics;
-use pid_runtime::nlp::Nlp;
-use pid_runtime::solver::kkt::sparse::SparseKkt;
-use pid_runtime::solver::kkt::structured::StructuredKkt;
-use pid_runtime::solver::kkt::{Kkt, KktValues};
-use pid_runtime::transcribe::{Curvature, FullDiscretization, Loss, Scheme, Setup};
 use pid_tests::{recorded, two_link};
 
 fn main() {

@@ -10,9 +10,9 @@ pub mod two_link;
 
 use std::path::{Path, PathBuf};
 
-use pid_runtime::data::Experiment;
+use pid_data::Experiment;
 use pid_runtime::dynamics::ParamInfo;
-use pid_runtime::transcribe::Track;
+use pid_fit::transcribe::Track;
 
 /// A folder of the shared records, or `None` (with a printed line) where they are absent.
 #[allow(clippy::print_stdout, reason = "a skipped test says so")]

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use pid_runtime::data::Dataset;
+use pid_data::Dataset;
 
 /// A file or folder below `../shared` beside the workspace; `None`, with a printed line, when it is absent.
 pub fn path(name: &str) -> Option<PathBuf> {

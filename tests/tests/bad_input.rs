@@ -2,10 +2,10 @@
 
 use std::ops::ControlFlow;
 
+use pid_data::{DataError, Dataset};
+use pid_fit::ident::{IdentError, Identification, Method, Settings, identify};
 use pid_models::{DoublePendulum, Emps, TwoLink};
-use pid_runtime::data::{DataError, Dataset};
 use pid_runtime::dynamics::{Dynamics, Hessian};
-use pid_runtime::ident::{IdentError, Identification, Method, Settings, identify};
 
 const MANIFEST: &str = r#"
 name = "cart"

@@ -3,13 +3,13 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use pid_data::Dataset;
+use pid_fit::ident::{Identification, Method, Settings, identify};
+use pid_fit::transcribe::{Constraint, Place, Sense};
 use pid_models::TwoLink;
-use pid_runtime::data::Dataset;
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::generic::functions::{Exact, GenericFunction};
-use pid_runtime::ident::{Identification, Method, Settings, identify};
 use pid_runtime::num_dual::DualNum;
-use pid_runtime::transcribe::{Constraint, Place, Sense};
 use pid_tests::mismatched::{record, sines};
 
 /// Σ c_k z_k + d over (x, p).

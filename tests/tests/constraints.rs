@@ -3,20 +3,20 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use pid_models::{DoublePendulum, TwoLink};
-use pid_runtime::data::InputHold;
-use pid_runtime::dynamics::Dynamics;
-use pid_runtime::generic::functions::{Exact, GenericFunction};
-use pid_runtime::integrate::{self, Drive, simulate};
-use pid_runtime::nlp::{Nlp, check_point};
-use pid_runtime::num_dual::DualNum;
-use pid_runtime::solver::kkt::Kkt;
-use pid_runtime::solver::kkt::sparse::SparseKkt;
-use pid_runtime::solver::{self, ip};
-use pid_runtime::transcribe::{
+use pid_data::InputHold;
+use pid_fit::integrate::{self, Drive, simulate};
+use pid_fit::transcribe::{
     Constrained, ConstrainedKkt, Constraint, ConstraintError, FullDiscretization, Place, Scheme,
     Sense, Setup, Shooting, States, Structured, Track,
 };
+use pid_models::{DoublePendulum, TwoLink};
+use pid_nlp::solver::kkt::Kkt;
+use pid_nlp::solver::kkt::sparse::SparseKkt;
+use pid_nlp::solver::{self, ip};
+use pid_nlp::{Nlp, check_point};
+use pid_runtime::dynamics::Dynamics;
+use pid_runtime::generic::functions::{Exact, GenericFunction};
+use pid_runtime::num_dual::DualNum;
 use pid_tests::derivatives::{
     assert_derivative, dense_hessian, dense_jacobian, lagrangian_gradient, numbers, setup, window,
 };
@@ -330,7 +330,7 @@ fn agree<P: Structured>(name: &str, program: impl Fn() -> (P, Vec<f64>), track: 
 fn the_structured_system_and_the_whole_matrix_find_the_same_optimum() {
     for scheme in [
         Scheme::Trapezoidal,
-        Scheme::GaussLegendre(pid_runtime::transcribe::Stages::new(2).unwrap()),
+        Scheme::GaussLegendre(pid_fit::transcribe::Stages::new(2).unwrap()),
     ] {
         let (track, options, _) = double_pendulum(scheme);
         let p: Vec<f64> = DoublePendulum.params().iter().map(|p| p.nominal).collect();
@@ -363,7 +363,7 @@ fn an_active_inequality_holds_with_a_multiplier_of_the_right_sign_and_shifts_the
     let p: Vec<f64> = model.params().iter().map(|p| p.nominal).collect();
     // Two inertias are free; their sum is asked to be above the true one.
     let (track, options, [i, j]) = double_pendulum(Scheme::GaussLegendre(
-        pid_runtime::transcribe::Stages::new(2).unwrap(),
+        pid_fit::transcribe::Stages::new(2).unwrap(),
     ));
     let sum = p[i] + p[j] + 0.01;
     let full = FullDiscretization::new(model, std::slice::from_ref(&track), options);

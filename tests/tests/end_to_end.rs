@@ -2,12 +2,12 @@
 
 use std::ops::ControlFlow;
 
+use pid_data::Dataset;
+use pid_fit::ident::{Identification, identify};
+use pid_fit::transcribe::Scheme;
 use pid_models::TwoLink;
 use pid_models::two_link::identifiable;
-use pid_runtime::data::Dataset;
 use pid_runtime::dynamics::Dynamics;
-use pid_runtime::ident::{Identification, identify};
-use pid_runtime::transcribe::Scheme;
 use pid_tests::two_link;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -42,7 +42,7 @@ fn normal(random: &mut ChaCha8Rng) -> f64 {
 fn fit(dataset: &Dataset) -> Identification {
     let settings = two_link::settings(Scheme::ImplicitMidpoint);
     let start = perturbed(&two_link::truth());
-    let silent = &mut |_: &pid_runtime::ident::Progress<'_>| ControlFlow::Continue(());
+    let silent = &mut |_: &pid_fit::ident::Progress<'_>| ControlFlow::Continue(());
     let found = identify(&TwoLink, dataset, &settings, Some(&start), silent).unwrap();
     let run = found.best();
     eprintln!(

@@ -3,13 +3,13 @@
 use std::ops::ControlFlow;
 
 use nalgebra::DMatrix;
+use pid_fit::excite::{Criterion, ExciteError, Limits, Settings, Workspace, excite, program};
 use pid_interpret::Kinematics;
 use pid_interpret::kinematics::Point;
 use pid_models::{Arm6, TwoLink};
+use pid_nlp::Nlp;
 use pid_runtime::dynamics::{At, Hessian};
-use pid_runtime::excite::{Criterion, ExciteError, Limits, Settings, Workspace, excite, program};
 use pid_runtime::kinematics::ForwardKinematics;
-use pid_runtime::nlp::Nlp;
 
 fn nominal(model: &dyn Hessian) -> Vec<f64> {
     model.params().iter().map(|p| p.nominal).collect()
@@ -37,7 +37,7 @@ fn points(model: &dyn Hessian, points: &[(&str, [f64; 3])]) -> Kinematics {
 
 const ANYWHERE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 
-fn go(_: usize, _: &pid_runtime::solver::Iteration) -> ControlFlow<()> {
+fn go(_: usize, _: &pid_nlp::solver::Iteration) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 

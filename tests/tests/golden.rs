@@ -3,10 +3,10 @@
 
 use std::collections::BTreeMap;
 
+use pid_fit::transcribe::ExplicitForm;
 use pid_models::{Arm6, Panda, Scara, Ur10e};
 use pid_runtime::dynamics::{At, Dynamics, Hessian};
 use pid_runtime::generic::GenericDynamics;
-use pid_runtime::transcribe::ExplicitForm;
 use serde::Deserialize;
 
 #[derive(Deserialize)]

@@ -2,12 +2,12 @@
 
 use faer::Mat;
 use num_dual::{Dual64, DualNum};
+use pid_data::InputHold;
+use pid_fit::integrate::{self, Drive, Settings};
 use pid_models::TwoLink;
 use pid_models::two_link::TwoLinkParams;
-use pid_runtime::data::InputHold;
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::generic::GenericDynamics;
-use pid_runtime::integrate::{self, Drive, Settings};
 
 const NQ: usize = 2;
 

@@ -1,9 +1,9 @@
 //! Four nodes at once against the same nodes one by one, for every model.
 
+use pid_fit::transcribe::ExplicitForm;
 use pid_models::{Arm6, all};
 use pid_runtime::dynamics::{At, Dynamics, Hessian};
 use pid_runtime::lanes::{LANES, Lane, LanesAt};
-use pid_runtime::transcribe::ExplicitForm;
 use pid_tests::mismatched::Geared;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -2,13 +2,13 @@
 
 use std::ops::ControlFlow;
 
+use pid_data::Dataset;
+use pid_fit::ident::{Identification, Progress, Settings, Weighting, identify};
+use pid_fit::transcribe::{Body, FullDiscretization, Scheme, Setup};
 use pid_models::{Arm6, TwoLink};
-use pid_runtime::data::Dataset;
+use pid_nlp::Nlp;
+use pid_nlp::solver;
 use pid_runtime::dynamics::{At, Dynamics, Jacobian};
-use pid_runtime::ident::{Identification, Progress, Settings, Weighting, identify};
-use pid_runtime::nlp::Nlp;
-use pid_runtime::solver;
-use pid_runtime::transcribe::{Body, FullDiscretization, Scheme, Setup};
 use pid_tests::derivatives::{
     assert_derivative, dense_hessian, lagrangian_gradient, setup, window,
 };

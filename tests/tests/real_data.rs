@@ -2,11 +2,11 @@
 
 use std::ops::ControlFlow;
 
+use pid_data::{Dataset, Horizon, Role};
+use pid_fit::gap::metrics::{FreeRunSettings, FreeRunTable, StartVelocity, free_run_table};
+use pid_fit::ident::{self, Identification, InitialState, Method, Settings, Weighting};
 use pid_models::Emps;
-use pid_runtime::data::{Dataset, Horizon, Role};
 use pid_runtime::dynamics::Hessian;
-use pid_runtime::gap::metrics::{FreeRunSettings, FreeRunTable, StartVelocity, free_run_table};
-use pid_runtime::ident::{self, Identification, InitialState, Method, Settings, Weighting};
 use pid_tests::shared;
 
 fn identify(model: &dyn Hessian, dataset: &Dataset, settings: &Settings) -> Identification {

@@ -2,19 +2,19 @@
 
 use std::sync::Arc;
 
-use pid_models::{DoublePendulum, TwoLink};
-use pid_runtime::data::InputHold;
-use pid_runtime::dynamics::{Dynamics, Hessian};
-use pid_runtime::generic::functions::{Exact, GenericFunction};
-use pid_runtime::integrate::{Drive, Settings, simulate};
-use pid_runtime::nlp::Nlp;
-use pid_runtime::num_dual::DualNum;
-use pid_runtime::solver::kkt::sparse::SparseKkt;
-use pid_runtime::solver::kkt::{Kkt, KktValues};
-use pid_runtime::transcribe::{
+use pid_data::InputHold;
+use pid_fit::integrate::{Drive, Settings, simulate};
+use pid_fit::transcribe::{
     Adaptive, Curvature, ExplicitForm, FullDiscretization, Output, Scheme, Shooting, ShootingKkt,
     Track,
 };
+use pid_models::{DoublePendulum, TwoLink};
+use pid_nlp::Nlp;
+use pid_nlp::solver::kkt::sparse::SparseKkt;
+use pid_nlp::solver::kkt::{Kkt, KktValues};
+use pid_runtime::dynamics::{Dynamics, Hessian};
+use pid_runtime::generic::functions::{Exact, GenericFunction};
+use pid_runtime::num_dual::DualNum;
 use pid_tests::derivatives::{
     assert_derivative, dense_hessian, dense_jacobian, lagrangian_gradient, numbers, setup, unusual,
     window,

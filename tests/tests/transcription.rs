@@ -1,16 +1,14 @@
 //! The discretised problem against central differences, an accurate integration and a second linear solver.
 
+use pid_data::InputHold;
+use pid_fit::integrate::{Drive, ForwardDynamics, Settings, simulate};
+use pid_fit::transcribe::{ExplicitForm, FullDiscretization, ResidualFit, Scheme, Setup, Track};
 use pid_models::{DoublePendulum, Emps, TwoLink};
-use pid_runtime::data::InputHold;
+use pid_nlp::Nlp;
+use pid_nlp::solver::kkt::sparse::SparseKkt;
+use pid_nlp::solver::kkt::structured::StructuredKkt;
+use pid_nlp::solver::kkt::{Kkt, KktValues};
 use pid_runtime::dynamics::{At, Dynamics, Hessian, Jacobian};
-use pid_runtime::integrate::{Drive, ForwardDynamics, Settings, simulate};
-use pid_runtime::nlp::Nlp;
-use pid_runtime::solver::kkt::sparse::SparseKkt;
-use pid_runtime::solver::kkt::structured::StructuredKkt;
-use pid_runtime::solver::kkt::{Kkt, KktValues};
-use pid_runtime::transcribe::{
-    ExplicitForm, FullDiscretization, ResidualFit, Scheme, Setup, Track,
-};
 use pid_tests::derivatives::{
     assert_derivative, dense_hessian, dense_jacobian, lagrangian_gradient, numbers, setup, unusual,
     window,

@@ -2,12 +2,12 @@
 
 use std::ops::ControlFlow;
 
+use pid_data::{Dataset, Horizon, Role};
+use pid_fit::gap::metrics::{FreeRunSettings, free_run_table};
+use pid_fit::ident::{self, Method, Run, Settings, Weighting};
+use pid_fit::transcribe::Scheme;
 use pid_models::TwoLink;
-use pid_runtime::data::{Dataset, Horizon, Role};
 use pid_runtime::dynamics::Dynamics;
-use pid_runtime::gap::metrics::{FreeRunSettings, free_run_table};
-use pid_runtime::ident::{self, Method, Run, Settings, Weighting};
-use pid_runtime::transcribe::Scheme;
 use pid_tests::{shared, starts};
 
 fn settings(scheme: Scheme) -> Settings {

@@ -41,17 +41,12 @@
 #[cfg(target_arch = "x86_64")]
 #[doc(hidden)]
 pub mod avx2;
-pub(crate) mod kernel;
 
 use std::cell::RefCell;
 
-use crate::dynamics::At;
+pub use pid_lanes::{LANES, Lane};
 
-/// Number of nodes evaluated at once.
-pub const LANES: usize = 4;
-
-/// One component of [`LANES`] nodes.
-pub type Lane = [f64; LANES];
+use crate::at::At;
 
 /// The points at which a model is evaluated; as [`At`], for [`LANES`] nodes with common parameters.
 #[derive(Debug, Clone, Copy)]

@@ -1,0 +1,250 @@
+//! From identified (or given) parameters to the report: free runs, missing forces, tables, words.
+
+use pid_data::{Dataset, Horizon, Kind, Role};
+use pid_fit::gap::force::{MissingForceEstimate, missing_force};
+use pid_fit::gap::metrics::{FreeRunSettings, StartVelocity, free_run, free_run_table};
+use pid_nlp::solver::Iteration;
+use pid_report::{
+    Bound, CheckRow, DataSection, ForceRecord, ModelSection, OutcomeSection, ParameterRow, Report,
+    SCHEMA_VERSION, Setting, StartRow, TraceBudget, Verdict, missing_force as condense, motion,
+};
+
+use crate::error::CliError;
+use crate::findings::findings;
+use crate::progress::Progress;
+use crate::source::Subject;
+
+/// Parameters and how they were come by.
+pub(crate) struct Fit {
+    /// Headline of the report.
+    pub(crate) title: String,
+    /// Where the parameters started.
+    pub(crate) start: Vec<f64>,
+    /// Their values.
+    pub(crate) values: Vec<f64>,
+    /// Standard deviations; `None` for parameters that are not determined one by one.
+    pub(crate) deviations: Vec<Option<f64>>,
+    /// Bounds of the identification, `-inf` and `inf` for none.
+    pub(crate) lower: Vec<f64>,
+    /// See `lower`.
+    pub(crate) upper: Vec<f64>,
+    /// Parameters that were held.
+    pub(crate) fixed: Vec<bool>,
+    /// Whether the result can be used.
+    pub(crate) verdict: Verdict,
+    /// The status in words.
+    pub(crate) status: String,
+    /// Objective, if something was minimised.
+    pub(crate) objective: Option<f64>,
+    /// Time, s.
+    pub(crate) seconds: f64,
+    /// Independent check of the point.
+    pub(crate) checks: Vec<CheckRow>,
+    /// Iterations of the best start, those that prepared it included.
+    pub(crate) iterations: usize,
+    /// Log of the best start.
+    pub(crate) log: Vec<Iteration>,
+    /// All starts.
+    pub(crate) starts: Vec<StartRow>,
+    /// Cut-off of the filter behind estimated states, Hz; `None` for the data's own.
+    pub(crate) cutoff: Option<f64>,
+    /// Settings as name and value.
+    pub(crate) settings: Vec<Setting>,
+    /// Remarks.
+    pub(crate) notes: Vec<String>,
+}
+
+/// Horizons at which free runs are judged: short, one second, the whole record.
+const HORIZONS: [Horizon; 3] = [
+    Horizon::Seconds(0.1),
+    Horizon::Seconds(1.0),
+    Horizon::Record,
+];
+/// Horizon of the motion that is drawn.
+const DRAWN: Horizon = Horizon::Seconds(1.0);
+
+/// Free runs start at the recorded velocity of a simulated record; on a machine a single sample is noisy, and the filtered
+/// one is taken.
+fn free_run_settings(dataset: &Dataset, horizon: Horizon, cutoff: Option<f64>) -> FreeRunSettings {
+    let start = match dataset.kind {
+        Kind::Real => StartVelocity::Estimated,
+        Kind::Simulated => StartVelocity::Recorded,
+    };
+    FreeRunSettings {
+        start,
+        cutoff,
+        ..FreeRunSettings::new(horizon)
+    }
+}
+
+/// Judges the parameters on all records and puts everything into a report.
+pub(crate) fn assemble(
+    entry: &Subject,
+    dataset: &Dataset,
+    fit: Fit,
+    progress: &Progress,
+) -> Result<Report, CliError> {
+    let declared = entry.model();
+    let (model, dataset, p) = entry.judged(dataset, &fit.values);
+    let mut scores = Vec::new();
+    for horizon in HORIZONS {
+        progress.step(format!("free run, horizon {horizon}"));
+        let table = free_run_table(
+            model,
+            p,
+            dataset,
+            &free_run_settings(dataset, horizon, fit.cutoff),
+        )?;
+        scores.extend(table.roles);
+        // Unseen motions one by one too: they ask different things of a model.
+        let unseen = table
+            .experiments
+            .into_iter()
+            .filter(|s| s.role == Role::Test);
+        let unseen: Vec<_> = unseen.collect();
+        if unseen.len() > 1 {
+            scores.extend(unseen);
+        }
+    }
+
+    let nq = dataset.nq();
+    let budget = TraceBudget::shared_by(dataset.experiments.len() * nq * 5);
+    let mut motions = Vec::new();
+    let mut forces = Vec::new();
+    let mut notes = fit.notes;
+    // Unseen motions first: they are what a model is for.
+    let mut order: Vec<usize> = (0..dataset.experiments.len()).collect();
+    order.sort_by_key(|i| dataset.experiments[*i].role != Role::Test);
+    for experiment in order.iter().map(|i| &dataset.experiments[*i]) {
+        progress.step(format!("motion and missing force of {}", experiment.name));
+        let run = free_run(
+            model,
+            p,
+            dataset,
+            experiment,
+            &free_run_settings(dataset, DRAWN, fit.cutoff),
+        )?;
+        if let Some((window, error)) = run.diverged.first() {
+            notes.push(format!(
+                "{}: {} of its windows could not be simulated to their end; the first one, from {:.3} s: {error}",
+                experiment.name,
+                run.diverged.len(),
+                experiment.t[window.start]
+            ));
+        }
+        let how = format!("restarted every {DRAWN}");
+        motions.push(motion(dataset, experiment, &run, &how, budget));
+        forces.push((experiment, missing_force(model, p, dataset, experiment)?));
+    }
+    let records: Vec<ForceRecord<'_>> = forces
+        .iter()
+        .map(|(e, f)| ForceRecord {
+            experiment: &e.name,
+            role: e.role,
+            t: &f.t,
+            q: &f.q,
+            v: &f.v,
+            w: &f.w,
+            band: Some(&f.band),
+            total: &f.total,
+        })
+        .collect();
+    let missing = condense(dataset, &records, budget);
+    notes.push(format!(
+        "The missing force w is the smoothest one that makes the model follow the record: measurement noise and the drift of w are weighed by their likelihood, and its band is two standard deviations given the record. Noise found: {}.",
+        forces
+            .iter()
+            .map(|(e, f)| noise_in_words(dataset, &e.name, f))
+            .collect::<Vec<_>>()
+            .join("; ")
+    ));
+
+    let parameters: Vec<ParameterRow> = declared
+        .params()
+        .iter()
+        .enumerate()
+        .map(|(i, info)| {
+            let (value, lower, upper) = (fit.values[i], fit.lower[i], fit.upper[i]);
+            let room = 1e-6
+                * if (upper - lower).is_finite() {
+                    upper - lower
+                } else {
+                    value.abs()
+                };
+            let at_bound = if fit.fixed[i] {
+                None
+            } else if value - lower <= room {
+                Some(Bound::Lower)
+            } else if upper - value <= room {
+                Some(Bound::Upper)
+            } else {
+                None
+            };
+            ParameterRow {
+                name: info.name.to_string(),
+                unit: info.unit.to_string(),
+                doc: info.doc.to_string(),
+                start: fit.start[i],
+                value,
+                deviation: fit.deviations[i].filter(|d| d.is_finite()),
+                lower: lower.is_finite().then_some(lower),
+                upper: upper.is_finite().then_some(upper),
+                at_bound,
+                fixed: fit.fixed[i],
+                reference: Some(info.nominal),
+            }
+        })
+        .collect();
+
+    let dims = model.dims();
+    let solving = fit.log.last().map_or(0, |i| i.iteration);
+    Ok(Report {
+        schema_version: SCHEMA_VERSION,
+        program: format!("simtrue {}", env!("CARGO_PKG_VERSION")),
+        title: fit.title,
+        model: ModelSection {
+            name: entry.name.clone(),
+            source: format!("{}: {}. {}.", entry.name, entry.summary, entry.source),
+            nq: dims.nq,
+            nu: dims.nu,
+            np: declared.dims().np,
+        },
+        data: DataSection::of(dataset),
+        settings: fit.settings,
+        outcome: OutcomeSection {
+            verdict: fit.verdict,
+            status: fit.status,
+            iterations: solving,
+            preparing_iterations: fit.iterations.saturating_sub(solving),
+            objective: fit.objective,
+            seconds: fit.seconds,
+            checks: fit.checks,
+        },
+        iterations: fit.log,
+        findings: findings(&missing, &scores, &parameters),
+        parameters,
+        starts: fit.starts,
+        motions,
+        free_run: scores,
+        missing_force: missing,
+        notes,
+    })
+}
+
+/// `train: q 0.0012 rad` for every joint.
+fn noise_in_words(dataset: &Dataset, experiment: &str, force: &MissingForceEstimate) -> String {
+    let joints: Vec<String> = dataset
+        .joints
+        .iter()
+        .zip(force.noise.position.iter().zip(&force.noise.velocity))
+        .map(|(joint, (q, v))| {
+            let velocity = match v.is_finite() {
+                true => format!(", {v:.2e} {}", joint.velocity_unit()),
+                false => String::new(),
+            };
+            format!("{} {q:.2e} {}{velocity}", joint.name, joint.unit())
+        })
+        .collect();
+    let open = if force.settled { "" } else { " (not settled)" };
+    format!("{experiment}: {}{open}", joints.join(", "))
+}

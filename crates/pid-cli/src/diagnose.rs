@@ -1,0 +1,205 @@
+//! `simtrue diagnose`: which effect the model in a data folder lacks.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use pid_diagnose::diagnose::{Diagnosis, Settings};
+use pid_diagnose::report::{Report, Share};
+use pid_runtime::dynamics::Hessian;
+use rayon::prelude::*;
+
+use crate::error::CliError;
+use crate::{models, output};
+
+/// Arguments of `simtrue diagnose`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct DiagnoseArgs {
+    /// Folders with dataset.toml, nominal.toml and CSV files.
+    #[arg(required = true)]
+    folders: Vec<PathBuf>,
+    /// Nominal description of the robot, in place of the nominal.toml of each folder.
+    #[arg(long, value_name = "FILE", conflicts_with = "model")]
+    nominal: Option<PathBuf>,
+    /// Folder for the results: diagnosis.json, or one folder per data folder if several are given.
+    #[arg(
+        long,
+        short,
+        value_name = "FOLDER",
+        default_value = "simtrue-diagnosis"
+    )]
+    out: PathBuf,
+    /// Diagnose again where a result is already there.
+    #[arg(long)]
+    again: bool,
+    /// Declared model in place of nominal.toml: nominal values and tolerances are those of its parameters; what is known of the
+    /// measurement may stand in a measurement.toml of the folder.
+    #[arg(long, value_name = "MODEL")]
+    model: Option<String>,
+    /// Look for the motion that separates the first two candidates even where the records do so already.
+    #[arg(long)]
+    next: bool,
+    /// Refit every candidate to its end instead of those that screening puts first: slow, to judge the screening by.
+    #[arg(long)]
+    refit_all: bool,
+    /// Length of the train records that is fitted, seconds times the number of joints; from longer ones the parts are taken that
+    /// decide. Test records are used whole.
+    #[arg(long, value_name = "SECONDS", default_value_t = Settings::default().joint_seconds, value_parser = crate::args::positive)]
+    joint_seconds: f64,
+}
+
+/// Diagnoses all folders, several at a time; those that cannot be read are named and do not stop the others.
+pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
+    let several = args.folders.len() > 1;
+    let model = match &args.model {
+        Some(name) => Some(models::by_name(name)?.model),
+        None => None,
+    };
+    let outcomes: Vec<Result<bool, CliError>> = args
+        .folders
+        .par_iter()
+        .map(|folder| {
+            let out = if several {
+                args.out
+                    .join(folder.file_name().unwrap_or(folder.as_os_str()))
+            } else {
+                args.out.clone()
+            };
+            let file = out.join("diagnosis.json");
+            if several && !args.again && file.exists() {
+                output::print(&format!("{}: already diagnosed\n", folder.display()));
+                return Ok(true);
+            }
+            match one(folder, model, &out, args) {
+                Ok(d) => {
+                    output::print(&summary(&d));
+                    Ok(true)
+                }
+                Err(CliError::Case { source }) => {
+                    output::message(&format!("error: {}: {source}", folder.display()));
+                    Ok(false)
+                }
+                Err(other) => Err(other),
+            }
+        })
+        .collect();
+    let mut failed = false;
+    for outcome in outcomes {
+        failed |= !outcome?;
+    }
+    Ok(u8::from(failed))
+}
+
+fn one(
+    folder: &Path,
+    model: Option<&dyn Hessian>,
+    out: &Path,
+    args: &DiagnoseArgs,
+) -> Result<Diagnosis, CliError> {
+    let settings = Settings {
+        refit_all: args.refit_all,
+        joint_seconds: args.joint_seconds,
+        ..Settings::default()
+    };
+    let report = match (model, &args.nominal) {
+        (Some(model), _) => Report::of_model(model, folder, &settings, args.next)?,
+        (None, Some(file)) => Report::of_files(folder, file, &settings, args.next)?,
+        (None, None) => Report::of_folder(folder, &settings, args.next)?,
+    };
+    report.write(out)?;
+    Ok(report.found.diagnosis)
+}
+
+/// A few lines for the terminal.
+pub(crate) fn summary(d: &Diagnosis) -> String {
+    let mut text = format!("{}: ", d.case);
+    text.push_str(&d.effect);
+    if let Some(j) = d.joint {
+        text.push_str(&format!(" at joint {j}"));
+    }
+    text.push_str(&format!(
+        ", confidence {:.2}\n  gap {:.4} -> {:.4}, floor {:.4}; {:.1} s\n",
+        d.confidence, d.gap_before, d.gap_after, d.gap_floor, d.seconds
+    ));
+    for e in &d.effects {
+        let joint = e.joint.map_or(String::new(), |j| format!(" at joint {j}"));
+        text.push_str(&format!("  {}{joint}:", e.effect));
+        for p in &e.parameters {
+            match p.std {
+                Some(s) => text.push_str(&format!(" {} = {:.5} ± {:.1e}", p.name, p.value, s)),
+                None => text.push_str(&format!(" {} = {:.5}", p.name, p.value)),
+            }
+        }
+        text.push('\n');
+    }
+    for b in &d.beyond_tolerance {
+        text.push_str(&format!("  outside its tolerance: {}\n", b.words()));
+    }
+    if let Some(left) = &d.remainder {
+        match d.effects.is_empty() {
+            true => text.push_str("  no effect of the library pays on the records never fitted\n"),
+            false => text.push_str(&format!(
+                "  explained: {:.0} % of the squared gap beyond the floor; the rest is unknown\n",
+                100.0 * left.explained
+            )),
+        }
+        if let Some(law) = &left.nameless {
+            text.push_str(&format!(
+                "  without a name, but better: {}, explains {:.0} %\n",
+                law.words(),
+                100.0 * law.explained
+            ));
+        }
+        for m in left.missing_force.iter().filter(|m| m.share > 0.1) {
+            text.push_str(&force("left", m));
+        }
+    }
+    if !d.confusion_set.is_empty() {
+        text.push_str(&format!(
+            "  not told apart from: {}\n",
+            d.confusion_set.join(", ")
+        ));
+    }
+    for m in d.missing_force.iter().filter(|m| m.share > 0.1) {
+        text.push_str(&force("missing force", m));
+    }
+    for s in &d.signals {
+        let velocity = s.velocity.as_ref().map(|v| &v.timing);
+        let paths = [
+            ("input acts", s.input.as_ref()),
+            ("velocity shows", velocity),
+        ];
+        for (what, a) in paths {
+            if let Some((a, std)) = a.filter(|a| a.noticeable()).and_then(|a| Some((a, a.std?))) {
+                text.push_str(&format!(
+                    "  signals: {what} {:.1} ± {:.1} ms late at joint {} (stated {:.1} ms)\n",
+                    1e3 * a.delay,
+                    1e3 * std,
+                    s.joint,
+                    1e3 * a.stated
+                ));
+            }
+        }
+    }
+    for warning in &d.warnings {
+        text.push_str(&format!("  warning: {warning}\n"));
+    }
+    if let Some(n) = &d.next_experiment {
+        text.push_str(&format!(
+            "  next: next_experiment.csv separates {} and {}, expected log-likelihood ratio {:.1}\n",
+            n.rivals.0, n.rivals.1, n.log_odds
+        ));
+    }
+    text
+}
+
+/// A line on where a force lives.
+fn force(what: &str, m: &Share) -> String {
+    format!(
+        "  {what}: {:.0} % at joint {}, rms {:.4}; goes with {} ({:.2})\n",
+        100.0 * m.share,
+        m.joint,
+        m.rms,
+        m.regime,
+        m.explained
+    )
+}

@@ -1,0 +1,183 @@
+//! What ends a command early.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use pid_data::DataError;
+use pid_diagnose::case::CaseError;
+use pid_diagnose::report::WriteError;
+use pid_fit::excite::ExciteError;
+use pid_fit::gap::force::MissingForceError;
+use pid_fit::gap::metrics::FreeRunError;
+use pid_fit::ident::assumptions::AssumptionsError;
+use pid_fit::ident::bootstrap::BootstrapError;
+use pid_fit::ident::{CrossValidationError, IdentError};
+use pid_fit::integrate::SimulateError;
+use pid_fit::regress::RegressError;
+use pid_fit::wrap::controllers::ControlError;
+use pid_fit::wrap::lag::LagError;
+use pid_fit::wrap::private::PrivateError;
+use pid_interpret::kinematics::KinematicsError;
+use pid_interpret::nominal::NominalError;
+use pid_models::UnknownModel;
+use pid_report::ReportError;
+use pid_runtime::extend::ExtendError;
+use pid_urdf::UrdfError;
+
+use crate::limits::LimitsError;
+use crate::parameters::ParameterFileError;
+
+/// An error of the command line.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub(crate) enum CliError {
+    #[error(transparent)]
+    Model(#[from] UnknownModel),
+    #[error(transparent)]
+    Urdf(#[from] UrdfError),
+    #[error(transparent)]
+    Interpret(#[from] pid_interpret::Error),
+    #[error(
+        "`{model}` is given without a data folder\n  help: give the folder with dataset.toml after it"
+    )]
+    NoFolder { model: String },
+    #[error(
+        "--input-gain has {found} factors, the data set {joints} joints\n  help: give one per joint, separated by commas"
+    )]
+    InputGains { found: usize, joints: usize },
+    #[error("--train: no training record named `{name}`; they are {records}")]
+    NoSuchRecord { name: String, records: String },
+    #[error(
+        "model `{model}` and a description by --urdf or --nominal are given\n  help: leave one of them out"
+    )]
+    TwoModels { model: String },
+    #[error(transparent)]
+    Data(#[from] DataError),
+    #[error(transparent)]
+    Parameters(#[from] ParameterFileError),
+    #[error(transparent)]
+    FreeRun(#[from] FreeRunError),
+    #[error(transparent)]
+    Force(#[from] MissingForceError),
+    #[error(transparent)]
+    Simulate(#[from] SimulateError),
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    #[error(transparent)]
+    Identification(#[from] IdentError),
+    #[error(transparent)]
+    Extend(#[from] ExtendError),
+    #[error(transparent)]
+    Regress(#[from] RegressError),
+    #[error(transparent)]
+    Control(#[from] ControlError),
+    #[error(transparent)]
+    Private(#[from] PrivateError),
+    #[error(
+        "record `{record}` has no measured torques (columns tau1 …)\n  help: leave --measured-torque out"
+    )]
+    NoTorque { record: String },
+    #[error(transparent)]
+    Lag(#[from] LagError),
+    #[error(
+        "--velocity-lag needs motions to be simulated\n  help: use `simtrue identify` with full discretization or shooting, or `simtrue simulate`"
+    )]
+    LagOfRegression,
+    #[error(
+        "--with {term}: friction with a memory needs a state that this command does not simulate\n  help: `simtrue regress` has it from the recorded positions; `simtrue diagnose` simulates it (`presliding_hysteresis`)"
+    )]
+    Memory { term: String },
+    #[error("--velocity-lag needs one of the models that `simtrue models` lists")]
+    LagOfFile,
+    #[error(
+        "--consistent: the model has no link whose ten inertial parameters are all free\n  help: declare links with `inertial: free`, or hold none of their parameters"
+    )]
+    NoLinks,
+    #[error(
+        "--consistent fits once more in other coordinates, which have neither profiles nor a bootstrap\n  help: keep links consistent in every fit by --consistent=throughout"
+    )]
+    ConsistentAfter,
+    #[error(transparent)]
+    Bootstrap(#[from] BootstrapError),
+    #[error("--private needs one of the models that `simtrue models` lists")]
+    PrivateOfFile,
+    #[error("{option} has {found} values; {joints} are needed")]
+    PerJoint {
+        option: &'static str,
+        found: usize,
+        joints: usize,
+    },
+    #[error(
+        "instrumental variables simulate the closed loop of the records\n  help: describe it in a file and give it with --controller (docs/controller-format.md)"
+    )]
+    NoController,
+    #[error(
+        "the records of `{second}` are not like those of `{first}`: joints, input units, velocity channels and the hold of inputs must agree\n  help: with --controller the units of inputs do not count"
+    )]
+    OtherRobot { first: String, second: String },
+    #[error(transparent)]
+    Assumptions(#[from] AssumptionsError),
+    #[error(transparent)]
+    Nominal(#[from] NominalError),
+    #[error(
+        "{option}: the model has no parameter `{name}`\n  help: the report lists the model's parameters"
+    )]
+    NoParameter { option: &'static str, name: String },
+    #[error("--constrain \"{text}\": {reason}")]
+    Constraint { text: String, reason: String },
+    #[error(
+        "--constrain speaks of the model's parameters, --consistent=after fits others\n  help: --consistent=throughout fits the model's own"
+    )]
+    ConstrainedAfter,
+    #[error(transparent)]
+    CrossValidation(#[from] CrossValidationError),
+    #[error("the result cannot be written as JSON: {0}")]
+    Json(serde_json::Error),
+    #[error("{}: {error}", path.display())]
+    Dump {
+        path: PathBuf,
+        error: pid_codegen::show::Error,
+    },
+    #[error(transparent)]
+    Excite(#[from] ExciteError),
+    #[error(transparent)]
+    Kinematics(#[from] KinematicsError),
+    #[error(transparent)]
+    Limits(#[from] LimitsError),
+    #[error("{}: cannot be read: {error}", path.display())]
+    Read { path: PathBuf, error: io::Error },
+    #[error("{}: no robot named `{name}`; the file has {found}", path.display())]
+    NoSuchRobot {
+        path: PathBuf,
+        name: String,
+        found: String,
+    },
+    #[error("{source}")]
+    Case {
+        #[from]
+        source: CaseError,
+    },
+    #[error("{source}\n  help: choose another folder with --out")]
+    Diagnosis {
+        #[from]
+        source: WriteError,
+    },
+    #[error("{}: cannot be written: {error}\n  help: choose another folder with --out", path.display())]
+    Write { path: PathBuf, error: io::Error },
+}
+
+/// Writes a file and names it in the error.
+pub(crate) fn write(path: &Path, text: &str) -> Result<(), CliError> {
+    std::fs::write(path, text).map_err(|error| CliError::Write {
+        path: path.to_owned(),
+        error,
+    })
+}
+
+/// Makes a folder and names it in the error.
+pub(crate) fn make_folder(path: &Path) -> Result<(), CliError> {
+    std::fs::create_dir_all(path).map_err(|error| CliError::Write {
+        path: path.to_owned(),
+        error,
+    })
+}

@@ -1,0 +1,310 @@
+//! `simtrue excite`: the motion from which a record tells most.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use pid_fit::excite::{self, Criterion, Excitation, ExciteError, Settings, Without};
+use pid_interpret::Kinematics;
+use pid_runtime::dynamics::{At, Hessian};
+use pid_runtime::kinematics::ForwardKinematics;
+use serde::Serialize;
+
+use crate::error::{CliError, make_folder, write};
+use crate::limits::LimitFile;
+use crate::progress::{Interrupt, Progress};
+use crate::{output, parameters};
+
+/// Arguments of `simtrue excite`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct ExciteArgs {
+    /// Model, as `simtrue models` lists them.
+    pub(crate) model: String,
+    /// Folder for excitation.csv and excitation.json; made if needed.
+    #[arg(
+        long,
+        short,
+        value_name = "FOLDER",
+        default_value = "simtrue-excitation"
+    )]
+    pub(crate) out: PathBuf,
+    /// Parameters: a fit.json, or a TOML file of lines `name = value`; nominal ones if absent.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) parameters: Option<PathBuf>,
+    /// Limits: a TOML file with `[JOINT]` tables of `position = [low, high]`, `velocity`, `acceleration`, `force`, in rad or m, s,
+    /// N·m or N. What a joint does not name comes from the options below, positions from the model's declaration. Tables
+    /// `[[workspace]]` keep points of links in boxes: `link = "forearm"`, `point = [0, 0, 0.3]` in the link's frame (its origin if
+    /// absent), `x`, `y`, `z` = `[low, high]` in the base frame, m, an end `inf` where it is open.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) limits: Option<PathBuf>,
+    /// Largest velocity of joints without their own limit, rad/s or m/s.
+    #[arg(long, value_name = "V", default_value_t = 2.0)]
+    pub(crate) velocity: f64,
+    /// Largest acceleration of joints without their own limit, rad/s² or m/s².
+    #[arg(long, value_name = "A", default_value_t = 8.0)]
+    pub(crate) acceleration: f64,
+    /// Largest force of joints without their own limit, N·m or N; any if absent.
+    #[arg(long, value_name = "F")]
+    pub(crate) force: Option<f64>,
+    /// Length of a period, s.
+    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    pub(crate) period: f64,
+    /// Harmonics of the series.
+    #[arg(long, value_name = "K", default_value_t = 5)]
+    pub(crate) harmonics: usize,
+    /// Samples per period at which limits hold.
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    pub(crate) samples: usize,
+    /// What is minimised.
+    #[arg(long, value_enum, default_value_t = CriterionArg::Determinant)]
+    pub(crate) criterion: CriterionArg,
+    /// Random starts.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub(crate) starts: usize,
+    /// Seed of the random starts.
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Rate of excitation.csv, Hz.
+    #[arg(long, value_name = "HZ", default_value_t = 100.0)]
+    pub(crate) rate: f64,
+}
+
+/// `excite::Criterion` on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum CriterionArg {
+    /// Volume of the confidence ellipsoid (D-optimal).
+    Determinant,
+    /// Its longest axis (E-optimal, smoothed).
+    SmallestEigenvalue,
+}
+
+/// Runs the command; the exit code.
+pub(crate) fn run(args: &ExciteArgs) -> Result<u8, CliError> {
+    let model: &dyn Hessian = crate::models::by_name(&args.model)?.model;
+    let p = match &args.parameters {
+        Some(file) => parameters::read(file, model.params())?,
+        None => model.params().iter().map(|p| p.nominal).collect(),
+    };
+    if !(args.rate.is_finite() && args.rate > 0.0) {
+        return Err(CliError::Excite(ExciteError::Setting {
+            what: "the rate",
+            value: args.rate,
+            help: "give a positive number of samples per second",
+        }));
+    }
+    let asked = LimitFile::read(args.limits.as_deref(), model)?;
+    let kinematics = asked.kinematics(model)?;
+    let limits = asked.limits(args, model, kinematics.as_ref());
+    let settings = Settings {
+        period: args.period,
+        harmonics: args.harmonics,
+        samples: args.samples,
+        criterion: match args.criterion {
+            CriterionArg::Determinant => Criterion::Determinant,
+            CriterionArg::SmallestEigenvalue => Criterion::SmallestEigenvalue,
+        },
+        starts: args.starts,
+        seed: args.seed,
+        ..Settings::default()
+    };
+    let interrupt = Interrupt::listen();
+    let progress = Progress::start("looking for an exciting motion");
+    let started = std::time::Instant::now();
+    let found = excite::excite(model, &p, &limits, &settings, &mut |start, i| {
+        progress.step(format!(
+            "start {} of {}: iteration {}, criterion {:.4}",
+            start + 1,
+            settings.starts,
+            i.iteration,
+            i.objective
+        ));
+        match interrupt.requested() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    })?;
+    let seconds = started.elapsed().as_secs_f64();
+    drop(progress);
+    make_folder(&args.out)?;
+    let (csv, json) = (
+        args.out.join("excitation.csv"),
+        args.out.join("excitation.json"),
+    );
+    write(
+        &csv,
+        &table(model, &p, &found, args.rate, kinematics.as_ref()),
+    )?;
+    let record = Record::new(model, &found, &settings, seconds);
+    let text = serde_json::to_string_pretty(&record).map_err(CliError::Json)?;
+    write(&json, &text)?;
+    output::print(&summary(model, &found, seconds));
+    output::print(&format!(
+        "\nwritten: {}, {}\n",
+        csv.display(),
+        json.display()
+    ));
+    Ok(if interrupt.requested() { 130 } else { 0 })
+}
+
+/// One period: time, positions, velocities, accelerations, the force they need and where the limited points are.
+fn table(
+    model: &dyn Hessian,
+    p: &[f64],
+    found: &Excitation,
+    rate: f64,
+    points: Option<&Kinematics>,
+) -> String {
+    let dims = model.dims();
+    let nq = dims.nq;
+    let mut text = String::from("t");
+    for kind in ["q", "v", "a", "force"] {
+        for joint in model.joints() {
+            let _ = write!(text, ",{kind}_{}", joint.name);
+        }
+    }
+    let names = points.map_or(&[][..], Kinematics::points);
+    for name in names {
+        let _ = write!(text, ",x_{name},y_{name},z_{name}");
+    }
+    let mut places = vec![0.0; 3 * names.len()];
+    text.push('\n');
+    let u = vec![0.0; dims.nu];
+    let mut parts = vec![vec![0.0; nq]; 4];
+    let last = (found.motion.period * rate).round() as usize;
+    for i in 0..=last {
+        let t = i as f64 / rate;
+        let [q, v, a, force] = &mut parts[..] else {
+            break;
+        };
+        found.motion.at(t, q, v, a);
+        model.residual(&At { q, v, a, u: &u, p }, force);
+        let _ = write!(text, "{t:.6}");
+        if let Some(points) = points {
+            points.positions(&parts[0], p, &mut places);
+        }
+        for value in parts.iter().flatten().chain(&places) {
+            let _ = write!(text, ",{value:.9}");
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// excitation.json.
+#[derive(Debug, Serialize)]
+struct Record<'a> {
+    model: &'a str,
+    criterion: Criterion,
+    period: f64,
+    harmonics: usize,
+    samples: usize,
+    seed: u64,
+    seconds: f64,
+    status: pid_nlp::solver::Status,
+    iterations: usize,
+    largest_use_of_a_limit: f64,
+    /// Per joint: q0, a_1, b_1, … as `excite::Fourier` defines them.
+    coefficients: BTreeMap<&'a str, &'a [f64]>,
+    optimal: &'a excite::Information,
+    random: &'a [excite::Information],
+    parameters: Vec<&'a str>,
+    without: BTreeMap<&'a str, Without>,
+}
+
+impl<'a> Record<'a> {
+    fn new(
+        model: &'a dyn Hessian,
+        found: &'a Excitation,
+        settings: &Settings,
+        seconds: f64,
+    ) -> Self {
+        let name = |k: usize| model.params()[k].name.as_ref();
+        Self {
+            model: model.name(),
+            criterion: settings.criterion,
+            period: settings.period,
+            harmonics: settings.harmonics,
+            samples: settings.samples,
+            seed: settings.seed,
+            seconds,
+            status: found.status,
+            iterations: found.iterations,
+            largest_use_of_a_limit: found.largest_use,
+            coefficients: model
+                .joints()
+                .iter()
+                .map(|j| j.name.as_ref())
+                .zip(found.motion.coefficients.chunks(found.motion.width()))
+                .collect(),
+            optimal: &found.information,
+            random: &found.random,
+            parameters: found.params.iter().map(|k| name(*k)).collect(),
+            without: found.without.iter().map(|(k, w)| (name(*k), *w)).collect(),
+        }
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    0.5 * (values[(n - 1) / 2] + values[n / 2])
+}
+
+fn summary(model: &dyn Hessian, found: &Excitation, seconds: f64) -> String {
+    let random =
+        |f: &dyn Fn(&excite::Information) -> f64| median(found.random.iter().map(f).collect());
+    let mut text = format!(
+        "{}: {}; {} iterations in the best of {} starts, {seconds:.1} s; largest use of a limit {:.3}\n\n",
+        model.name(),
+        found.status.reason(),
+        found.iterations,
+        found.random.len(),
+        found.largest_use
+    );
+    let _ = writeln!(
+        text,
+        "  {:<24} {:>12} {:>16}\n  {:<24} {:>12.4} {:>16.4}\n  {:<24} {:>12.1} {:>16.1}",
+        "",
+        "optimal",
+        "random multisine",
+        "criterion",
+        found.information.value,
+        random(&|i| i.value),
+        "condition number",
+        found.information.condition,
+        random(&|i| i.condition),
+    );
+    text.push_str(
+        "\nStandard deviation from white noise of 1 N·m (N) at every joint, one period\n",
+    );
+    for (k, param) in found.params.iter().enumerate() {
+        let info = &model.params()[*param];
+        let _ = writeln!(
+            text,
+            "  {:<24} {:>12.4e} {:>16.4e}  {}",
+            info.name,
+            found.information.deviations[k],
+            random(&|i| i.deviations[k]),
+            info.unit
+        );
+    }
+    let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for (k, why) in &found.without {
+        let why = match why {
+            Without::Fixed => "held by the declaration",
+            Without::NeedsInput => "known: its effect depends on the input",
+            Without::NotPolynomial => "known: the force is no polynomial of it",
+            _ => "enters only together with those above, or not at all",
+        };
+        reasons
+            .entry(why)
+            .or_default()
+            .push(model.params()[*k].name.as_ref());
+    }
+    for (why, names) in reasons {
+        let _ = writeln!(text, "\n  {why}: {}", names.join(", "));
+    }
+    text
+}

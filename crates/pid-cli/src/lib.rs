@@ -1,0 +1,135 @@
+//! The command line `simtrue`: identify a robot from its records, see where model and robot differ.
+//!
+//! A crate with robots of its own gets the same command line for them by one line:
+//!
+//! ```no_run
+//! use pid_models::Entry;
+//! use pid_runtime::robot;
+//!
+//! robot! {
+//!     /// A carriage on a rail.
+//!     pub robot Carriage {
+//!         gravity: [0, 0, -9.81] m/s^2;
+//!         params { mass: kg = 95.0 in 80.0..=110.0; }
+//!         link body { mass: mass; com: [_, _, _]; inertia at com: diag(_, _, _); }
+//!         joint x: prismatic about x { base -> body; }
+//!         per joint { input force: N; force = force; }
+//!         emit { second_derivatives }
+//!     }
+//! }
+//!
+//! static ROBOTS: [Entry; 1] = [Entry::new("carriage", "a carriage on a rail", "drawing 12-3", &Carriage)];
+//!
+//! fn main() -> std::process::ExitCode {
+//!     pid_cli::main(&ROBOTS)
+//! }
+//! ```
+//!
+//! `identify`, `regress`, `simulate` and `excite` take `carriage` as the name of a model, and `diagnose FOLDER
+//! --model carriage` needs no `nominal.toml`.
+//!
+//! Exit codes: 0 done, 1 an error in the input (the message says where and what to do), 2 a mistake in the arguments,
+//! 3 finished, but the result is not to be used, 130 interrupted (what was reached has been written).
+
+mod args;
+mod assemble;
+mod assume;
+mod cause;
+mod consistent;
+mod constrain;
+mod demo;
+mod diagnose;
+mod dump;
+mod error;
+mod excite;
+mod findings;
+mod horizon;
+mod identify;
+mod limits;
+mod models;
+pub mod output;
+mod parameters;
+pub mod progress;
+mod regress;
+mod simulate;
+mod source;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use pid_models::Entry;
+
+pub use assume::loss;
+
+use args::{Cli, Command, DemoArgs};
+use error::CliError;
+
+/// Where the studies of the project are.
+const STUDIES: &str = "studies run from the source tree: cargo run --release -p pid-studies -- withheld|paper|coverage (--help lists all)";
+
+/// Runs the command line of this process; `own` are models beside those of `simtrue models`, and come first where names are equal.
+pub fn main(own: &'static [Entry]) -> ExitCode {
+    models::add(own);
+    let cli = Cli::parse();
+    let outcome = match cli.command {
+        None => identify::run(&cli.identify),
+        Some(Command::Identify(args)) => identify::run(&args),
+        Some(Command::Diagnose(args)) => diagnose::run(&args),
+        Some(Command::Simulate(args)) => simulate::run(&args),
+        Some(Command::Regress(args)) => regress::run(&args),
+        Some(Command::Models) => {
+            list();
+            Ok(0)
+        }
+        Some(Command::DemoData(args)) => demo_data(&args),
+        Some(Command::Dump(args)) => dump::run(&args),
+        Some(Command::Excite(args)) => excite::run(&args),
+        Some(Command::Study(_)) => {
+            output::message(STUDIES);
+            Ok(1)
+        }
+    };
+    match outcome {
+        Ok(code) => ExitCode::from(code),
+        Err(e) => {
+            output::message(&format!("error: {e}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Lists the models with their joints and inputs.
+fn list() {
+    for entry in models::all() {
+        let model = entry.model;
+        let joints: Vec<String> = model
+            .joints()
+            .iter()
+            .map(|j| format!("{} ({})", j.name, j.unit()))
+            .collect();
+        let inputs: Vec<String> = model
+            .inputs()
+            .iter()
+            .map(|i| format!("{} ({})", i.name, i.unit))
+            .collect();
+        output::print(&format!(
+            "{}: {}\n  joints: {}\n  inputs: {}\n  {} parameters; {}\n\n",
+            entry.name,
+            entry.summary,
+            joints.join(", "),
+            inputs.join(", "),
+            model.dims().np,
+            entry.source
+        ));
+    }
+}
+
+fn demo_data(args: &DemoArgs) -> Result<u8, CliError> {
+    error::make_folder(&args.out)?;
+    for (name, text) in demo::generate()? {
+        let path = args.out.join(name);
+        error::write(&path, &text)?;
+        output::print(&format!("{}\n", path.display()));
+    }
+    Ok(0)
+}

@@ -1,0 +1,215 @@
+//! The file of limits of an exciting motion.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use pid_fit::excite::{Limits, Workspace};
+use pid_interpret::Kinematics;
+use pid_interpret::kinematics::Point;
+use pid_runtime::dynamics::Hessian;
+use serde::Deserialize;
+
+use crate::error::CliError;
+use crate::excite::ExciteArgs;
+
+/// Key of the boxes; every other key is a joint.
+const WORKSPACE: &str = "workspace";
+
+/// `[JOINT]`.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct JointLimits {
+    position: Option<(f64, f64)>,
+    velocity: Option<f64>,
+    acceleration: Option<f64>,
+    force: Option<f64>,
+}
+
+/// `[[workspace]]`.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PointBox {
+    link: String,
+    #[serde(default)]
+    point: [f64; 3],
+    #[serde(default = "anywhere")]
+    x: (f64, f64),
+    #[serde(default = "anywhere")]
+    y: (f64, f64),
+    #[serde(default = "anywhere")]
+    z: (f64, f64),
+}
+
+fn anywhere() -> (f64, f64) {
+    (f64::NEG_INFINITY, f64::INFINITY)
+}
+
+/// A file of limits.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct LimitFile {
+    joints: BTreeMap<String, JointLimits>,
+    boxes: Vec<PointBox>,
+}
+
+/// A file of limits that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub(crate) enum LimitsError {
+    #[error("{file}: {message}\n  help: write `[joint]` and below it `velocity = 2.0`")]
+    Toml { file: String, message: String },
+    #[error("{file}: the model has no joint `{name}`; it has {found}")]
+    Unknown {
+        file: String,
+        name: String,
+        found: String,
+    },
+    #[error(
+        "{file}: `{WORKSPACE}`: {message}\n  help: write `[[{WORKSPACE}]]` and below it `link = \"forearm\"` and `z = [0.1, inf]`"
+    )]
+    Workspace { file: String, message: String },
+}
+
+impl LimitFile {
+    /// Reads a file; without one nothing is limited beyond the options.
+    pub(crate) fn read(path: Option<&Path>, model: &dyn Hessian) -> Result<Self, CliError> {
+        let Some(path) = path else {
+            return Ok(Self::default());
+        };
+        let text = std::fs::read_to_string(path).map_err(|error| CliError::Read {
+            path: path.to_owned(),
+            error,
+        })?;
+        let file = || path.display().to_string();
+        let malformed = |e: toml::de::Error| LimitsError::Toml {
+            file: file(),
+            message: e.to_string(),
+        };
+        let mut all: toml::Table = toml::from_str(&text).map_err(malformed)?;
+        let joint = |name: &str| model.joints().iter().any(|j| j.name == name);
+        let boxes = match all.remove(WORKSPACE) {
+            // A joint may have this name.
+            Some(table @ toml::Value::Table(_)) if joint(WORKSPACE) => {
+                all.insert(WORKSPACE.to_owned(), table);
+                Vec::new()
+            }
+            Some(boxes) => {
+                boxes
+                    .try_into()
+                    .map_err(|e: toml::de::Error| LimitsError::Workspace {
+                        file: file(),
+                        message: e.message().to_owned(),
+                    })?
+            }
+            None => Vec::new(),
+        };
+        if let Some(name) = all.keys().find(|name| !joint(name)) {
+            let joints = model.joints().iter();
+            let found: Vec<String> = joints.map(|j| format!("`{}`", j.name)).collect();
+            return Err(CliError::Limits(LimitsError::Unknown {
+                file: file(),
+                name: name.clone(),
+                found: found.join(", "),
+            }));
+        }
+        let joints = all.try_into().map_err(malformed)?;
+        Ok(Self { joints, boxes })
+    }
+
+    /// Positions of the limited points; `None` without any.
+    pub(crate) fn kinematics(&self, model: &dyn Hessian) -> Result<Option<Kinematics>, CliError> {
+        let point = |of: &PointBox| Point {
+            link: of.link.clone(),
+            at: of.point,
+        };
+        let points: Vec<Point> = self.boxes.iter().map(point).collect();
+        Ok(match points.is_empty() {
+            true => None,
+            false => Some(Kinematics::of_declared(model, &points)?),
+        })
+    }
+
+    /// The limits, completed by the options and the model's declaration.
+    pub(crate) fn limits<'a>(
+        &self,
+        args: &ExciteArgs,
+        model: &dyn Hessian,
+        kinematics: Option<&'a Kinematics>,
+    ) -> Limits<'a> {
+        let mut limits = Limits {
+            q: Vec::new(),
+            v: Vec::new(),
+            a: Vec::new(),
+            force: Vec::new(),
+            workspace: kinematics.map(|points| Workspace {
+                points,
+                boxes: self.boxes.iter().map(|b| [b.x, b.y, b.z]).collect(),
+            }),
+        };
+        for joint in model.joints() {
+            let own = self.joints.get(joint.name.as_ref());
+            let own = own.cloned().unwrap_or_default();
+            limits.q.push(own.position.or(joint.limits));
+            limits.v.push(own.velocity.unwrap_or(args.velocity));
+            limits.a.push(own.acceleration.unwrap_or(args.acceleration));
+            let force = own.force.or(args.force);
+            limits.force.push(force.unwrap_or(f64::INFINITY));
+        }
+        limits
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::args::{Cli, Command};
+    use clap::Parser;
+
+    fn args(line: &str) -> ExciteArgs {
+        match Cli::try_parse_from(line.split(' ')).unwrap().command {
+            Some(Command::Excite(args)) => args,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn limits_of_a_file_come_first_and_unknown_joints_are_named() {
+        let model: &dyn Hessian = pid_models::by_name("two_link").unwrap();
+        let folder = std::env::temp_dir().join(format!("pid-excite-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let file = folder.join("limits.toml");
+        let line = format!(
+            "simtrue excite two_link --velocity 3 --limits {}",
+            file.display()
+        );
+        std::fs::write(&file, "[elbow]\nvelocity = 1.5\nposition = [-1, 1]\n").unwrap();
+        let found = LimitFile::read(Some(&file), model).unwrap();
+        let found = found.limits(&args(&line), model, None);
+        assert_eq!((found.v, found.q[1]), (vec![3.0, 1.5], Some((-1.0, 1.0))));
+        for (text, message) in [
+            (
+                "[wrist]\nvelocity = 1",
+                "no joint `wrist`; it has `shoulder`, `elbow`",
+            ),
+            ("[elbow]\nspeed = 1", "unknown field `speed`"),
+            (
+                "[workspace]\nz = [0, 1]",
+                "`workspace`: invalid type: map, expected a sequence",
+            ),
+            (
+                "[[workspace]]\nlink = \"arm\"",
+                "no link `arm`; it has `upper`, `fore`",
+            ),
+            (
+                "[[workspace]]\nlink = \"fore\"\npoint = [0, 0, nan]",
+                "the point on link `fore` is at [0.0, 0.0, NaN]",
+            ),
+        ] {
+            std::fs::write(&file, text).unwrap();
+            let read = LimitFile::read(Some(&file), model);
+            let error = read.and_then(|f| f.kinematics(model)).unwrap_err();
+            let error = error.to_string();
+            assert!(error.contains(message), "{error}");
+        }
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -1,0 +1,437 @@
+//! A data folder made ready: records, noise levels, typical sizes.
+
+use std::path::Path;
+
+use pid_data::signal;
+use pid_data::{DataError, Dataset, InputHold, Role, VelocityKind};
+
+use crate::effect::Unit;
+use crate::linkage::Surroundings;
+use crate::nominal::{Nominal, NominalError};
+use crate::plant::{PER_JOINT, Plant};
+use crate::regular;
+
+/// A folder that cannot be diagnosed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CaseError {
+    /// The nominal description.
+    #[error(transparent)]
+    Nominal(#[from] NominalError),
+    /// The records.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// A record is too short.
+    #[error("record `{record}` has {samples} samples; a diagnosis needs at least {needed}")]
+    Short {
+        /// The record.
+        record: String,
+        /// Its samples.
+        samples: usize,
+        /// Fewest that will do.
+        needed: usize,
+    },
+    /// There is nothing to fit on or to judge with.
+    #[error("no record has the role `{role}`; mark at least one in dataset.toml")]
+    NoRole {
+        /// The role.
+        role: Role,
+    },
+}
+
+/// Fewest samples of a record.
+const SHORTEST: usize = 50;
+
+/// Drive noise to start from where it is not stated, share of the typical torque.
+const FIRST_GUESS: f64 = 0.003;
+
+/// How the velocity of a joint is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Velocity {
+    /// A channel of its own.
+    Measured,
+    /// Computed from the positions.
+    Derived,
+    /// Not recorded.
+    Absent,
+}
+
+/// One record, channel by channel: `q[j][k]` is joint j at sample k.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record {
+    /// Name.
+    pub name: String,
+    /// Role.
+    pub role: Role,
+    /// Sample time, s.
+    pub h: f64,
+    /// Time of the first sample since the start of what was recorded, s; zero unless it is a part of a record.
+    pub begin: f64,
+    /// Readings of the positions; NaN where missing.
+    pub q: Vec<Vec<f64>>,
+    /// Readings of the velocities; NaN where missing.
+    pub v: Vec<Vec<f64>>,
+    /// Inputs.
+    pub u: Vec<Vec<f64>>,
+    /// Positions through a zero-phase filter of 30 Hz.
+    pub smooth_q: Vec<Vec<f64>>,
+    /// Their derivative.
+    pub smooth_v: Vec<Vec<f64>>,
+}
+
+impl Record {
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.u[0].len()
+    }
+    /// Whether it is empty; never so after reading.
+    pub fn is_empty(&self) -> bool {
+        self.u[0].is_empty()
+    }
+}
+
+/// Corner of the filter behind the states that windows start from, Hz.
+const START_HZ: f64 = 30.0;
+
+/// Positions at equal times through a zero-phase filter, and their derivative.
+pub(crate) fn smoothed(t: &[f64], mut q: Vec<f64>) -> (Vec<f64>, Vec<f64>) {
+    let rate = 1.0 / (t[1] - t[0]);
+    if let Ok(filter) = signal::Butterworth::low_pass(3, START_HZ.min(0.4 * rate), rate) {
+        q = filter.both_ways(&q);
+    }
+    let v = signal::central_differences(t, &q);
+    (q, v)
+}
+
+/// Typical sizes of one joint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scale {
+    /// Torque or force.
+    pub torque: f64,
+    /// Input.
+    pub input: f64,
+    /// Largest speed.
+    pub speed: f64,
+    /// Range of the motion.
+    pub range: f64,
+    /// Inertia seen by the joint, the others free, in the middle of the motion.
+    pub inertia: f64,
+}
+
+/// Noise of one joint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Noise {
+    /// Standard deviation of a position reading.
+    pub q: f64,
+    /// Of a measured velocity.
+    pub v: f64,
+    /// Of the applied torque, white from sample to sample.
+    pub torque: f64,
+    /// Of what the drive noise of the other joints does to this one through the mass matrix, as a torque at it.
+    pub passed: f64,
+    /// Whether the torque noise was stated.
+    pub stated: bool,
+}
+
+/// Everything a diagnosis starts from.
+#[derive(Debug, Clone)]
+pub struct Case {
+    /// Name of the data set.
+    pub name: String,
+    /// The nominal robot.
+    pub nominal: Nominal,
+    /// Records.
+    pub records: Vec<Record>,
+    /// Straight lines between inputs.
+    pub linear_hold: bool,
+    /// How velocities are read.
+    pub velocity: Vec<Velocity>,
+    /// Typical sizes.
+    pub scale: Vec<Scale>,
+    /// Noise levels.
+    pub noise: Vec<Noise>,
+    /// Typical force on the tool and mass of the last link.
+    pub tip: (f64, f64),
+    /// Factor on the number of substeps; 1 unless a fit is finished with finer ones.
+    pub refined: usize,
+    /// Whether fits look for the states at the start that no sensor reads.
+    pub unread: bool,
+    /// Torque at joint j that accelerates it as a unit torque at joint i does, `(M⁻¹)_ji / (M⁻¹)_jj`: root mean square over the
+    /// motion, zero for i = j.
+    pub passing: Vec<Vec<f64>>,
+}
+
+impl Case {
+    /// Reads a folder with `dataset.toml`, its records and `nominal.toml`.
+    ///
+    /// # Errors
+    /// If something is absent, malformed or too short.
+    pub fn read(folder: &Path) -> Result<Self, CaseError> {
+        let dataset = Dataset::read(folder)?;
+        let nominal = Nominal::read(folder)?;
+        Self::new(nominal, &dataset)
+    }
+
+    /// From a description and records.
+    ///
+    /// # Errors
+    /// As [`Case::read`].
+    pub fn new(nominal: Nominal, dataset: &Dataset) -> Result<Self, CaseError> {
+        let n = nominal.n();
+        if dataset.nq() != n {
+            return Err(NominalError::Joints {
+                nominal: n,
+                data: dataset.nq(),
+            }
+            .into());
+        }
+        for role in [Role::Train, Role::Test] {
+            if dataset.with_role(role).next().is_none() {
+                return Err(CaseError::NoRole { role });
+            }
+        }
+        let velocity: Vec<Velocity> = dataset
+            .joints
+            .iter()
+            .map(|j| match j.velocity {
+                VelocityKind::Measured => Velocity::Measured,
+                VelocityKind::Derived => Velocity::Derived,
+                VelocityKind::Absent => Velocity::Absent,
+            })
+            .collect();
+        let mut records = Vec::new();
+        for e in &dataset.experiments {
+            if e.len() < SHORTEST {
+                return Err(CaseError::Short {
+                    record: e.name.clone(),
+                    samples: e.len(),
+                    needed: SHORTEST,
+                });
+            }
+            let column =
+                |x: &[f64], j: usize| x.iter().skip(j).step_by(n).copied().collect::<Vec<f64>>();
+            let equal = regular::needed(&e.t);
+            let t = equal.as_deref().unwrap_or(&e.t);
+            let h = if equal.is_some() {
+                t[1] - t[0]
+            } else {
+                e.sample_time()
+            };
+            let linear = dataset.input_hold == InputHold::Linear;
+            let reading = |x: Vec<f64>| match &equal {
+                Some(at) => regular::readings(&e.t, &x, at),
+                None => x,
+            };
+            let input = |mut u: Vec<f64>| {
+                signal::fill_missing(&e.t, &mut u);
+                match &equal {
+                    Some(at) if linear => regular::readings(&e.t, &u, at),
+                    Some(at) => regular::held(&e.t, &u, at),
+                    None => u,
+                }
+            };
+            let mut record = Record {
+                name: e.name.clone(),
+                role: e.role,
+                h,
+                begin: 0.0,
+                q: (0..n).map(|j| reading(column(&e.q, j))).collect(),
+                v: (0..n)
+                    .map(|j| {
+                        e.v.as_deref()
+                            .map_or_else(|| vec![f64::NAN; t.len()], |v| reading(column(v, j)))
+                    })
+                    .collect(),
+                u: (0..n).map(|j| input(column(&e.u, j))).collect(),
+                smooth_q: Vec::new(),
+                smooth_v: Vec::new(),
+            };
+            for j in 0..n {
+                let mut q = record.q[j].clone();
+                signal::fill_missing(t, &mut q);
+                let (q, v) = smoothed(t, q);
+                record.smooth_q.push(q);
+                record.smooth_v.push(v);
+            }
+            records.push(record);
+        }
+        let mut case = Case {
+            name: dataset.name.clone(),
+            linear_hold: dataset.input_hold == InputHold::Linear,
+            velocity,
+            scale: Vec::new(),
+            noise: Vec::new(),
+            tip: (1.0, 1.0),
+            refined: 1,
+            unread: false,
+            passing: Vec::new(),
+            nominal,
+            records,
+        };
+        case.measure();
+        Ok(case)
+    }
+
+    /// Number of joints.
+    pub fn n(&self) -> usize {
+        self.nominal.n()
+    }
+
+    /// Typical sizes and noise levels.
+    fn measure(&mut self) {
+        let n = self.n();
+        let (inertia, passing) = self.inertia();
+        self.passing = passing;
+        for j in 0..n {
+            let joint = &self.nominal.joints[j];
+            let all = |f: &dyn Fn(&Record) -> &Vec<f64>| -> Vec<f64> {
+                let mut x: Vec<f64> = self
+                    .records
+                    .iter()
+                    .flat_map(|r| f(r).iter().copied())
+                    .collect();
+                x.sort_by(f64::total_cmp);
+                x
+            };
+            let q = all(&|r| &r.smooth_q[j]);
+            let v = all(&|r| &r.smooth_v[j]);
+            let u = all(&|r| &r.u[j]);
+            let at = |x: &[f64], share: f64| x[((x.len() - 1) as f64 * share) as usize];
+            let largest = at(&u, 0.002).abs().max(at(&u, 0.998).abs());
+            let torque = joint
+                .torque_peak
+                .unwrap_or((largest * joint.gain()).abs())
+                .max(1e-9);
+            self.scale.push(Scale {
+                torque,
+                input: largest.max(1e-9),
+                speed: at(&v, 0.002).abs().max(at(&v, 0.998).abs()).max(1e-9),
+                range: (q[q.len() - 1] - q[0]).max(1e-9),
+                inertia: inertia[j],
+            });
+            let level = |f: &dyn Fn(&Record) -> &Vec<f64>| {
+                let mut x: Vec<f64> = self
+                    .records
+                    .iter()
+                    .map(|r| signal::noise_level_without_jumps(f(r)))
+                    .filter(|x| x.is_finite())
+                    .collect();
+                x.sort_by(f64::total_cmp);
+                x.first().copied().unwrap_or(0.0)
+            };
+            let quantum = joint.resolution.unwrap_or(0.0) / 12f64.sqrt();
+            let q_noise = joint
+                .position_noise
+                .unwrap_or_else(|| level(&|r| &r.q[j]).max(quantum));
+            let v_noise = match joint.velocity_noise {
+                Some(x) if x > 0.0 => x,
+                _ => level(&|r| &r.v[j]),
+            };
+            self.noise.push(Noise {
+                q: q_noise.max(1e-12),
+                v: v_noise.max(1e-9),
+                // A first guess where it is not stated; it is settled with the fit.
+                torque: match joint.input_noise {
+                    Some(x) => (x * joint.gain().abs()).max(1e-6 * torque),
+                    None => FIRST_GUESS * torque,
+                },
+                passed: 0.0,
+                stated: joint.input_noise.is_some(),
+            });
+        }
+        self.pass_on();
+        let reach: f64 = self.nominal.joints[1..]
+            .iter()
+            .map(|j| norm(j.hinge.origin))
+            .sum::<f64>()
+            + norm(self.nominal.tool);
+        let second = 1.min(n - 1);
+        self.tip = (
+            self.scale[second].torque / reach.max(0.05),
+            self.nominal.joints[n - 1].mass().max(1e-6),
+        );
+    }
+
+    /// Brings [`Noise::passed`] in line with the drive noise of all joints.
+    pub fn pass_on(&mut self) {
+        for j in 0..self.n() {
+            let sum: f64 = self.passing[j]
+                .iter()
+                .zip(&self.noise)
+                .map(|(share, noise)| (share * noise.torque).powi(2))
+                .sum();
+            self.noise[j].passed = sum.sqrt();
+        }
+    }
+
+    /// Inertia of each joint with the others free, median over the records, and [`Case::passing`].
+    fn inertia(&self) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let n = self.n();
+        let plant = Plant::<f64>::new(&self.nominal, &vec![0.0; n * PER_JOINT]);
+        let around = Surroundings {
+            gravity: plant.gravity,
+            tip_force: None,
+        };
+        let (mut linkage, mut mass, mut bias) = (plant.linkage(), vec![0.0; n * n], vec![0.0; n]);
+        let mut seen = vec![Vec::new(); n];
+        let (mut passing, mut count) = (vec![vec![0.0; n]; n], 0.0_f64);
+        for r in &self.records {
+            for k in (0..r.len()).step_by((r.len() / 20).max(1)) {
+                let q: Vec<f64> = (0..n).map(|j| r.smooth_q[j][k]).collect();
+                linkage.mass_and_bias(&around, (&q, &vec![0.0; n]), &mut mass, &mut bias);
+                let mut m = nalgebra::DMatrix::from_row_slice(n, n, &mass);
+                for j in 0..n {
+                    m[(j, j)] += plant.rotor[j];
+                }
+                if let Some(inverse) = m.try_inverse() {
+                    count += 1.0;
+                    for j in 0..n {
+                        seen[j].push(1.0 / inverse[(j, j)]);
+                        for i in (0..n).filter(|&i| i != j) {
+                            passing[j][i] += (inverse[(j, i)] / inverse[(j, j)]).powi(2);
+                        }
+                    }
+                }
+            }
+        }
+        for share in passing.iter_mut().flatten() {
+            *share = (*share / count.max(1.0)).sqrt();
+        }
+        let inertia = seen
+            .into_iter()
+            .map(|mut x| {
+                x.sort_by(f64::total_cmp);
+                x.get(x.len() / 2).copied().unwrap_or(1.0).max(1e-9)
+            })
+            .collect();
+        (inertia, passing)
+    }
+
+    /// Size of a unit at a joint, in SI.
+    pub fn unit(&self, unit: Unit, joint: usize) -> f64 {
+        let s = &self.scale[joint];
+        match unit {
+            Unit::One | Unit::Angle | Unit::Time => 1.0,
+            Unit::Torque => s.torque,
+            Unit::Input => s.input,
+            Unit::Speed => s.speed,
+            Unit::Range => s.range,
+            Unit::Inertia => s.inertia,
+            Unit::Stiffness => s.torque / s.range,
+            Unit::Damping => s.torque / s.speed,
+            Unit::Drag => s.torque / (s.speed * s.speed),
+            Unit::Wave => 1.0 / s.range,
+            Unit::Compliance => s.range / s.torque,
+            Unit::InverseSquareInput => 1.0 / (s.input * s.input),
+            Unit::Ratio => joint
+                .checked_sub(1)
+                .map_or(1.0, |i| s.range / self.scale[i].range),
+            Unit::Mass => self.tip.1,
+            Unit::Force => self.tip.0,
+        }
+    }
+}
+
+fn norm(x: [f64; 3]) -> f64 {
+    x.iter().map(|x| x * x).sum::<f64>().sqrt()
+}

@@ -1,0 +1,423 @@
+//! The gap: free-run error on records that were never fitted.
+//!
+//! Each record is cut into windows of the stated horizon; from the read state at the start of a window the model runs freely
+//! under the recorded inputs. Per joint the root mean square error of position and of velocity (as the drive would report it) is
+//! divided by the standard deviation of the read channel in that record; the gap is the root mean square over joints, channels
+//! and records.
+
+use pid_data::Role;
+
+use crate::case::{Case, Record, Velocity, smoothed};
+use crate::hidden;
+use crate::nominal::EncoderSide;
+use crate::predict::{Runner, gains};
+use crate::simulate::{Hypothesis, State};
+
+/// An error beyond this, relative to the motion, counts as this.
+const LARGEST: f64 = 9.9;
+
+/// The gap of one model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gap {
+    /// Over everything.
+    pub total: f64,
+    /// Per joint and channel (position, velocity), root mean square over records; `None` where a velocity is not recorded.
+    pub joints: Vec<(f64, Option<f64>)>,
+    /// Squared normalised error of each window, all joints and channels: what an interval is drawn from.
+    pub windows: Vec<f64>,
+}
+
+/// The windows of one record: its number of samples and the states the predictor has at their starts.
+struct Windows {
+    length: usize,
+    starts: Vec<State<f64>>,
+    /// Position and velocity that the predictor has of each joint, at every sample.
+    path: Vec<(Vec<f64>, Vec<f64>)>,
+}
+
+fn windows(
+    case: &Case,
+    record: &Record,
+    hypothesis: &Hypothesis,
+    theta: &[f64],
+    e: &[f64],
+) -> Windows {
+    let last = record.len() - 1;
+    let length = case
+        .nominal
+        .horizon
+        .map_or(last, |s| ((s / record.h).round() as usize).clamp(1, last));
+    let count = last / length;
+    let mut starts = Vec::with_capacity(count);
+    let mut g = gains(case, hypothesis, theta, e, record.h);
+    let mut path = vec![(Vec::new(), Vec::new()); case.n()];
+    let on_link = case.nominal.encoder_side == EncoderSide::Joint;
+    let mut runner = Runner::<f64>::new(case, record, hypothesis, theta, e);
+    hidden::settle(&mut runner, &mut g);
+    runner.predict_over(
+        0..record.len(),
+        &g,
+        &mut |_, _, _, _| {},
+        &mut |k, state| {
+            if k % length == 0 && starts.len() < count {
+                starts.push(state.clone());
+            }
+            let (q, v) = if on_link {
+                (&state.q, &state.v)
+            } else {
+                (&state.drive_q, &state.drive_v)
+            };
+            for (j, joint) in path.iter_mut().enumerate() {
+                joint.0.push(q[j]);
+                joint.1.push(v[j]);
+            }
+        },
+    );
+    Windows {
+        length,
+        starts,
+        path,
+    }
+}
+
+/// Free run over one window: positions and velocities as the drive reports them, joint by joint at each of the samples after
+/// the first. `noise` is added to every position and every measured velocity before filters.
+fn free_run(
+    case: &Case,
+    runner: &mut Runner<'_, '_, f64>,
+    record: &Record,
+    start: &State<f64>,
+    k: usize,
+    length: usize,
+    noise: &mut dyn FnMut(usize) -> (f64, f64),
+) -> Vec<(f64, f64)> {
+    let n = case.n();
+    let fade = case.nominal.velocity_filter_hz.map_or(0.0, |hz| {
+        (-2.0 * std::f64::consts::PI * hz * record.h).exp()
+    });
+    let lag: Vec<f64> = (0..n)
+        .map(|j| runner.velocity_fade(j).unwrap_or(0.0))
+        .collect();
+    let mut previous: Vec<f64> = (0..n).map(|j| record.q[j][k]).collect();
+    let mut filtered: Vec<f64> = (0..n).map(|j| record.v[j][k]).collect();
+    let mut shown = filtered.clone();
+    let mut out = vec![(0.0, 0.0); n * length];
+    runner.free(start, k, length, &mut |i, j, q, v| {
+        let (nq, nv) = noise(j);
+        let q = q + nq;
+        let read = if case.velocity[j] == Velocity::Derived {
+            filtered[j] = fade * filtered[j] + (1.0 - fade) * (q - previous[j]) / record.h;
+            previous[j] = q;
+            filtered[j]
+        } else {
+            v
+        };
+        shown[j] = lag[j] * shown[j] + (1.0 - lag[j]) * read;
+        out[(i - 1) * n + j] = (q, shown[j] + nv);
+    });
+    out
+}
+
+/// Squares of normalised errors, gathered as the gap defines them.
+struct Sums {
+    joints: Vec<(f64, f64)>,
+    records: f64,
+    windows: Vec<f64>,
+}
+
+/// Squares and numbers of one record, per joint: position, velocity.
+type Squares = Vec<[(f64, f64); 2]>;
+
+impl Sums {
+    fn new(n: usize) -> Self {
+        Sums {
+            joints: vec![(0.0, 0.0); n],
+            records: 0.0,
+            windows: Vec::new(),
+        }
+    }
+
+    fn window(&mut self, squares: &mut Squares, errors: &[(f64, f64)], size: &[(f64, f64)]) {
+        let n = size.len();
+        let (mut own, mut count) = (0.0, 0.0);
+        for (i, (eq, ev)) in errors.iter().enumerate() {
+            let j = i % n;
+            for (c, e) in [eq / size[j].0, ev / size[j].1].into_iter().enumerate() {
+                let e = clip(e);
+                if e.is_finite() {
+                    squares[j][c].0 += e * e;
+                    squares[j][c].1 += 1.0;
+                    own += e * e;
+                    count += 1.0;
+                }
+            }
+        }
+        self.windows.push(own / f64::max(count, 1.0));
+    }
+
+    fn record(&mut self, squares: &Squares) {
+        self.records += 1.0;
+        for (sum, s) in self.joints.iter_mut().zip(squares) {
+            let mean = |(x, count): (f64, f64)| {
+                if count > 0.0 {
+                    (x / count).min(LARGEST * LARGEST)
+                } else {
+                    0.0
+                }
+            };
+            sum.0 += mean(s[0]);
+            sum.1 += mean(s[1]);
+        }
+    }
+
+    fn gap(self, case: &Case) -> Gap {
+        let joints: Vec<(f64, Option<f64>)> = self
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(j, s)| {
+                (
+                    (s.0 / self.records).sqrt(),
+                    (case.velocity[j] != Velocity::Absent).then(|| (s.1 / self.records).sqrt()),
+                )
+            })
+            .collect();
+        let all: Vec<f64> = joints
+            .iter()
+            .flat_map(|(q, v)| std::iter::once(*q).chain(*v))
+            .collect();
+        Gap {
+            total: (all.iter().map(|x| x * x).sum::<f64>() / all.len() as f64).sqrt(),
+            joints,
+            windows: self.windows,
+        }
+    }
+}
+
+impl Gap {
+    /// Share of each joint and channel in the squared gap; all zero where there is none.
+    pub fn shares(&self) -> Vec<(f64, Option<f64>)> {
+        let all = self.joints.iter();
+        let sum: f64 = all
+            .flat_map(|(q, v)| std::iter::once(*q).chain(*v))
+            .map(|x| x * x)
+            .sum();
+        let share = |x: f64| x * x / sum.max(1e-300);
+        self.joints
+            .iter()
+            .map(|(q, v)| (share(*q), v.map(share)))
+            .collect()
+    }
+    /// Interval of 95 % of the total, by drawing the windows anew (B. Efron, R. J. Tibshirani, An Introduction to the
+    /// Bootstrap, 1993, chapter 13), about the stated total; fixed seed.
+    pub fn interval(&self) -> (f64, f64) {
+        let n = self.windows.len();
+        let mean = self.windows.iter().sum::<f64>() / n.max(1) as f64;
+        if n < 2 || mean <= 0.0 {
+            return (self.total, self.total);
+        }
+        let mut random = Normal::new(0xb007);
+        let mut draws: Vec<f64> = (0..400)
+            .map(|_| {
+                let sum: f64 = (0..n)
+                    .map(|_| self.windows[((random.uniform() * n as f64) as usize).min(n - 1)])
+                    .sum();
+                self.total * (sum / n as f64 / mean).sqrt()
+            })
+            .collect();
+        draws.sort_by(f64::total_cmp);
+        (draws[9], draws[389])
+    }
+}
+
+fn deviations(record: &Record, n: usize) -> Vec<(f64, f64)> {
+    (0..n)
+        .map(|j| (deviation(&record.q[j]), deviation(&record.v[j])))
+        .collect()
+}
+
+/// Free-run error of a hypothesis at its parameters on the records of a role.
+pub fn gap(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role: Role) -> Gap {
+    let n = case.n();
+    let mut sums = Sums::new(n);
+    for record in case.records.iter().filter(|r| r.role == role) {
+        let w = windows(case, record, hypothesis, theta, e);
+        let size = deviations(record, n);
+        let mut runner = Runner::<f64>::new(case, record, hypothesis, theta, e);
+        let mut squares = vec![[(0.0, 0.0); 2]; n];
+        for (i, start) in w.starts.iter().enumerate() {
+            let k = i * w.length;
+            let mut run = free_run(case, &mut runner, record, start, k, w.length, &mut |_| {
+                (0.0, 0.0)
+            });
+            for (i, x) in run.iter_mut().enumerate() {
+                let (j, at) = (i % n, k + 1 + i / n);
+                *x = (x.0 - record.q[j][at], x.1 - record.v[j][at]);
+            }
+            sums.window(&mut squares, &run, &size);
+        }
+        sums.record(&squares);
+    }
+    sums.gap(case)
+}
+
+/// Draws of the noise that a floor is averaged over.
+const DRAWS: usize = 24;
+
+/// The gap that noise alone leaves: its root mean square over some draws of the noise, and the largest of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Floor {
+    /// Root mean square.
+    pub typical: f64,
+    /// Largest: few windows and starts without a reading of the velocity make it differ much from draw to draw.
+    pub largest: f64,
+}
+
+/// The gap that noise alone leaves: free runs with the drive noise drawn anew, read with reading noise, against the same runs
+/// without, from starts as far off as the filter makes them: it passes noise, and it rounds a motion that stops or turns (fixed
+/// seed).
+pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role: Role) -> Floor {
+    let mut random = Normal::new(0x5eed);
+    let n = case.n();
+    let mut draws: Vec<Sums> = (0..DRAWS).map(|_| Sums::new(n)).collect();
+    for record in case.records.iter().filter(|r| r.role == role) {
+        let w = windows(case, record, hypothesis, theta, e);
+        let size = deviations(record, n);
+        let mut clean = Runner::<f64>::new(case, record, hypothesis, theta, e);
+        let plain: Vec<Vec<(f64, f64)>> = w
+            .starts
+            .iter()
+            .enumerate()
+            .map(|(i, start)| {
+                free_run(
+                    case,
+                    &mut clean,
+                    record,
+                    start,
+                    i * w.length,
+                    w.length,
+                    &mut |_| (0.0, 0.0),
+                )
+            })
+            .collect();
+        let t: Vec<f64> = (0..record.len()).map(|k| k as f64 * record.h).collect();
+        for sums in &mut draws {
+            let mut squares = vec![[(0.0, 0.0); 2]; n];
+            let mut noisy = record.clone();
+            for j in 0..n {
+                let scale = case.noise[j].torque / case.nominal.joints[j].gain().abs();
+                for u in &mut noisy.u[j] {
+                    *u += scale * random.next();
+                }
+                let (q, v) = &w.path[j];
+                let read = q
+                    .iter()
+                    .map(|q| q + case.noise[j].q * random.next())
+                    .collect();
+                let (smooth_q, smooth_v) = smoothed(&t, read);
+                for i in 0..w.starts.len() {
+                    let k = i * w.length;
+                    noisy.smooth_q[j][k] += smooth_q[k] - q[k];
+                    noisy.smooth_v[j][k] += smooth_v[k] - v[k];
+                }
+            }
+            let mut disturbed = Runner::<f64>::new(case, &noisy, hypothesis, theta, e);
+            for (i, start) in w.starts.iter().enumerate() {
+                let k = i * w.length;
+                let mut run =
+                    free_run(case, &mut disturbed, &noisy, start, k, w.length, &mut |j| {
+                        let nq = case.noise[j].q * random.next();
+                        let nv = if case.velocity[j] == Velocity::Measured {
+                            case.noise[j].v * random.next()
+                        } else {
+                            0.0
+                        };
+                        (nq, nv)
+                    });
+                for (i, (x, y)) in run.iter_mut().zip(&plain[i]).enumerate() {
+                    // Readings that are missing count nowhere.
+                    let (j, at) = (i % n, k + 1 + i / n);
+                    *x = (
+                        x.0 - y.0 + 0.0 * record.q[j][at],
+                        x.1 - y.1 + 0.0 * record.v[j][at],
+                    );
+                }
+                sums.window(&mut squares, &run, &size);
+            }
+            sums.record(&squares);
+        }
+    }
+    let totals: Vec<f64> = draws.into_iter().map(|s| s.gap(case).total).collect();
+    Floor {
+        typical: (totals.iter().map(|x| x * x).sum::<f64>() / totals.len() as f64).sqrt(),
+        largest: totals.iter().copied().fold(0.0, f64::max),
+    }
+}
+
+fn clip(x: f64) -> f64 {
+    if x.is_nan() { x } else { x.clamp(-1e3, 1e3) }
+}
+
+fn deviation(x: &[f64]) -> f64 {
+    let known: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();
+    if known.is_empty() {
+        return 1.0;
+    }
+    let mean = known.iter().sum::<f64>() / known.len() as f64;
+    (known.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / known.len() as f64)
+        .sqrt()
+        .max(1e-12)
+}
+
+/// Normal numbers by Box and Muller on splitmix64, for the figures that need a repeatable draw.
+struct Normal(u64);
+
+impl Normal {
+    fn new(seed: u64) -> Self {
+        Normal(seed)
+    }
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+    fn next(&mut self) -> f64 {
+        let (a, b) = (1.0 - self.uniform(), self.uniform());
+        (-2.0 * a.ln()).sqrt() * (2.0 * std::f64::consts::PI * b).cos()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::pendulum_under;
+    use crate::plant::PER_JOINT;
+
+    #[test]
+    fn the_floor_knows_how_the_filter_rounds_a_motion_where_windows_start() {
+        // The input jumps where each window starts: the filtered velocity is off there by far more than the noise makes it.
+        let seconds = 0.5;
+        let nothing = Hypothesis::default();
+        let mut case = pendulum_under(&nothing, &[], 6.0, &|_| {}, &|i, t| {
+            let size = 1.5 + 0.3 * i as f64;
+            if ((t / seconds) as usize).is_multiple_of(2) {
+                size
+            } else {
+                -size
+            }
+        });
+        case.nominal.horizon = Some(seconds);
+        for record in &mut case.records {
+            let t: Vec<f64> = (0..record.len()).map(|k| k as f64 * record.h).collect();
+            let (q, v) = smoothed(&t, record.q[0].clone());
+            (record.smooth_q, record.smooth_v) = (vec![q], vec![v]);
+        }
+        let theta = vec![0.0; PER_JOINT];
+        let true_model = gap(&case, &nothing, &theta, &[], Role::Test).total;
+        let noise = floor(&case, &nothing, &theta, &[], Role::Test);
+        let ratio = true_model / noise.typical;
+        assert!((0.8..1.25).contains(&ratio), "{true_model} {noise:?}");
+    }
+}

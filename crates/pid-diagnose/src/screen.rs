@@ -1,0 +1,438 @@
+//! Screening: how much each effect at each joint would gain, without refitting everything.
+//!
+//! Effects with an absent point (see [`Info::amplitudes`](crate::effect::Info::amplitudes)) take the exact score test there:
+//! derivatives of the innovations in their amplitudes at zero, many effects side by side in one pass, and the minimum of the
+//! quadratic model with the nominal parameters free within their tolerances,
+//!
+//! ```text
+//! gain = ½ ε₀ᵀε₀ − min over (θ, e) ½ |ε₀ + J_θ Δθ + J_e e|² + prior
+//! ```
+//!
+//! (C. R. Rao 1948; as in D. A. Sprott, Statistical Inference in Science, 2000, for the bounded form). The others are linearised
+//! at each of their starts.
+
+use nalgebra::{DMatrix, DVector};
+use pid_data::Role;
+use rayon::prelude::*;
+
+use crate::case::Case;
+use crate::effect::{Effect, LANES, Term};
+use crate::fit::{
+    Basis, Direction, Effort, Fit, Linear, PRIOR, Point, all_gains, fit, linearise, log_dets,
+    ranges, value_below,
+};
+use crate::simulate::Hypothesis;
+
+use std::sync::{Arc, Mutex};
+
+/// Steps of the approach from a finite start.
+const APPROACH: usize = 4;
+/// Steps after which starts of one candidate that gain already are compared, and how many of them are followed: contacts have many
+/// optima, and the lowest start need not lie in the basin of the lowest.
+const GLANCE: usize = 2;
+const FOLLOWED: usize = 3;
+
+/// A candidate with the start that promises most.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// The effect and its joint.
+    pub term: Term,
+    /// Parameters to start a refit from, SI.
+    pub start: Vec<f64>,
+    /// Deviations to start from.
+    pub theta: Vec<f64>,
+    /// Predicted objective (sum of squares and prior).
+    pub objective: f64,
+}
+
+/// Linearised fit that the candidates are compared with.
+struct Reference<'a> {
+    case: &'a Case,
+    fit: &'a Fit,
+    basis: &'a Basis,
+    lin: Linear,
+    /// Curvature and gradient along the basis, data only.
+    h: DMatrix<f64>,
+}
+
+/// Every effect of a library at every joint it can have beside the terms already there, with its start values in SI.
+pub fn candidates(
+    case: &Case,
+    library: &[Arc<dyn Effect>],
+    present: &Hypothesis,
+) -> Vec<(Term, Vec<Vec<f64>>)> {
+    let mut out = Vec::new();
+    for effect in library {
+        let info = effect.info();
+        let joints = if info.has_joint { case.n() } else { 1 };
+        for joint in 0..joints {
+            if effect.needs_partner() && effect.partner(joint).is_none() {
+                continue;
+            }
+            if present
+                .terms
+                .iter()
+                .any(|t| t.effect.info().id == info.id && (t.joint == joint || !info.has_joint))
+            {
+                continue;
+            }
+            let starts = info
+                .starts
+                .iter()
+                .map(|s| {
+                    s.iter()
+                        .zip(info.parameters)
+                        .map(|(x, p)| x * case.unit(p.unit, joint))
+                        .collect()
+                })
+                .collect();
+            out.push((
+                Term {
+                    effect: effect.clone(),
+                    joint,
+                },
+                starts,
+            ));
+        }
+    }
+    out
+}
+
+/// Scores all candidates on top of a fit, best first; with the fit's derivatives along the basis, for refits to borrow.
+pub fn screen(
+    case: &Case,
+    basis: &Basis,
+    fit: &Fit,
+    candidates: &[(Term, Vec<Vec<f64>>)],
+) -> (Vec<Candidate>, DMatrix<f64>) {
+    let lin = fit.linearised(case, basis);
+    let h = lin.j.transpose() * &lin.j;
+    let reference = Reference {
+        case,
+        fit,
+        basis,
+        lin,
+        h,
+    };
+    let mut out = reference.score_tests(candidates);
+    out.extend(reference.finite(candidates));
+    // The best start of each.
+    out.sort_by(|a, b| a.objective.total_cmp(&b.objective));
+    let mut seen = std::collections::BTreeSet::new();
+    out.retain(|c| seen.insert(c.term.label()));
+    let slopes = reference
+        .lin
+        .j
+        .columns(0, basis.columns.ncols())
+        .into_owned();
+    (out, slopes)
+}
+
+impl Reference<'_> {
+    /// Effects that can be absent at zero amplitude, packed into passes of [`LANES`] derivatives.
+    fn score_tests(&self, candidates: &[(Term, Vec<Vec<f64>>)]) -> Vec<Candidate> {
+        let mut packs: Vec<Vec<(Term, Vec<f64>)>> = Vec::new();
+        let mut used = LANES;
+        for (term, starts) in candidates {
+            let amplitudes = term.effect.info().amplitudes;
+            if amplitudes.is_empty() {
+                continue;
+            }
+            let mut seen: Vec<Vec<f64>> = Vec::new();
+            for s in starts {
+                let mut e = s.clone();
+                for &a in amplitudes {
+                    e[a] = 0.0;
+                }
+                // Starts that differ in the amplitudes alone are one point.
+                if seen.contains(&e) {
+                    continue;
+                }
+                seen.push(e.clone());
+                if used + amplitudes.len() > LANES {
+                    packs.push(Vec::new());
+                    used = 0;
+                }
+                used += amplitudes.len();
+                if let Some(last) = packs.last_mut() {
+                    last.push((term.clone(), e));
+                }
+            }
+        }
+        packs
+            .par_iter()
+            .flat_map_iter(|pack| self.one_pack(pack))
+            .collect()
+    }
+
+    fn one_pack(&self, pack: &[(Term, Vec<f64>)]) -> Vec<Candidate> {
+        let mut hypothesis = self.fit.hypothesis.clone();
+        let mut at = self.fit.point.clone();
+        let mut lanes = Vec::new();
+        for (term, e) in pack {
+            let first = at.e.len();
+            hypothesis.terms.push(term.clone());
+            at.e.extend_from_slice(e);
+            lanes.extend(term.effect.info().amplitudes.iter().map(|a| first + a));
+        }
+        let directions: Vec<Direction<'_>> = lanes.iter().map(|&i| Direction::Effect(i)).collect();
+        let lin = linearise(
+            self.case,
+            &hypothesis,
+            &at,
+            &self.fit.gains,
+            Role::Train,
+            &directions,
+        );
+        if lin.r.len() != self.lin.r.len() {
+            return Vec::new();
+        }
+        let mut out = Vec::new();
+        let mut column = 0;
+        for (term, e) in pack {
+            let amplitudes = term.effect.info().amplitudes;
+            let block = lin.j.columns(column, amplitudes.len()).into_owned();
+            column += amplitudes.len();
+            let alone = Hypothesis {
+                terms: vec![term.clone()],
+            };
+            let bounds = ranges(self.case, &alone);
+            let limits: Vec<(f64, f64)> = amplitudes.iter().map(|&a| bounds[a]).collect();
+            let (objective, theta, step) = self.minimise(&self.lin.r, &block, &limits);
+            let mut start = e.clone();
+            for (&a, s) in amplitudes.iter().zip(&step) {
+                start[a] = *s;
+            }
+            // A refit must leave the absent point to see the shape parameters.
+            if step.iter().all(|s| *s == 0.0) {
+                continue;
+            }
+            out.push(Candidate {
+                term: term.clone(),
+                start,
+                theta,
+                objective,
+            });
+        }
+        out
+    }
+
+    /// The others: from the starts that are [`followed`](Self::followed) a few steps in the effect's own parameters, then the
+    /// quadratic model.
+    fn finite(&self, candidates: &[(Term, Vec<Vec<f64>>)]) -> Vec<Candidate> {
+        let terms: Vec<&(Term, Vec<Vec<f64>>)> = candidates
+            .iter()
+            .filter(|(t, _)| t.effect.info().amplitudes.is_empty())
+            .collect();
+        let jobs: Vec<(usize, &Vec<f64>)> = terms
+            .iter()
+            .enumerate()
+            .flat_map(|(i, (_, s))| s.iter().map(move |s| (i, s)))
+            .collect();
+        // A start that neither gains nor is the lowest of its candidate is known to be neither after a part of the records.
+        let present = self.fit.train.evidence();
+        let lowest: Vec<Mutex<f64>> = terms.iter().map(|_| Mutex::new(f64::INFINITY)).collect();
+        let values: Vec<(usize, Point, f64)> = jobs
+            .par_iter()
+            .filter_map(|&(i, start)| {
+                let (hypothesis, at) = self.with(&terms[i].0, start);
+                let gains = all_gains(self.case, &hypothesis, &at);
+                let spread: f64 = log_dets(self.case, &gains, Role::Train).iter().sum();
+                let bound = lowest[i].lock().map_or(f64::INFINITY, |l| l.max(present));
+                let value = value_below(bound - spread, self.case, &hypothesis, &at, &gains)?;
+                let evidence = value.evidence();
+                if let Ok(mut l) = lowest[i].lock() {
+                    *l = l.min(evidence);
+                }
+                Some((i, at, evidence))
+            })
+            .collect();
+        let followed = self.followed(&terms, &values);
+        let frozen = self.basis.frozen();
+        followed
+            .par_iter()
+            .filter_map(|(i, at)| {
+                let term = &terms[*i].0;
+                let (hypothesis, _) = self.with(term, &[]);
+                let first = self.fit.point.e.len();
+                let effort = Effort::on_the_way(APPROACH);
+                let near = fit(self.case, &frozen, &hypothesis, at.clone(), effort);
+                let directions: Vec<Direction<'_>> =
+                    (first..near.point.e.len()).map(Direction::Effect).collect();
+                let lin = linearise(
+                    self.case,
+                    &hypothesis,
+                    &near.point,
+                    &near.gains,
+                    Role::Train,
+                    &directions,
+                );
+                if lin.r.len() != self.lin.r.len() {
+                    return None;
+                }
+                let alone = Hypothesis {
+                    terms: vec![term.clone()],
+                };
+                let own = &near.point.e[first..];
+                let limits: Vec<(f64, f64)> = ranges(self.case, &alone)
+                    .iter()
+                    .zip(own)
+                    .map(|((low, high), s)| {
+                        (
+                            (low - s).max(-0.7 * s.abs()).min(0.0),
+                            (high - s).min(1.5 * s.abs()).max(0.0),
+                        )
+                    })
+                    .collect();
+                let (objective, theta, step) = self.minimise(&lin.r, &lin.j, &limits);
+                Some(Candidate {
+                    term: term.clone(),
+                    start: own.iter().zip(&step).map(|(s, d)| s + d).collect(),
+                    theta,
+                    // Gains of its own: the predicted covariances count.
+                    objective: objective + near.train.spread() - self.fit.train.spread(),
+                })
+            })
+            .collect()
+    }
+
+    /// Of every term the lowest start; where several gain already, the lowest after [`GLANCE`] steps from each, [`FOLLOWED`] at most.
+    fn followed(
+        &self,
+        terms: &[&(Term, Vec<Vec<f64>>)],
+        values: &[(usize, Point, f64)],
+    ) -> Vec<(usize, Point)> {
+        let present = self.fit.train.evidence();
+        let frozen = self.basis.frozen();
+        (0..terms.len())
+            .into_par_iter()
+            .flat_map_iter(|i| -> Vec<(usize, Point)> {
+                let mut own: Vec<&(usize, Point, f64)> =
+                    values.iter().filter(|v| v.0 == i).collect();
+                own.sort_by(|a, b| a.2.total_cmp(&b.2));
+                let gaining = own.iter().take_while(|v| v.2 < present).count();
+                own.truncate(gaining.max(1));
+                if own.len() < 2 {
+                    return own.iter().map(|v| (i, v.1.clone())).collect();
+                }
+                let (hypothesis, _) = self.with(&terms[i].0, &[]);
+                let glance = |v: &&(usize, Point, f64)| {
+                    let effort = Effort::on_the_way(GLANCE);
+                    fit(self.case, &frozen, &hypothesis, v.1.clone(), effort)
+                };
+                let mut near: Vec<Fit> = own.par_iter().map(glance).collect();
+                near.sort_by(|a, b| a.train.evidence().total_cmp(&b.train.evidence()));
+                near.truncate(FOLLOWED);
+                near.into_iter().map(|f| (i, f.point)).collect()
+            })
+            .collect()
+    }
+
+    /// The hypothesis at hand with a further term, and its point.
+    fn with(&self, term: &Term, start: &[f64]) -> (Hypothesis, Point) {
+        let mut hypothesis = self.fit.hypothesis.clone();
+        hypothesis.terms.push(term.clone());
+        let mut at = self.fit.point.clone();
+        at.e.extend_from_slice(start);
+        (hypothesis, at)
+    }
+
+    /// Minimum of the quadratic model over θ, the parameters of the effects present and the columns `block`: objective (twice the
+    /// model), θ there, step of the block.
+    fn minimise(
+        &self,
+        r: &DVector<f64>,
+        block: &DMatrix<f64>,
+        limits: &[(f64, f64)],
+    ) -> (f64, Vec<f64>, Vec<f64>) {
+        let (size, rank) = self.basis.columns.shape();
+        let old = self.fit.point.e.len();
+        let m = block.ncols();
+        let total = rank + old + m;
+        let mut hz = DMatrix::zeros(total, total);
+        hz.view_mut((0, 0), (rank + old, rank + old))
+            .copy_from(&self.h);
+        let cross = self.lin.j.transpose() * block;
+        hz.view_mut((0, rank + old), (rank + old, m))
+            .copy_from(&cross);
+        hz.view_mut((rank + old, 0), (m, rank + old))
+            .copy_from(&cross.transpose());
+        hz.view_mut((rank + old, rank + old), (m, m))
+            .copy_from(&(block.transpose() * block));
+        let mut gz = DVector::zeros(total);
+        gz.rows_mut(0, rank + old)
+            .copy_from(&(self.lin.j.transpose() * r));
+        gz.rows_mut(rank + old, m)
+            .copy_from(&(block.transpose() * r));
+        let mut wide = DMatrix::zeros(size + old + m, total);
+        wide.view_mut((0, 0), (size, rank))
+            .copy_from(&self.basis.columns);
+        for i in 0..old + m {
+            wide[(size + i, rank + i)] = 1.0;
+        }
+        let mut h = &wide * hz * wide.transpose();
+        let mut g = &wide * gz;
+        let theta = &self.fit.point.theta;
+        let mut prior = 0.0;
+        for i in 0..size {
+            h[(i, i)] += 1.0 / (PRIOR * PRIOR);
+            g[i] += theta[i] / (PRIOR * PRIOR);
+            prior += (theta[i] / PRIOR).powi(2);
+        }
+        let bounds = ranges(self.case, &self.fit.hypothesis);
+        let mut low = DVector::zeros(size + old + m);
+        let mut high = DVector::zeros(size + old + m);
+        for i in 0..size {
+            (low[i], high[i]) = (-1.0 - theta[i], 1.0 - theta[i]);
+        }
+        for i in 0..old {
+            let e = self.fit.point.e[i];
+            (low[size + i], high[size + i]) = (bounds[i].0 - e, bounds[i].1 - e);
+        }
+        for i in 0..m {
+            (low[size + old + i], high[size + old + i]) = limits[i];
+        }
+        let quadratic = crate::fit::Quadratic { h, g };
+        let x = quadratic.minimise(&low, &high);
+        let objective = r.norm_squared() + prior + 2.0 * quadratic.at(&x);
+        (
+            objective,
+            (0..size).map(|i| theta[i] + x[i]).collect(),
+            (0..m).map(|i| x[size + old + i]).collect(),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::{named, waist};
+    use crate::fit::basis;
+    use crate::plant::PER_JOINT;
+
+    #[test]
+    fn a_gap_is_reached_from_afar_where_nothing_but_inertia_closes_it() {
+        let play = named(&["backlash"]);
+        for gap in [0.03, 0.1, 0.13] {
+            let e = [gap, 1e-3, 3e-4];
+            let case = waist(&play, &e, 6.0);
+            let basis = basis(&case);
+            let nothing = Point {
+                theta: vec![0.0; PER_JOINT],
+                e: Vec::new(),
+            };
+            let base = fit(
+                &case,
+                &basis,
+                &Hypothesis::default(),
+                nothing,
+                Effort::full(14),
+            );
+            let library = [play.terms[0].effect.clone()];
+            let list = candidates(&case, &library, &base.hypothesis);
+            let (best, _) = screen(&case, &basis, &base, &list);
+            let found = best[0].start[0];
+            assert!((found / gap - 1.0).abs() < 0.05, "{found} for {gap}");
+        }
+    }
+}

@@ -1,0 +1,283 @@
+//! Where in time a force acts: a start for effects that are on within windows.
+//!
+//! The time since the start of a record, shared by all train records, is cut into bins; in each bin a constant amplitude is
+//! estimated from the linearised innovations with the nominal parameters free within their prior,
+//!
+//! ```text
+//! min over (z, f) |ε₀ + J_z z + Σ_{b on} J_b f_b|² + |z / σ|²,      s_b = f_bᵀ Cov(f_b)⁻¹ f_b
+//! ```
+//!
+//! Bins are switched on one after the other, each the one that gains most beside those that are on, until what it gains is not
+//! significant: a force that never ends is nearly a change of the nominal parameters, and only bins beside bins without a force tell
+//! the two apart. Bins that are on, joined where they are neighbours, are the windows to start from; their edges are parameters of
+//! the refit. For the same reason a force within some windows is nearly the opposite force outside them: where a window reaches an
+//! end of the records, the times without a force are a second start.
+
+use nalgebra::{DMatrix, DVector};
+use pid_data::Role;
+use rayon::prelude::*;
+
+use crate::case::Case;
+use crate::effect::{LANES, Term};
+use crate::fit::{Basis, Direction, Fit, PRIOR, linearise};
+
+/// Shortest bins, s, and the most of them: short bins tell windows apart that lie close to each other, long ones see a faint force.
+const BINS: [(f64, usize); 2] = [(0.4, 18), (0.2, 36)];
+/// Significance of a bin, in mean squared innovations that are left, and its share of the largest.
+const SIGNIFICANT: (f64, f64) = (25.0, 0.12);
+/// A time after every record, s.
+const NEVER: f64 = 2e5;
+
+/// Parameters of a timed effect from which a refit should start, for each length of bins; none if it is not timed or shows in no bin.
+pub fn starts(case: &Case, basis: &Basis, fit: &Fit, term: &Term) -> Vec<Vec<f64>> {
+    BINS.iter()
+        .filter_map(|&bins| found(case, basis, fit, term, bins))
+        .flatten()
+        .collect()
+}
+
+/// Amplitudes in some bins, zero in the others.
+#[derive(Default)]
+struct Profile {
+    amplitudes: DVector<f64>,
+    /// Decrease of the sum of squares.
+    gain: f64,
+    /// Squared amplitude over its covariance, bin by bin.
+    strength: Vec<f64>,
+}
+
+impl Profile {
+    fn of(precision: &DMatrix<f64>, pull: &DVector<f64>, bins: &[usize], m: usize) -> Option<Self> {
+        let at: Vec<usize> = bins.iter().flat_map(|b| b * m..(b + 1) * m).collect();
+        let own = DMatrix::from_fn(at.len(), at.len(), |i, k| precision[(at[i], at[k])]);
+        let b = DVector::from_fn(at.len(), |i, _| pull[at[i]]);
+        let inverse = own.cholesky()?.inverse();
+        let amplitudes = &inverse * &b;
+        let strength = (0..bins.len())
+            .map(|i| {
+                let covariance = inverse.view((i * m, i * m), (m, m)).into_owned();
+                let f = amplitudes.rows(i * m, m);
+                covariance.cholesky().map_or(0.0, |c| f.dot(&c.solve(&f)))
+            })
+            .collect();
+        Some(Profile {
+            gain: amplitudes.dot(&b),
+            amplitudes,
+            strength,
+        })
+    }
+}
+
+fn found(
+    case: &Case,
+    basis: &Basis,
+    fit: &Fit,
+    term: &Term,
+    (shortest, most): (f64, usize),
+) -> Option<Vec<Vec<f64>>> {
+    let edges = term.effect.edges();
+    let amplitudes = term.effect.info().amplitudes;
+    let m = amplitudes.len();
+    if edges.is_empty() || m == 0 {
+        return None;
+    }
+    let length = case
+        .records
+        .iter()
+        .filter(|r| r.role == Role::Train)
+        .map(|r| r.begin + r.len() as f64 * r.h)
+        .fold(0.0, f64::max);
+    let count = ((length / shortest) as usize).clamp(1, most);
+    let bin = length / count as f64;
+    let at = |bins: (usize, usize)| term_at(term, &[bins], &DVector::zeros(m), bin);
+    let columns: Vec<Vec<f64>> = basis
+        .columns
+        .column_iter()
+        .map(|c| c.iter().copied().collect())
+        .collect();
+    let rank = columns.len();
+    let own: Vec<Direction<'_>> = columns.iter().map(|c| Direction::Theta(c)).collect();
+    let plain = linearise(
+        case,
+        &fit.hypothesis,
+        &fit.point,
+        &fit.gains,
+        Role::Train,
+        &own,
+    );
+    let per_pass = (LANES / m).max(1);
+    let blocks: Vec<DMatrix<f64>> = (0..count.div_ceil(per_pass))
+        .into_par_iter()
+        .map(|pass| {
+            let mut hypothesis = fit.hypothesis.clone();
+            let mut point = fit.point.clone();
+            let mut lanes = Vec::new();
+            for b in pass * per_pass..((pass + 1) * per_pass).min(count) {
+                lanes.extend(
+                    amplitudes
+                        .iter()
+                        .map(|a| Direction::Effect(point.e.len() + a)),
+                );
+                hypothesis.terms.push(term.clone());
+                point.e.extend(at((b, b + 1)));
+            }
+            linearise(case, &hypothesis, &point, &fit.gains, Role::Train, &lanes).j
+        })
+        .collect();
+    let rows = plain.r.len();
+    let total = rank + count * m;
+    let mut j = DMatrix::zeros(rows, total);
+    j.columns_mut(0, rank).copy_from(&plain.j);
+    let mut next = rank;
+    for b in &blocks {
+        if b.nrows() != rows {
+            return None;
+        }
+        j.columns_mut(next, b.ncols()).copy_from(b);
+        next += b.ncols();
+    }
+    let mut h = j.tr_mul(&j);
+    let largest = (rank..total).map(|i| h[(i, i)]).fold(0.0, f64::max);
+    for i in 0..total {
+        h[(i, i)] += if i < rank {
+            1.0 / (PRIOR * PRIOR)
+        } else {
+            1e-9 * largest + 1e-300
+        };
+    }
+    let inverse = h.cholesky()?.inverse();
+    let x: DVector<f64> = -(&inverse * j.tr_mul(&plain.r));
+    // What the nominal parameters leave of the information on the amplitudes.
+    let covariance = inverse
+        .view((rank, rank), (count * m, count * m))
+        .into_owned();
+    let precision = covariance.cholesky()?.inverse();
+    let pull = &precision * x.rows(rank, count * m);
+    let left = |explained: f64| ((plain.r.norm_squared() - explained) / rows as f64).max(1.0);
+    let mut active: Vec<usize> = Vec::new();
+    let mut profile = Profile::default();
+    while active.len() < count {
+        let best = (0..count)
+            .filter(|b| !active.contains(b))
+            .filter_map(|b| {
+                let mut wider = active.clone();
+                wider.push(b);
+                Some((b, Profile::of(&precision, &pull, &wider, m)?))
+            })
+            .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
+        let Some((b, next)) = best else { break };
+        if next.gain - profile.gain < SIGNIFICANT.0 * left(next.gain) {
+            break;
+        }
+        active.push(b);
+        profile = next;
+    }
+    let place = |b: usize| active.iter().position(|a| *a == b);
+    let most = profile.strength.iter().copied().fold(0.0, f64::max);
+    let strength: Vec<f64> = (0..count)
+        .map(|b| place(b).map_or(0.0, |i| profile.strength[i]))
+        .collect();
+    let amplitude = |b: usize| {
+        place(b).map_or_else(
+            || DVector::zeros(m),
+            |i| profile.amplitudes.rows(i * m, m).into_owned(),
+        )
+    };
+    let on: Vec<bool> = strength
+        .iter()
+        .map(|s| *s > 0.0 && *s > SIGNIFICANT.1 * most)
+        .collect();
+    if on.iter().all(|x| *x == on[0]) {
+        return None;
+    }
+    let mut mean = DVector::zeros(m);
+    for b in (0..count).filter(|&b| on[b]) {
+        mean += amplitude(b) * strength[b];
+    }
+    mean /= (0..count)
+        .filter(|&b| on[b])
+        .map(|b| strength[b])
+        .sum::<f64>();
+    let mut out = vec![term_at(
+        term,
+        &joined(&on, &strength, edges.len() / 2),
+        &mean,
+        bin,
+    )];
+    if on[0] || on[count - 1] {
+        let off: Vec<bool> = on.iter().map(|x| !x).collect();
+        let windows = joined(&off, &vec![1.0; count], edges.len() / 2);
+        out.push(term_at(term, &windows, &-mean, bin));
+    }
+    Some(out)
+}
+
+/// The strongest windows that neighbouring bins make, in the order of time: first bin and the one after the last.
+fn joined(on: &[bool], strength: &[f64], most: usize) -> Vec<(usize, usize)> {
+    let mut windows: Vec<(usize, usize, f64)> = Vec::new();
+    for (b, s) in strength.iter().enumerate().filter(|(b, _)| on[*b]) {
+        match windows.last_mut() {
+            Some(w) if w.1 == b => *w = (w.0, b + 1, w.2 + s),
+            _ => windows.push((b, b + 1, *s)),
+        }
+    }
+    windows.sort_by(|a, b| b.2.total_cmp(&a.2));
+    windows.truncate(most);
+    windows.sort_by_key(|w| w.0);
+    windows.into_iter().map(|w| (w.0, w.1)).collect()
+}
+
+/// Parameters of a timed effect with an amplitude within windows of bins.
+fn term_at(
+    term: &Term,
+    windows: &[(usize, usize)],
+    amplitude: &DVector<f64>,
+    bin: f64,
+) -> Vec<f64> {
+    let info = term.effect.info();
+    let mut e = vec![0.0; info.parameters.len()];
+    for (i, pair) in term.effect.edges().chunks_exact(2).enumerate() {
+        (e[pair[0]], e[pair[1]]) = windows
+            .get(i)
+            .map_or((NEVER, NEVER), |w| (w.0 as f64 * bin, w.1 as f64 * bin));
+    }
+    for (&a, x) in info.amplitudes.iter().zip(amplitude.iter()) {
+        e[a] = *x;
+    }
+    e
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::pendulum;
+    use crate::effects;
+    use crate::fit::{Effort, Point, basis, fit};
+    use crate::plant::PER_JOINT;
+    use crate::simulate::Hypothesis;
+
+    #[test]
+    fn windows_of_a_force_are_found_also_where_the_parameters_take_its_mean() {
+        let term = Term {
+            effect: effects::by_id("external_force").expect("an effect"),
+            joint: 0,
+        };
+        let truth = [0.7, 2.4, 2.9, 4.4, 4.9, 6.5];
+        let mut e = vec![-0.5, 0.0, 0.17];
+        e.extend(truth);
+        let hypothesis = Hypothesis {
+            terms: vec![term.clone()],
+        };
+        let case = pendulum(&hypothesis, &e, 7.0, &|_| {});
+        let basis = basis(&case);
+        let zero = Point {
+            theta: vec![0.0; PER_JOINT],
+            e: Vec::new(),
+        };
+        let nominal = fit(&case, &basis, &Hypothesis::default(), zero, Effort::full(8));
+        let starts = starts(&case, &basis, &nominal, &term);
+        let near =
+            |e: &[f64]| e[0] < 0.0 && e[3..].iter().zip(truth).all(|(a, b)| (a - b).abs() <= 0.45);
+        assert!(starts.iter().any(|e| near(e)), "{starts:.2?}");
+    }
+}

@@ -1,0 +1,228 @@
+//! Declared robots against records of robots that have a spring more: no `nominal.toml`, the same verdict as with one.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use pid_data::InputHold;
+use pid_diagnose::diagnose::Settings;
+use pid_diagnose::report::Report;
+use pid_fit::integrate::{self, Drive, simulate};
+use pid_runtime::dynamics::Jacobian;
+use pid_runtime::robot;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+robot! {
+    /// What the engineer declares.
+    pub robot Pendulum {
+        gravity: [0, 0, -9.81] m/s^2;
+        params {
+            m: kg = 1.5 in 1.43..=1.57;
+            c: m = -0.22 in -0.223..=-0.217;
+        }
+        link rod { mass: m; com: [0, 0, c]; inertia at com: diag(_, 0.021 kg*m^2, _); }
+        joint hinge: revolute about y { base -> rod; }
+        per joint {
+            input current: A;
+            gain: N*m/A = 1.8 in 1.78..=1.82;
+            dry: N*m = 0.25 in 0.15..=0.35;
+            viscous: N*m*s/rad = 0.08 in 0.04..=0.12;
+            force = gain*current - viscous*v - dry*tanh(40 s/rad * v);
+        }
+        emit { second_derivatives }
+        expect rank 4;
+    }
+}
+
+robot! {
+    /// The machine.
+    pub robot Machine {
+        gravity: [0, 0, -9.81] m/s^2;
+        params { stiffness: N*m/rad = 1.0 in 0.0..=5.0; rest: rad = 0.3 fixed; }
+        link rod { mass: 1.52 kg; com: [0, 0, -0.221] m; inertia at com: diag(_, 0.021 kg*m^2, _); }
+        joint hinge: revolute about y { base -> rod; }
+        per joint {
+            input current: A;
+            force = 1.79 N*m/A * current - 0.1 N*m*s/rad * v - 0.28 N*m * tanh(2000 s/rad * v) - stiffness*(q - rest);
+        }
+        emit { first_derivatives }
+    }
+}
+
+robot! {
+    /// A beam that carries two arms.
+    pub robot Shoulders {
+        gravity: [0, 0, -9.81] m/s^2;
+        params {
+            m: kg = 0.8 in 0.76..=0.84;
+            c: m = -0.12 in -0.123..=-0.117;
+        }
+        link beam { mass: 2 kg; com: [0, 0, -0.1] m; inertia at com: diag(_, 0.06 kg*m^2, _); }
+        link left { mass: m; com: [0, 0, c]; inertia at com: diag(_, 0.005 kg*m^2, _); }
+        link right { mass: m; com: [0, 0, c]; inertia at com: diag(_, 0.005 kg*m^2, _); }
+        joint waist: revolute about y { base -> beam; }
+        joint to_left: revolute about y { beam -> left at [-0.2, 0, 0] m; }
+        joint to_right: revolute about y { beam -> right at [0.2, 0, 0] m; }
+        per joint {
+            input current: A;
+            gain: N*m/A = 1.0 in 0.99..=1.01;
+            dry: N*m = 0.1 in 0.06..=0.14;
+            viscous: N*m*s/rad = 0.1 in 0.06..=0.14;
+            force = gain*current - viscous*v - dry*tanh(40 s/rad * v);
+        }
+        emit { first_derivatives }
+    }
+}
+
+robot! {
+    /// The machine, with a spring at the right arm.
+    pub robot Sprung {
+        gravity: [0, 0, -9.81] m/s^2;
+        params { stiffness: N*m/rad = 0.8 in 0.0..=5.0; rest: rad = 0.3 fixed; }
+        link beam { mass: 2 kg; com: [0, 0, -0.1] m; inertia at com: diag(_, 0.06 kg*m^2, _); }
+        link left { mass: 0.79 kg; com: [0, 0, -0.121] m; inertia at com: diag(_, 0.005 kg*m^2, _); }
+        link right { mass: 0.81 kg; com: [0, 0, -0.119] m; inertia at com: diag(_, 0.005 kg*m^2, _); }
+        joint waist: revolute about y { base -> beam; }
+        joint to_left: revolute about y { beam -> left at [-0.2, 0, 0] m; }
+        joint to_right: revolute about y { beam -> right at [0.2, 0, 0] m; }
+        potential += 0.5 * stiffness * (q.to_right - rest)^2;
+        per joint {
+            input current: A;
+            force = 1 N*m/A * current - 0.11 N*m*s/rad * v - 0.09 N*m * tanh(2000 s/rad * v);
+        }
+        emit { first_derivatives }
+    }
+}
+
+const STEP: f64 = 0.004;
+const SAMPLES: u32 = 1500;
+/// Uniform noise of the readings, standard deviation, rad.
+const NOISE: f64 = 1e-4;
+
+/// A data folder of a machine without `nominal.toml`, from rest at `q`, under inputs of an `amplitude`.
+fn folder(
+    name: &str,
+    machine: &dyn Jacobian,
+    joints: &[&str],
+    q: &[f64],
+    amplitude: f64,
+) -> PathBuf {
+    let n = joints.len();
+    let out = std::env::temp_dir().join(format!("pid-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&out).expect("a folder");
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let mut dataset = String::from(
+        "name = \"drawn\"\ntitle = \"Links with a spring\"\nsource = \"simulated\"\nlicense = \"none\"\nkind = \"simulated\"\n",
+    );
+    let mut measurement = String::new();
+    for joint in joints {
+        write!(
+            dataset,
+            "\n[[joint]]\nname = \"{joint}\"\ntype = \"revolute\"\ninput = \"current\"\ninput_unit = \"A\"\nvelocity = \"absent\"\n"
+        )
+        .expect("a text");
+        writeln!(
+            measurement,
+            "[[joint]]\nname = \"{joint}\"\nq_noise_std = {NOISE:e}"
+        )
+        .expect("a text");
+    }
+    for (record, role) in ["train", "train", "test"].iter().enumerate() {
+        let waves: Vec<[(f64, f64, f64); 4]> = (0..n)
+            .map(|_| {
+                std::array::from_fn(|k| {
+                    let f = 0.15 + 0.4 * k as f64 + 0.1 * random.random::<f64>();
+                    let phase = std::f64::consts::TAU * random.random::<f64>();
+                    (f, amplitude / (1.0 + k as f64), phase)
+                })
+            })
+            .collect();
+        let t: Vec<f64> = (0..SAMPLES).map(|k| STEP * f64::from(k)).collect();
+        let wave =
+            |t: f64, (f, a, p): &(f64, f64, f64)| a * (std::f64::consts::TAU * f * t + p).sin();
+        let u: Vec<f64> = (t.iter())
+            .flat_map(|&t| {
+                waves
+                    .iter()
+                    .map(move |w| w.iter().map(|w| wave(t, w)).sum::<f64>())
+            })
+            .collect();
+        let p: Vec<f64> = machine.params().iter().map(|p| p.nominal).collect();
+        let drive = Drive {
+            t: &t,
+            u: &u,
+            hold: InputHold::ZeroOrder,
+        };
+        let motion = simulate(
+            machine,
+            &p,
+            q,
+            &vec![0.0; n],
+            &drive,
+            integrate::Settings::default(),
+        )
+        .expect("a motion");
+        let columns = |of: &str| (1..=n).map(|j| format!(",{of}{j}")).collect::<String>();
+        let mut text = format!("t{}{}\n", columns("q"), columns("u"));
+        for (k, t) in t.iter().enumerate() {
+            write!(text, "{t:.3}").expect("a text");
+            for q in &motion.q[k * n..(k + 1) * n] {
+                let noise = NOISE * 12f64.sqrt() * (random.random::<f64>() - 0.5);
+                write!(text, ",{:.9}", q + noise).expect("a text");
+            }
+            for u in &u[k * n..(k + 1) * n] {
+                write!(text, ",{u:.9}").expect("a text");
+            }
+            text.push('\n');
+        }
+        let file = format!("r{record}.csv");
+        std::fs::write(out.join(&file), text).expect("a record");
+        write!(
+            dataset,
+            "\n[[experiment]]\nfile = \"{file}\"\nrole = \"{role}\"\n"
+        )
+        .expect("a text");
+    }
+    std::fs::write(out.join("dataset.toml"), dataset).expect("a file");
+    std::fs::write(out.join("measurement.toml"), measurement).expect("a file");
+    out
+}
+
+#[test]
+fn the_spring_is_found_without_a_nominal_file() {
+    let folder = folder("declared", &Machine, &["hinge"], &[0.1], 2.2);
+    let report = Report::of_model(&Pendulum, &folder, &Settings::default(), false);
+    std::fs::remove_dir_all(&folder).expect("the folder");
+    let report = report.expect("a diagnosis");
+    let d = report.diagnosis();
+    assert_eq!((d.effect.as_str(), d.joint), ("spring", Some(1)), "{d:?}");
+    assert!(d.gap_after < 0.2 * d.gap_before, "{d:?}");
+    let stiffness = (d.effects[0].parameters.iter())
+        .find(|p| p.name.contains("stiff"))
+        .expect("a stiffness");
+    let error = stiffness.value - 1.0;
+    assert!(error.abs() < 0.1, "{stiffness:?}");
+    // The tolerance of the gain is all that fixes the scale: 0.55 of 0.02 in 1.8.
+    let std = stiffness.std.expect("an interval");
+    assert!(error.abs() < 4.0 * std && std < 0.02, "{stiffness:?}");
+}
+
+#[test]
+fn the_spring_is_found_on_one_of_two_branches() {
+    let joints = ["waist", "to_left", "to_right"];
+    let folder = folder("branches", &Sprung, &joints, &[0.1, -0.2, 0.3], 0.8);
+    let report = Report::of_model(&Shoulders, &folder, &Settings::default(), false);
+    std::fs::remove_dir_all(&folder).expect("the folder");
+    let report = report.expect("a diagnosis");
+    let d = report.diagnosis();
+    assert_eq!((d.effect.as_str(), d.joint), ("spring", Some(3)), "{d:?}");
+    assert!(d.gap_after < 1e-3 * d.gap_before, "{d:?}");
+    let stiffness = (d.effects[0].parameters.iter())
+        .find(|p| p.name.contains("stiff"))
+        .expect("a stiffness");
+    let std = stiffness.std.expect("an interval");
+    assert!(
+        (stiffness.value - 0.8).abs() < 4.0 * std && std < 0.02,
+        "{stiffness:?}"
+    );
+}

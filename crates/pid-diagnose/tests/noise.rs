@@ -1,0 +1,47 @@
+//! Noise levels that are not stated are found from the records.
+
+use std::path::Path;
+
+use pid_data::Dataset;
+use pid_diagnose::case::Case;
+use pid_diagnose::diagnose::{Settings, investigate};
+use pid_diagnose::nominal::Nominal;
+
+/// The case with and without its stated noise figures.
+fn both(name: &str) -> Option<(Case, Case)> {
+    let folder =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../../shared/blind/{name}"));
+    if !folder.is_dir() {
+        eprintln!("{name}: no practice cases beside the workspace, skipped");
+        return None;
+    }
+    let dataset = Dataset::read(&folder).expect("records");
+    let text = std::fs::read_to_string(folder.join("nominal.toml")).expect("a description");
+    let silent: Vec<&str> = text
+        .lines()
+        .filter(|l| {
+            let key = l.split('=').next().unwrap_or("").trim();
+            !["input_noise", "q_noise_std", "dq_noise_std", "q_resolution"].contains(&key)
+        })
+        .collect();
+    let read = |text: &str| {
+        let nominal = Nominal::parse(text, "nominal.toml".as_ref()).expect("a nominal robot");
+        Case::new(nominal, &dataset).expect("a case")
+    };
+    Some((read(&text), read(&silent.join("\n"))))
+}
+
+/// With nothing missing, and with an effect that the nominal structure would take for much more noise.
+#[test]
+fn drive_noise_is_found_whether_an_effect_is_there_or_not() {
+    for (name, effect) in [("p03", "none"), ("p08", "quadratic_drag")] {
+        let Some((stated, silent)) = both(name) else {
+            return;
+        };
+        assert!(stated.noise[0].stated && !silent.noise[0].stated);
+        let found = investigate(&silent, &Settings::default());
+        assert_eq!(found.diagnosis.effect, effect, "{name}");
+        let ratio = found.case.noise[0].torque / stated.noise[0].torque;
+        assert!((0.75..1.33).contains(&ratio), "{name}: {ratio}");
+    }
+}

@@ -1,0 +1,165 @@
+//! The missing generalised force: what would have to act beside the model for it to follow the record.
+//!
+//! ```text
+//! w(t) = r(q, v, a, u, p) = M(q, p) a + b(q, v, p) − f_L(q, v, p, u)
+//!
+//! minimise  Σ_i |y_i − (q_i, v_i)|²_R⁻¹ + Σ_i |w_{i+1} − w_i|²_(h S)⁻¹     over q_0, v_0, a_0 … a_{N−2}
+//! with      q_{i+1} = q_i + h v_i + h²/2 a_i,   v_{i+1} = v_i + h a_i,
+//!           w_i = r at the middle of the interval
+//! ```
+//!
+//! the weak-constraint form of data assimilation (Y. Trémolet, Accounting for an imperfect model in 4D-Var, 2006), with the
+//! dynamic rows of the implicit midpoint rule as the weak ones. Gauss-Newton steps, each one fixed-interval smoothing of the
+//! linearised chain, alternate with expectation maximisation of the noise levels R and the drift S of the force, so that nothing
+//! has to be chosen: a record that follows the model gets a small S and a w near zero. For the band, the
+//! posterior variance of w.
+
+mod problem;
+mod smoother;
+
+use std::fmt;
+
+use pid_data::signal::{SignalError, state_from_data};
+use pid_data::{Dataset, Experiment};
+use pid_runtime::dynamics::Jacobian;
+use problem::{Pace, Path, Problem};
+use smoother::smooth;
+
+/// Most Gauss-Newton steps.
+const STEPS: usize = 40;
+/// The noise levels have settled when none moves by more than this share.
+const SETTLED: f64 = 0.02;
+
+/// Missing force of one experiment, at the middle of each of its N − 1 intervals; (N − 1) × nq, row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MissingForceEstimate {
+    /// Times, s; N − 1.
+    pub t: Vec<f64>,
+    /// Positions, rad or m.
+    pub q: Vec<f64>,
+    /// Velocities, rad/s or m/s.
+    pub v: Vec<f64>,
+    /// Missing force w, N·m or N.
+    pub w: Vec<f64>,
+    /// Two standard deviations of w, given the record.
+    pub band: Vec<f64>,
+    /// Total generalised force of drives and friction, f_L + w = M a + b.
+    pub total: Vec<f64>,
+    /// Noise levels that went with it.
+    pub noise: NoiseLevels,
+    /// Whether the noise levels settled; if not, w is that of the last ones.
+    pub settled: bool,
+}
+
+/// Standard deviations found by expectation maximisation, one per joint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NoiseLevels {
+    /// Of the position channel, rad or m.
+    pub position: Vec<f64>,
+    /// Of the velocity channel, rad/s or m/s; NaN where there is none of its own.
+    pub velocity: Vec<f64>,
+    /// Change of the missing force within one second, N·m or N.
+    pub drift: Vec<f64>,
+}
+
+/// A missing force that cannot be estimated.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MissingForceError {
+    /// No states to start from.
+    #[error(transparent)]
+    Signal(#[from] SignalError),
+    /// The model cannot be evaluated along the record.
+    #[error(
+        "experiment `{experiment}`, t = {time} s: the model has no finite value, or no regular mass matrix, at q = {q}, v = {v}\n  help: check the parameters, and whether the record leaves the range the model is meant for"
+    )]
+    Model {
+        /// The experiment.
+        experiment: String,
+        /// Time, s.
+        time: f64,
+        /// Positions there.
+        q: Values,
+        /// Velocities there.
+        v: Values,
+    },
+}
+
+/// Numbers in a message.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Values(pub Vec<f64>);
+
+impl fmt::Display for Values {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("[")?;
+        for (i, x) in self.0.iter().enumerate() {
+            write!(f, "{}{x:.6}", if i > 0 { ", " } else { "" })?;
+        }
+        f.write_str("]")
+    }
+}
+
+/// Estimates w on one experiment.
+///
+/// A velocity channel counts where it is a measurement of its own ([`Measured`](pid_data::VelocityKind::Measured)). Missing samples of q and v count
+/// as not measured; missing inputs are bridged by straight lines. Inputs that are held from sample to sample act as
+/// they are on each interval, others with their mean.
+///
+/// # Errors
+/// [`MissingForceError`] for records too short or empty, and where the model cannot be evaluated.
+pub fn missing_force(
+    model: &dyn Jacobian,
+    p: &[f64],
+    dataset: &Dataset,
+    experiment: &Experiment,
+) -> Result<MissingForceEstimate, MissingForceError> {
+    let start = state_from_data(experiment, None)?;
+    let (n, nq) = (experiment.len(), experiment.nq);
+    let mut problem = Problem::new(model, p, dataset, experiment);
+
+    // The filtered record is not a trajectory of the chain; the first step makes one of it.
+    let mut path = Path {
+        q: start.q,
+        v: start.v,
+        a: Vec::with_capacity((n - 1) * nq),
+        w: vec![0.0; (n - 1) * nq],
+    };
+    for i in 0..n - 1 {
+        let h = experiment.t[i + 1] - experiment.t[i];
+        for j in i * nq..(i + 1) * nq {
+            path.a.push((path.v[j + nq] - path.v[j]) / h);
+        }
+    }
+    problem.force(&mut path)?;
+    let mut noise = problem.first_levels(&path);
+    let prior = problem.prior(&path, &noise);
+
+    let mut pace = Pace::new(nq);
+    let mut settled = false;
+    let mut smoothed = None;
+    for step in 0..STEPS {
+        let steps = problem.linearise(&path)?;
+        let s = smooth(&steps, &problem.y, &noise, &prior);
+        let mut next = problem.path(&steps, &s);
+        let arrived = if step == 0 {
+            problem.force(&mut next)?;
+            path = next;
+            false
+        } else {
+            problem.search(&mut path, next, &noise, &prior)
+        };
+        let moved = pace.hurry(&mut noise, &s.moments, &problem.floor);
+        smoothed = Some(s);
+        if arrived && moved < SETTLED {
+            settled = true;
+            break;
+        }
+    }
+    let Some(smoothed) = smoothed else {
+        unreachable!("at least one step is taken")
+    };
+    Ok(problem.estimate(path, &smoothed, noise, settled))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,62 @@
+//! Standard deviations and noise levels of a solved trajectory program, whatever its transcription.
+
+use super::likelihood;
+use super::motions::Motions;
+use super::uncertainty::{self, Solved, Spread};
+use pid_nlp::solver::Solution;
+use pid_nlp::solver::kkt::{Condensing, Kkt, KktValues};
+
+/// Standard deviations from the reduced Hessian at the solution, and the noise level of every channel where it can be told.
+pub(super) fn deviations<P: Motions>(
+    problem: &mut P,
+    solution: &Solution,
+    fixed: &[bool],
+    weights: &[f64],
+    sandwich: bool,
+) -> (Spread, Vec<Option<f64>>) {
+    let np = fixed.len();
+    if !solution.objective.is_finite() {
+        return (Spread::none(np), vec![None; weights.len()]);
+    }
+    let parameters = problem.parameters(&solution.x);
+    let setup = problem.setup().clone();
+    let held: Vec<bool> = (0..np)
+        .map(|j| fixed[j] || uncertainty::at_bound(parameters[j], setup.lower[j], setup.upper[j]))
+        .collect();
+    let mut kkt = problem.system(&held);
+    let mut jacobian = vec![0.0; problem.jacobian_pattern().nnz()];
+    let mut hessian = vec![0.0; problem.hessian_pattern().nnz()];
+    problem.jacobian(&solution.x, &mut jacobian);
+    problem.hessian(&solution.x, 1.0, &solution.lambda, &mut hessian);
+    let mut sigma = vec![0.0; problem.n()];
+    problem.stiffen(solution, &mut sigma);
+    let values = KktValues {
+        hessian: &hessian,
+        jacobian: &jacobian,
+        sigma: &sigma,
+    };
+    let (residuals, channels) = problem.residuals(&solution.x);
+    let share = 1.0 / problem.samples() as f64;
+    let unknowns = held.iter().filter(|h| !**h).count() + problem.free_initial_states();
+    let noise = likelihood::levels(&residuals, weights, setup.loss, share, unknowns);
+    if kkt.factorise(values).is_err() {
+        return (Spread::none(np), noise);
+    }
+    let scores = sandwich.then(|| problem.window_scores(&solution.x, &solution.lambda));
+    let (reduced, free) = kkt.reduced_hessian();
+    let spread = uncertainty::from_hessian(&Solved {
+        hessian: reduced,
+        free: &free,
+        scale: &setup.scale,
+        lower: &setup.lower,
+        upper: &setup.upper,
+        loss: setup.loss,
+        priors: &setup.priors,
+        share,
+        residuals: &residuals,
+        channels,
+        unknowns,
+        scores,
+    });
+    (spread, noise)
+}

@@ -1,0 +1,166 @@
+//! Records of a robot that is known: simulated motions under random multisines, read with noise of known size.
+//!
+//! ```text
+//! u_j(t) = A_j Σ_k sin(2π f_k t + φ_jk)/√(2 K)·2,      f_k = k/T, k = 1 … K,   K = ⌊f_max T⌋
+//! ```
+//!
+//! with random phases φ, held between samples. Readings are the simulated states plus normal noise; a share of them may be
+//! outliers. Everything follows from the seed.
+
+use crate::integrate::{self, Drive, SimulateError};
+use pid_data::{
+    Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
+};
+use pid_runtime::dynamics::{Hessian, Jacobian};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// How records are made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recipe {
+    /// Number of records.
+    pub records: usize,
+    /// Length of each, s.
+    pub seconds: f64,
+    /// Sampling interval, s.
+    pub step: f64,
+    /// RMS value of each input, in its unit.
+    pub amplitude: Vec<f64>,
+    /// Highest frequency of the inputs, Hz.
+    pub highest: f64,
+    /// Positions at the start, rad or m; velocities are zero.
+    pub start: Vec<f64>,
+    /// Standard deviation of the reading noise, positions of all joints, then velocities; a velocity of `inf` is not read.
+    pub noise: Vec<f64>,
+    /// Share of the readings that are outliers, and their noise as a multiple of the ordinary one.
+    pub outliers: (f64, f64),
+}
+
+/// A standard normal number (G. E. P. Box, M. E. Muller, 1958).
+pub(crate) fn normal(random: &mut ChaCha8Rng) -> f64 {
+    let radius = (-2.0 * (1.0 - random.random_range(0.0..1.0_f64)).ln()).sqrt();
+    radius * (std::f64::consts::TAU * random.random_range(0.0..1.0_f64)).cos()
+}
+
+/// The records of a model with parameters `p`; all of them are for training.
+///
+/// # Errors
+/// [`SimulateError`] if a motion cannot be simulated.
+pub fn records(
+    model: &dyn Hessian,
+    p: &[f64],
+    recipe: &Recipe,
+    seed: u64,
+) -> Result<Dataset, SimulateError> {
+    let nq = model.dims().nq;
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let samples = (recipe.seconds / recipe.step).round() as usize + 1;
+    let t: Vec<f64> = (0..samples).map(|k| k as f64 * recipe.step).collect();
+    let lines = ((recipe.highest * recipe.seconds).floor() as usize).max(1);
+    let mut experiments = Vec::with_capacity(recipe.records);
+    for record in 0..recipe.records {
+        let phases: Vec<f64> = (0..nq * lines)
+            .map(|_| random.random_range(0.0..std::f64::consts::TAU))
+            .collect();
+        let input = |t: f64, j: usize| {
+            let sum: f64 = (0..lines)
+                .map(|k| {
+                    let turn = std::f64::consts::TAU * (k + 1) as f64 / recipe.seconds;
+                    (turn * t + phases[j * lines + k]).sin()
+                })
+                .sum();
+            recipe.amplitude[j] * sum * (2.0 / lines as f64).sqrt()
+        };
+        let u: Vec<f64> = t
+            .iter()
+            .flat_map(|&t| (0..nq).map(move |j| (t, j)))
+            .map(|(t, j)| input(t, j))
+            .collect();
+        let drive = Drive {
+            t: &t,
+            u: &u,
+            hold: InputHold::ZeroOrder,
+        };
+        let settings = integrate::Settings {
+            rtol: 1e-8,
+            atol: 1e-10,
+            ..integrate::Settings::default()
+        };
+        let model: &dyn Jacobian = model;
+        let rest = vec![0.0; nq];
+        let motion = integrate::simulate(model, p, &recipe.start, &rest, &drive, settings)?;
+        let mut read = |values: &[f64], first: usize| -> Vec<f64> {
+            values
+                .iter()
+                .enumerate()
+                .map(|(k, x)| {
+                    let outlier = random.random_range(0.0..1.0) < recipe.outliers.0;
+                    let size = if outlier { recipe.outliers.1 } else { 1.0 };
+                    let noise = recipe.noise[first + k % nq];
+                    let error = normal(&mut random);
+                    if noise.is_finite() {
+                        x + size * noise * error
+                    } else {
+                        f64::NAN
+                    }
+                })
+                .collect()
+        };
+        let (q, v) = (read(&motion.q, 0), read(&motion.v, nq));
+        let measured = recipe.noise[nq..].iter().any(|n| n.is_finite());
+        experiments.push(Experiment {
+            name: format!("record_{}", record + 1),
+            role: Role::Train,
+            note: String::new(),
+            nq,
+            t: t.clone(),
+            q,
+            v: measured.then_some(v),
+            u,
+            tau: None,
+            qref: None,
+            missing: 0,
+        });
+    }
+    Ok(Dataset {
+        name: format!("{}, simulated", model.name()),
+        title: format!("{}, simulated with seed {seed}", model.name()),
+        source: "simulated".to_owned(),
+        license: "CC0-1.0".to_owned(),
+        kind: Kind::Simulated,
+        input_hold: InputHold::ZeroOrder,
+        joints: channels(model, &recipe.noise),
+        experiments,
+        warnings: Vec::new(),
+    })
+}
+
+fn channels(model: &dyn Hessian, noise: &[f64]) -> Vec<JointChannels> {
+    let nq = model.dims().nq;
+    let inputs = model.inputs();
+    (0..nq)
+        .map(|j| {
+            let unit = inputs
+                .iter()
+                .find(|i| i.joint == Some(j))
+                .map_or("", |i| i.unit.as_ref());
+            let info = &model.joints()[j];
+            JointChannels {
+                name: info.name.to_string(),
+                prismatic: info.prismatic,
+                input: match unit {
+                    "A" => InputQuantity::Current,
+                    "V" => InputQuantity::Voltage,
+                    _ if info.prismatic => InputQuantity::Force,
+                    _ => InputQuantity::Torque,
+                },
+                input_unit: unit.to_owned(),
+                velocity: if noise[nq + j].is_finite() {
+                    VelocityKind::Measured
+                } else {
+                    VelocityKind::Absent
+                },
+            }
+        })
+        .collect()
+}

@@ -1,0 +1,226 @@
+//! Files of controllers (`docs/controller-format.md`): which gains and limits closed the loop of each record.
+
+use pid_data::{Dataset, Experiment, InputQuantity};
+use serde::Deserialize;
+
+use pid_runtime::control::{INPUTS, NotOnePerJoint, UNLIMITED};
+
+/// A controller that does not fit the model or the records.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ControlError {
+    /// The model's inputs are not one per joint.
+    #[error(transparent)]
+    Inputs(#[from] NotOnePerJoint),
+    /// Not TOML of this format.
+    #[error("{file}: {message}\n  help: docs/controller-format.md describes the keys")]
+    Toml {
+        /// The file.
+        file: String,
+        /// What the parser says, with line and column.
+        message: String,
+    },
+    /// Numbers for more or fewer joints than there are.
+    #[error("{file}: record `{record}`: {key} has {found} values, the model has {joints} joints")]
+    Length {
+        /// The file.
+        file: String,
+        /// Pattern of the record.
+        record: String,
+        /// The key.
+        key: &'static str,
+        /// Values given.
+        found: usize,
+        /// Joints.
+        joints: usize,
+    },
+    /// A record that no entry names.
+    #[error(
+        "{file}: no [[record]] matches the record `{record}`\n  help: add one; `name = \"*\"` matches every record"
+    )]
+    NoEntry {
+        /// The file.
+        file: String,
+        /// The record.
+        record: String,
+    },
+    /// A record without commanded positions.
+    #[error(
+        "record `{record}` has no commanded positions (columns qref1 …), which its controller would follow\n  help: say `off = true` for it in the controller's file, or leave it out"
+    )]
+    NoReference {
+        /// The record.
+        record: String,
+    },
+    /// A number that cannot be meant.
+    #[error("{file}: record `{record}`: {key} = {value}: {demand}")]
+    Value {
+        /// The file.
+        file: String,
+        /// Pattern of the record.
+        record: String,
+        /// The key.
+        key: &'static str,
+        /// The value.
+        value: f64,
+        /// What is needed.
+        demand: &'static str,
+    },
+}
+
+/// Controllers of the records of a data set (`docs/controller-format.md`).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Controllers {
+    file: String,
+    entries: Vec<Entry>,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    name: String,
+    #[serde(default)]
+    p: Vec<f64>,
+    #[serde(default)]
+    d: Vec<f64>,
+    #[serde(default)]
+    limit: Vec<f64>,
+    #[serde(default)]
+    off: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    record: Vec<Entry>,
+}
+
+impl Controllers {
+    /// Reads a text; `file` is its name in messages.
+    ///
+    /// # Errors
+    /// [`ControlError`].
+    pub fn parse(file: &str, text: &str, joints: usize) -> Result<Self, ControlError> {
+        let read: File = toml::from_str(text).map_err(|e| ControlError::Toml {
+            file: file.to_owned(),
+            message: e.to_string().trim_end().to_owned(),
+        })?;
+        for entry in &read.record {
+            let lists = [("p", &entry.p), ("d", &entry.d), ("limit", &entry.limit)];
+            for (key, list) in lists {
+                let needed = key == "p" && !entry.off;
+                if list.len() != joints && (needed || !list.is_empty()) {
+                    return Err(ControlError::Length {
+                        file: file.to_owned(),
+                        record: entry.name.clone(),
+                        key,
+                        found: list.len(),
+                        joints,
+                    });
+                }
+                let bad = |x: &&f64| !x.is_finite() || key == "limit" && **x <= 0.0;
+                if let Some(value) = list.iter().find(bad) {
+                    return Err(ControlError::Value {
+                        file: file.to_owned(),
+                        record: entry.name.clone(),
+                        key,
+                        value: *value,
+                        demand: "a finite number, for a limit above zero, is needed",
+                    });
+                }
+            }
+        }
+        Ok(Self {
+            file: file.to_owned(),
+            entries: read.record,
+        })
+    }
+
+    /// The records with the controllers' inputs in place of the recorded ones.
+    ///
+    /// # Errors
+    /// [`ControlError::NoEntry`], [`ControlError::NoReference`].
+    pub fn close(&self, mut dataset: Dataset) -> Result<Dataset, ControlError> {
+        let nq = dataset.nq();
+        for experiment in &mut dataset.experiments {
+            let entry = self
+                .entries
+                .iter()
+                .find(|e| matches(&e.name, &experiment.name))
+                .ok_or_else(|| ControlError::NoEntry {
+                    file: self.file.clone(),
+                    record: experiment.name.clone(),
+                })?;
+            experiment.u = inputs(entry, experiment, nq)?;
+        }
+        for joint in &mut dataset.joints {
+            joint.input = InputQuantity::Position;
+            joint.input_unit = joint.unit().to_owned();
+        }
+        Ok(dataset)
+    }
+}
+
+fn inputs(entry: &Entry, experiment: &Experiment, nq: usize) -> Result<Vec<f64>, ControlError> {
+    if !entry.off && experiment.qref.is_none() {
+        return Err(ControlError::NoReference {
+            record: experiment.name.clone(),
+        });
+    }
+    let constant = |list: &[f64], j: usize, absent: f64| list.get(j).copied().unwrap_or(absent);
+    let mut u = Vec::with_capacity(experiment.len() * nq * INPUTS);
+    for k in 0..experiment.len() {
+        match (&experiment.qref, entry.off) {
+            (Some(qref), false) => u.extend_from_slice(&qref[k * nq..(k + 1) * nq]),
+            _ => u.extend(std::iter::repeat_n(0.0, nq)),
+        }
+        u.extend((0..nq).map(|j| constant(&entry.p, j, 0.0)));
+        u.extend((0..nq).map(|j| constant(&entry.d, j, 0.0)));
+        u.extend((0..nq).map(|j| constant(&entry.limit, j, UNLIMITED)));
+        u.extend(std::iter::repeat_n(f64::from(u8::from(!entry.off)), nq));
+    }
+    Ok(u)
+}
+
+/// Whether a name fits a pattern in which `*` stands for any characters.
+pub(crate) fn matches(pattern: &str, name: &str) -> bool {
+    match pattern.split_once('*') {
+        None => pattern == name,
+        Some((head, rest)) => name.strip_prefix(head).is_some_and(|tail| {
+            (0..=tail.len())
+                .filter(|&k| tail.is_char_boundary(k))
+                .any(|k| matches(rest, &tail[k..]))
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_match_and_mistakes_are_named() {
+        assert!(matches("*_kp100", "sin_kp100") && matches("*", "x") && matches("a*b*c", "a1b2c"));
+        assert!(!matches("*_kp100", "sin_kp1000") && !matches("a", "ab") && !matches("a*b", "ac"));
+        for (text, part) in [
+            (
+                "[[record]]\nname = \"*\"\np = [1.0, 2.0]",
+                "p has 2 values, the model has 1",
+            ),
+            ("[[record]]\nname = \"*\"", "p has 0 values"),
+            (
+                "[[record]]\nname = \"*\"\np = [1.0]\nlimit = [0.0]",
+                "limit = 0",
+            ),
+            ("[[record]]\nname = \"*\"\nkp = [1.0]", "unknown field `kp`"),
+        ] {
+            let message = Controllers::parse("c.toml", text, 1)
+                .unwrap_err()
+                .to_string();
+            assert!(
+                message.contains(part) && message.contains("c.toml"),
+                "{message}"
+            );
+        }
+    }
+}

@@ -1,0 +1,321 @@
+//! Nominal descriptions: the structure they state, tolerances, noise, and messages.
+
+use std::path::Path;
+
+use pid_interpret::Model;
+use pid_interpret::nominal::{Channel, EncoderSide, Nominal, Ranges, Role, Velocity};
+use pid_runtime::dynamics::{At, Dynamics};
+
+/// A pendulum about y and a slide on its rod.
+const TEXT: &str = r#"
+[robot]
+name = "slider"
+gravity = [0.0, 0.0, -9.81]
+tool = [0.0, 0.0, -0.1]
+encoder_side = "motor"
+velocity_filter_hz = 40.0
+input_noise = 0.01
+horizon_s = 2.0
+
+[tolerance]
+mass_rel = 0.05
+com_abs_m = 0.003
+inertia_rel = 0.1
+rotor_inertia_rel = 0.05
+motor_gain_rel = 0.0
+friction_rel = 0.4
+
+[[joint]]
+name = "swing"
+type = "revolute"
+axis = [0.0, 2.0, 0.0]
+origin = [0.0, 0.0, 1.0]
+mass = 1.5
+com = [0.0, 0.0, -0.25]
+inertia = [0.02, 0.021, 0.003, 0.0, 0.0, 0.0]
+rotor_inertia = 0.012
+coulomb = 0.25
+viscous = 0.08
+motor_gain = 1.8
+input = "current"
+velocity = "measured"
+q_resolution = 1.2e-4
+q_noise_std = 1.0e-4
+dq_noise_std = 0.015
+torque_peak = 4.5
+speed_scale = 1.25
+
+[[joint]]
+name = "slide"
+type = "prismatic"
+axis = [0.0, 0.0, -1.0]
+origin = [0.0, 0.0, -0.1]
+rpy = [0.0, 0.0, 0.0]
+limits = [0.0, 0.4]
+mass = 0.5
+com = [0.0, 0.0, 0.0]
+inertia = [0.001, 0.001, 0.001, 0.0, 0.0, 0.0]
+rotor_inertia = 0.3
+coulomb = 0.0
+viscous = 2.0
+sharpness = 200.0
+motor_gain = -1.0
+input = "force"
+velocity = "derived"
+torque_peak = 20.0
+"#;
+
+fn parse(text: &str) -> Nominal {
+    Nominal::parse("nominal.toml", text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn the_structure_is_the_one_stated() {
+    let nominal = parse(TEXT);
+    let model = Model::new(nominal.robot()).unwrap();
+    let p: Vec<f64> = model.params().iter().map(|p| p.nominal).collect();
+    let (q, v, a, u) = ([0.4, 0.3], [1.1, -0.7], [2.0, 5.0], [3.0, 6.0]);
+    let mut r = [0.0; 2];
+    model.residual(
+        &At {
+            q: &q,
+            v: &v,
+            a: &a,
+            u: &u,
+            p: &p,
+        },
+        &mut r,
+    );
+
+    // A rod with a bead at distance s = 0.1 + q2 from the pivot, by hand.
+    let (m1, c, m2, g) = (1.5, 0.25, 0.5, 9.81);
+    let s = 0.1 + q[1];
+    let inertia = 0.021 + m1 * c * c + 0.001 + m2 * s * s + 0.012;
+    let sharp = 1.0 / (0.02 * 1.25);
+    let swing = inertia * a[0]
+        + 2.0 * m2 * s * v[1] * v[0]
+        + (m1 * c + m2 * s) * g * q[0].sin()
+        + 0.08 * v[0]
+        + 0.25 * (sharp * v[0]).tanh()
+        - 1.8 * u[0];
+    let slide = (m2 + 0.3) * a[1] - m2 * s * v[0] * v[0] - m2 * g * q[0].cos() + 2.0 * v[1] + u[1];
+    for (found, expected) in r.into_iter().zip([swing, slide]) {
+        assert!((found - expected).abs() < 1e-13, "{found} for {expected}");
+    }
+    assert_eq!(model.joints()[1].limits, Some((0.0, 0.4)));
+    let units: Vec<&str> = ["gain_swing", "gain_slide", "rotor_slide", "viscous_swing"]
+        .map(|name| &*model.params().iter().find(|p| p.name == name).unwrap().unit)
+        .to_vec();
+    assert_eq!(units, ["N*m/A", "1", "kg", "N*m*s/rad"]);
+}
+
+#[test]
+fn tolerances_become_ranges() {
+    let nominal = parse(TEXT);
+    let find = |name: &str| {
+        let k = nominal
+            .tolerances()
+            .iter()
+            .position(|t| t.name == name)
+            .unwrap();
+        (&nominal.tolerances()[k], &nominal.robot().params[k])
+    };
+    for (name, role, half_width) in [
+        ("mass_swing", Role::Mass, 0.075),
+        ("com_z_swing", Role::CenterOfMass(2), 0.003),
+        // Of the largest principal moment, 0.021.
+        ("izz_swing", Role::Inertia(2), 0.0021),
+        ("ixy_swing", Role::Inertia(3), 0.0021),
+        ("rotor_swing", Role::RotorInertia, 0.0006),
+        ("coulomb_swing", Role::Coulomb, 0.1),
+        ("gain_swing", Role::Gain, 0.0),
+        ("sharp_swing", Role::Sharpness, 0.0),
+    ] {
+        let (tolerance, param) = find(name);
+        assert_eq!((tolerance.role, tolerance.joint), (role, 0), "{name}");
+        assert!((tolerance.half_width - half_width).abs() < 1e-15, "{name}");
+        assert_eq!(param.name, name);
+        assert_eq!(param.fixed, half_width == 0.0, "{name}");
+        assert!(
+            (param.upper - param.nominal - half_width).abs() < 1e-15,
+            "{name}"
+        );
+        assert!(
+            (param.nominal - param.lower - half_width).abs() < 1e-15,
+            "{name}"
+        );
+    }
+    // Friction of nominal value 0 with a relative tolerance is exactly 0.
+    assert!(find("coulomb_slide").1.fixed);
+    let physical = nominal.robot_with(Ranges::Physical);
+    let k = nominal
+        .tolerances()
+        .iter()
+        .position(|t| t.name == "izz_swing")
+        .unwrap();
+    assert_eq!(
+        (physical.params[k].lower, physical.params[k].upper),
+        (f64::NEG_INFINITY, f64::INFINITY)
+    );
+}
+
+#[test]
+fn measurement_is_read() {
+    let nominal = parse(TEXT);
+    let m = nominal.measurement();
+    assert_eq!(
+        (m.horizon, m.encoder_side, m.tool),
+        (Some(2.0), EncoderSide::Motor, Some([0.0, 0.0, -0.1]))
+    );
+    let [swing, slide] = m.channels.as_slice() else {
+        panic!("two joints")
+    };
+    assert_eq!(swing.velocity, Velocity::Measured { noise: Some(0.015) });
+    assert_eq!(
+        slide.velocity,
+        Velocity::Derived {
+            filter_hz: Some(40.0)
+        }
+    );
+    let noise = |channel: &Channel| channel.input_noise.expect("stated");
+    assert!((noise(swing) - 0.01 * 4.5 / 1.8).abs() < 1e-15);
+    assert!((noise(slide) - 0.2).abs() < 1e-15);
+    // 1.2e-4 / √12 = 3.464e-5.
+    let std = swing.position_std().expect("stated");
+    assert!((std - 1.058_300_524_425_836e-4).abs() < 1e-15);
+}
+
+/// One mistake at a time: the message names file, line, key and value.
+#[test]
+fn mistakes_are_named() {
+    for (right, wrong, message) in [
+        (
+            "mass = 1.5",
+            "mass = -1.5",
+            "nominal.toml:24: joint swing: `mass` is -1.5\n  help: a mass is positive",
+        ),
+        (
+            "mass = 1.5",
+            "mass = nan",
+            "nominal.toml:24: joint swing: `mass` is NaN",
+        ),
+        (
+            "axis = [0.0, 2.0, 0.0]",
+            "axis = [0.0, 0.0, 0.0]",
+            "nominal.toml:22: joint swing: `axis` is [0.0, 0.0, 0.0]",
+        ),
+        (
+            "0.02, 0.021, 0.003,",
+            "0.02, 0.021, 0.3,",
+            "the largest must not exceed the sum of the others",
+        ),
+        (
+            "\"revolute\"",
+            "\"hinge\"",
+            "nominal.toml:21: joint swing: `type` is \"hinge\"\n  help: write one of \"revolute\", \"prismatic\"",
+        ),
+        (
+            "\"current\"",
+            "\"force\"",
+            "`input` is \"force\"\n  help: write one of \"torque\", \"current\", \"voltage\"",
+        ),
+        (
+            "name = \"slide\"",
+            "name = \"swing\"",
+            "nominal.toml:40: joint 2: `name` is \"swing\"\n  help: another joint has this name",
+        ),
+        (
+            "name = \"slide\"",
+            "name = \"slide 1\"",
+            "starts with a letter",
+        ),
+        (
+            "limits = [0.0, 0.4]",
+            "limits = [0.4, 0.0]",
+            "`limits` is [0.4, 0]",
+        ),
+        (
+            "limits = [0.0, 0.4]",
+            "parent = \"elbow\"",
+            "`parent` is \"elbow\"\n  help: name a joint listed before",
+        ),
+        (
+            "motor_gain = 1.8",
+            "motor_gain = 0.0",
+            "a drive with gain 0 does nothing",
+        ),
+        (
+            "friction_rel = 0.4",
+            "friction_rel = -0.4",
+            "tolerance: `friction_rel` is -0.4",
+        ),
+        ("torque_peak = 20.0", "", "which joint slide does not state"),
+        (
+            "mass_rel = 0.05",
+            "mass_rell = 0.05",
+            "unknown field `mass_rell`",
+        ),
+        ("coulomb = 0.25", "", "missing field `coulomb`"),
+        (
+            "com = [0.0, 0.0, -0.25]",
+            "com = [0.0, -0.25]",
+            "nominal.toml: TOML parse error at line 25",
+        ),
+    ] {
+        assert!(TEXT.contains(right), "{right}");
+        let error = Nominal::parse("nominal.toml", &TEXT.replacen(right, wrong, 1)).unwrap_err();
+        assert!(error.to_string().contains(message), "{wrong}: {error}");
+    }
+    let joints = TEXT.find("[[joint]]").unwrap();
+    let none = format!("joint = []\n{}", &TEXT[..joints]);
+    let error = Nominal::parse("nominal.toml", &none)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.starts_with("nominal.toml: no joint listed"),
+        "{error}"
+    );
+    let error = Nominal::read("nowhere/nominal.toml")
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.starts_with("nowhere/nominal.toml: cannot be read"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_branch_hangs_on_the_joint_it_names() {
+    let nominal = parse(&TEXT.replacen("limits = [0.0, 0.4]", "parent = \"base\"", 1));
+    assert_eq!(nominal.robot().joints[1].parent, None);
+    assert_eq!(parse(TEXT).robot().joints[1].parent, Some(0));
+}
+
+/// Descriptions beside the workspace, where they are.
+#[test]
+#[allow(clippy::print_stdout, reason = "a skipped test says so")]
+fn shared_descriptions_become_models() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/blind");
+    let Ok(entries) = std::fs::read_dir(&folder) else {
+        println!("skipped: ../shared/blind is not beside the workspace");
+        return;
+    };
+    let mut read = 0;
+    for entry in entries {
+        let path = entry.unwrap().path().join("nominal.toml");
+        if !path.exists() {
+            continue;
+        }
+        let nominal = Nominal::read(&path).unwrap_or_else(|e| panic!("{e}"));
+        let joints = nominal.measurement().channels.len();
+        assert_eq!(nominal.robot().params.len(), 15 * joints);
+        assert_eq!(nominal.tolerances().len(), 15 * joints);
+        if joints < 6 {
+            let model =
+                Model::new(nominal.robot()).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+            assert_eq!(model.dims().nq, joints);
+        }
+        read += 1;
+    }
+    assert!(read > 0, "no description in {}", folder.display());
+}

@@ -1,0 +1,505 @@
+//! The page. `maud` escapes every text; only the plots, which are made here, are inserted as they are.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::plot::{self, Axes};
+use super::{Bound, MissingForce, Motion, ParameterRow, Report, Verdict};
+use pid_fit::gap::metrics::{ChannelError, FreeRunScore};
+use pid_nlp::solver::Iteration;
+
+pub(super) fn page(report: &Report) -> String {
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (report.title) }
+                style { (PreEscaped(include_str!("style.css"))) }
+            }
+            body {
+                main {
+                    header {
+                        h1 { (report.title) }
+                        p.lead { (report.model.source) }
+                        nav {
+                            a href="#findings" { "Findings" }
+                            a href="#parameters" { "Parameters" }
+                            a href="#error" { "Free-run error" }
+                            a href="#force" { "Missing force" }
+                            a href="#motion" { "Motion" }
+                            a href="#run" { "Run" }
+                            a href="#data" { "Data" }
+                        }
+                    }
+                    (tiles(report))
+                    (findings(report))
+                    (parameters(report))
+                    (free_run(report))
+                    (missing_force(report))
+                    (motions(report))
+                    (run(report))
+                    (data(report))
+                    footer {
+                        (report.program) " · report schema " (report.schema_version)
+                        " · the same figures are in the JSON file beside this page"
+                    }
+                }
+            }
+        }
+    }
+    .into_string()
+}
+
+/// Five significant digits, without trailing zeros.
+pub(super) fn number(v: f64) -> String {
+    digits(v, 5)
+}
+
+/// Three significant digits, for errors and shares.
+pub(super) fn short(v: f64) -> String {
+    digits(v, 3)
+}
+
+fn digits(v: f64, significant: i32) -> String {
+    if v == 0.0 {
+        return "0".into();
+    }
+    if !v.is_finite() {
+        return "–".into();
+    }
+    let magnitude = v.abs().log10().floor();
+    let text = if (-4.0..6.0).contains(&magnitude) {
+        let decimals = (significant - 1 - magnitude as i32).clamp(0, 9) as usize;
+        let text = format!("{v:.decimals$}");
+        if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        } else {
+            text
+        }
+    } else {
+        format!("{v:.*e}", (significant - 1).min(3) as usize)
+    };
+    text.replace('-', "\u{2212}")
+}
+
+/// Units as people write them.
+pub(super) fn unit(u: &str) -> String {
+    u.replace("^2", "²").replace("^3", "³").replace('*', "·")
+}
+
+fn verdict(v: Verdict) -> (&'static str, &'static str) {
+    match v {
+        Verdict::Good => ("good", "converged"),
+        Verdict::Fair => ("fair", "usable with reservations"),
+        Verdict::Bad => ("bad", "not usable"),
+    }
+}
+
+fn tiles(report: &Report) -> Markup {
+    let (class, word) = verdict(report.outcome.verdict);
+    let samples: usize = report.data.experiments.iter().map(|e| e.samples).sum();
+    let largest = report
+        .missing_force
+        .iter()
+        .max_by(|a, b| a.share.total_cmp(&b.share));
+    html! {
+        div.tiles {
+            div.tile {
+                div.name { "Outcome" }
+                div.value { span.badge.(class) { (word) } }
+                div.more { (report.outcome.status) }
+            }
+            div.tile {
+                div.name { "Objective" }
+                div.value { (report.outcome.objective.map_or_else(|| "–".into(), number)) }
+                div.more { (report.outcome.iterations_in_words()) ", " (number(round3(report.outcome.seconds))) " s" }
+            }
+            div.tile {
+                div.name { "Model" }
+                div.value { (report.model.name) }
+                div.more { (report.model.nq) " joint" (plural(report.model.nq)) ", " (report.model.np) " parameters" }
+            }
+            div.tile {
+                div.name { "Data" }
+                div.value { (report.data.name) }
+                div.more { (report.data.experiments.len()) " experiment" (plural(report.data.experiments.len())) ", " (samples) " samples" }
+            }
+            @if let Some(f) = largest {
+                div.tile {
+                    div.name { "Largest missing force" }
+                    div.value { (percent(f.share)) }
+                    div.more { "of the force on " (f.joint) }
+                }
+            }
+        }
+    }
+}
+
+fn round3(v: f64) -> f64 {
+    if v > 1.0 {
+        (v * 100.0).round() / 100.0
+    } else {
+        (v * 1e4).round() / 1e4
+    }
+}
+
+fn plural(n: usize) -> &'static str {
+    if n == 1 { "" } else { "s" }
+}
+
+fn percent(share: f64) -> String {
+    if share >= 0.1 {
+        format!("{:.0} %", 100.0 * share)
+    } else {
+        format!("{:.1} %", 100.0 * share)
+    }
+}
+
+fn findings(report: &Report) -> Markup {
+    html! {
+        section id="findings" {
+            h2 { "Findings" }
+            @if report.findings.is_empty() {
+                p.about { "Nothing stands out." }
+            } @else {
+                ol.findings { @for f in &report.findings { li { (f) } } }
+            }
+            @if !report.notes.is_empty() {
+                h3 { "Notes" }
+                ul.findings { @for n in &report.notes { li { (n) } } }
+            }
+        }
+    }
+}
+
+fn parameters(report: &Report) -> Markup {
+    let referenced = report.parameters.iter().any(|p| p.reference.is_some());
+    html! {
+        section id="parameters" {
+            h2 { "Parameters" }
+            p.about {
+                "Identified values with one standard deviation. “Not determined” means that the data fix this parameter only "
+                "together with others. The rail shows the value between its bounds"
+                @if referenced { ", the tick the reference value" }
+                "."
+            }
+            div.scroll { table {
+                thead { tr {
+                    th { "Name" } th.num { "Value" } th.num { "± std. dev." } th { "Unit" }
+                    @if referenced { th.num { "Reference" } }
+                    th.num { "Start" } th.num { "Lower" } th { "Range" } th.num { "Upper" } th { "Meaning" }
+                } }
+                tbody { @for p in &report.parameters { (parameter(p, referenced)) } }
+            } }
+        }
+    }
+}
+
+fn parameter(p: &ParameterRow, referenced: bool) -> Markup {
+    html! {
+        tr {
+            td.name { (p.name) }
+            td.num { (number(p.value)) }
+            td.num {
+                @match p.deviation {
+                    Some(d) => (number(d)),
+                    None if p.fixed => span.badge.plain { "held" },
+                    None => span.badge.fair { "not determined" },
+                }
+            }
+            td.unit { (unit(&p.unit)) }
+            @if referenced { td.num.quiet { (p.reference.map(number).unwrap_or_default()) } }
+            td.num.quiet { (number(p.start)) }
+            td.num.quiet { (p.lower.map_or_else(|| "−∞".into(), number)) }
+            td { (rail(p)) }
+            td.num.quiet { (p.upper.map_or_else(|| "∞".into(), number)) }
+            td.quiet {
+                @match p.at_bound {
+                    Some(Bound::Lower) => { span.badge.bad { "at lower bound" } " " },
+                    Some(Bound::Upper) => { span.badge.bad { "at upper bound" } " " },
+                    None => {},
+                }
+                (p.doc)
+            }
+        }
+    }
+}
+
+/// Value and reference between the bounds, on a logarithmic rail where the range spans more than a decade.
+fn rail(p: &ParameterRow) -> Markup {
+    let (Some(low), Some(high)) = (p.lower, p.upper) else {
+        return html! {};
+    };
+    if low >= high {
+        return html! {};
+    }
+    let place = |v: f64| {
+        let share = if low > 0.0 && high > 10.0 * low {
+            (v / low).ln() / (high / low).ln()
+        } else {
+            (v - low) / (high - low)
+        };
+        format!("left:{:.1}%", 100.0 * share.clamp(0.0, 1.0))
+    };
+    let class = if p.at_bound.is_some() {
+        "dot edge"
+    } else {
+        "dot"
+    };
+    html! {
+        span.range {
+            span.rail {}
+            @if let Some(r) = p.reference { span.mark style=(place(r)) {} }
+            span class=(class) style=(place(p.value)) {}
+        }
+    }
+}
+
+fn free_run(report: &Report) -> Markup {
+    html! {
+        section id="error" {
+            h2 { "Free-run error" }
+            p.about {
+                "The model is simulated from the recorded state with the recorded inputs alone and restarted after each horizon. "
+                "RMS and largest error per joint, on the records that were fitted (train) and on those that never were (test)."
+            }
+            @if report.free_run.is_empty() { p { "No free run was made." } }
+            @else { div.scroll { table {
+                thead { tr {
+                    th { "Records" } th { "Role" } th { "Horizon" } th { "Joint" }
+                    th.num { "Position RMS" } th.num { "MAE" } th.num { "max" } th { "" }
+                    th.num { "Velocity RMS" } th.num { "max" } th { "" } th.num { "Windows" } th.num { "J" }
+                } }
+                tbody { @for s in &report.free_run { (score(report, s)) } }
+            } } }
+        }
+    }
+}
+
+fn score(report: &Report, s: &FreeRunScore) -> Markup {
+    let names = match s.experiments.as_slice() {
+        [one] => one.clone(),
+        several => format!("{} records", several.len()),
+    };
+    let cell = |e: Option<ChannelError>, f: fn(&ChannelError) -> f64| {
+        e.map_or_else(|| "–".to_owned(), |e| short(f(&e)))
+    };
+    html! {
+        @for (k, joint) in s.joints.iter().enumerate() {
+            @let channels = report.data.joints.get(k);
+            tr {
+                @if k == 0 {
+                    td.name rowspan=(s.joints.len()) { (names) }
+                    td rowspan=(s.joints.len()) { (s.role) }
+                    td rowspan=(s.joints.len()) { (s.horizon) }
+                }
+                td { (joint.joint) }
+                td.num { b { (cell(joint.q, |e| e.rms)) } }
+                td.num { (cell(joint.q, |e| e.mae)) }
+                td.num { (cell(joint.q, |e| e.max)) }
+                td.unit { (channels.map_or("", |c| c.unit())) }
+                td.num { (cell(joint.v, |e| e.rms)) }
+                td.num { (cell(joint.v, |e| e.max)) }
+                td.unit { @if joint.v.is_some() { (channels.map_or("", |c| c.velocity_unit())) } }
+                @if k == 0 {
+                    td.num rowspan=(s.joints.len()) {
+                        (s.windows)
+                        @if s.diverged > 0 { " " span.badge.bad { (s.diverged) " diverged" } }
+                        @if s.skipped > 0 { " " span.badge.fair { (s.skipped) " skipped" } }
+                    }
+                    td.num rowspan=(s.joints.len()) { (s.objective.map_or_else(|| "–".into(), number)) }
+                }
+            }
+        }
+    }
+}
+
+fn missing_force(report: &Report) -> Markup {
+    html! {
+        section id="force" {
+            h2 { "Missing generalised force" }
+            p.about {
+                "w(t) is what would have to act on each joint, beside everything the model knows, for the model to follow the record. "
+                "Where it leaves the grey band, two standard deviations wide, the record contradicts the model. Its dependence on velocity, direction and position tells what is missing."
+            }
+            @if report.missing_force.is_empty() { p { "It was not computed." } }
+            @else {
+                div.scroll { table {
+                    thead { tr { th { "Joint" } th.num { "RMS of w" } th.num { "RMS of the whole force" } th { "Unit" } th { "Share" } th.num { "Standard deviation of w" } } }
+                    tbody { @for f in &report.missing_force { tr {
+                        td.name { (f.joint) }
+                        td.num { (short(f.rms)) }
+                        td.num { (short(f.total_rms)) }
+                        td.unit { (unit(&f.unit)) }
+                        td { span.bar { b style=(format!("width:{:.1}%", 100.0 * f.share.clamp(0.0, 1.0))) {} } " " (percent(f.share)) }
+                        td.num { (f.band_rms.map_or_else(|| "–".into(), |b| short(0.5 * b))) }
+                    } } }
+                } }
+                @for f in &report.missing_force { (force(f)) }
+            }
+        }
+    }
+}
+
+fn force(f: &MissingForce) -> Markup {
+    let y = format!("w, {}", unit(&f.unit));
+    let against_v = Axes {
+        x: &format!("velocity, {}", f.velocity_unit),
+        y: &y,
+    };
+    let against_q = Axes {
+        x: &format!("position, {}", f.position_unit),
+        y: &y,
+    };
+    html! {
+        h3 { (f.joint) }
+        div.legend {
+            span { i.dot style="background:var(--forward)" {} "moving forward (v > 0)" }
+            span { i.dot style="background:var(--backward)" {} "moving backward (v < 0)" }
+            span { "line: class means, bars: one standard deviation" }
+        }
+        div.plots {
+            figure {
+                (PreEscaped(plot::scatter(&against_v, &f.samples, 1, &f.by_velocity)))
+                figcaption { (f.joint) " " span { "missing force against velocity" } }
+            }
+            figure {
+                (PreEscaped(plot::scatter(&against_q, &f.samples, 0, &f.by_position)))
+                figcaption { (f.joint) " " span { "missing force against position" } }
+            }
+        }
+        @let first = f.over_time.iter().take(2);
+        @let rest: Vec<_> = f.over_time.iter().skip(2).collect();
+        div.plots { @for e in first { (force_time(f, e, &y)) } }
+        @if !rest.is_empty() {
+            details {
+                summary { "Over time, " (rest.len()) " more record" (plural(rest.len())) }
+                div.plots { @for e in rest { (force_time(f, e, &y)) } }
+            }
+        }
+    }
+}
+
+fn force_time(f: &MissingForce, e: &super::ForceTrace, y: &str) -> Markup {
+    html! {
+        figure {
+            (PreEscaped(plot::force_over_time(&Axes { x: "time, s", y }, &e.w, e.band.as_ref())))
+            figcaption { (f.joint) " " span { "over time, " (e.experiment) " (" (e.role) ")" } }
+        }
+    }
+}
+
+fn motions(report: &Report) -> Markup {
+    html! {
+        section id="motion" {
+            h2 { "Measured and simulated motion" }
+            div.legend {
+                span { i style="background:var(--measured)" {} "measured" }
+                span { i style="background:var(--simulated)" {} "simulated" }
+            }
+            @if report.motions.is_empty() { p { "No motion was simulated." } }
+            @for (k, m) in report.motions.iter().enumerate() {
+                @if k < 4 { (motion(m)) } @else {
+                    details { summary { (m.experiment) " (" (m.role) ")" } (motion(m)) }
+                }
+            }
+        }
+    }
+}
+
+fn motion(m: &Motion) -> Markup {
+    html! {
+        h3 { (m.experiment) " " span.badge.plain { (m.role) } " " span.badge.plain { (m.how) } }
+        div.plots {
+            @for j in &m.joints {
+                figure {
+                    (PreEscaped(plot::compare(
+                        &Axes { x: "time, s", y: &format!("position, {}", j.unit) },
+                        Some(&j.q_measured),
+                        &j.q_simulated,
+                    )))
+                    figcaption { (j.joint) " " span { "position" } }
+                }
+                figure {
+                    (PreEscaped(plot::compare(
+                        &Axes { x: "time, s", y: &format!("velocity, {}", j.velocity_unit) },
+                        j.v_measured.as_ref(),
+                        &j.v_simulated,
+                    )))
+                    figcaption { (j.joint) " " span { @if j.v_measured.is_some() { "velocity" } @else { "velocity, not recorded" } } }
+                }
+            }
+        }
+    }
+}
+
+fn run(report: &Report) -> Markup {
+    let best = report
+        .starts
+        .iter()
+        .filter_map(|s| s.objective)
+        .fold(f64::INFINITY, f64::min);
+    html! {
+        section id="run" {
+            h2 { "Run" }
+            p.about { "Feasibility and optimality of the returned point, computed anew from the problem and not taken from the solver." }
+            div.scroll { table {
+                thead { tr { th { "Check" } th.num { "Value" } th.num { "Tolerance" } th { "" } } }
+                tbody { @for c in &report.outcome.checks { tr {
+                    td { (c.name) } td.num { (number(c.value)) } td.num.quiet { (number(c.tolerance)) }
+                    td { @if c.passed() { span.badge.good { "holds" } } @else { span.badge.bad { "violated" } } }
+                } } }
+            } }
+            h3 { "Settings" }
+            div.scroll { table { tbody { @for s in &report.settings { tr { td.quiet { (s.name) } td { (s.value) } } } } } }
+            @if report.starts.len() > 1 {
+                h3 { "Starts" }
+                div.scroll { table {
+                    thead { tr { th.num { "Start" } th.num { "Objective" } th.num { "Iterations" } th.num { "Time, s" } th { "Status" } } }
+                    tbody { @for s in &report.starts { tr {
+                        td.num { (s.index) }
+                        td.num {
+                            (s.objective.map_or_else(|| "–".into(), number))
+                            @if s.objective == Some(best) { " " span.badge.good { "best" } }
+                        }
+                        td.num { (s.iterations) } td.num { (number(round3(s.seconds))) } td { (s.status) }
+                    } } }
+                } }
+            }
+            @if !report.iterations.is_empty() {
+                details {
+                    summary { "Iterations of the best start (" (report.iterations.len()) ")" }
+                    pre { (Iteration::HEADING) "\n" @for i in &report.iterations { (i.line()) "\n" } }
+                }
+            }
+        }
+    }
+}
+
+fn data(report: &Report) -> Markup {
+    let d = &report.data;
+    html! {
+        section id="data" {
+            h2 { "Data: " (d.title) }
+            p.about { (d.source) " · licence: " (d.license) }
+            div.scroll { table {
+                thead { tr { th { "Record" } th { "Role" } th.num { "Samples" } th.num { "Length, s" } th.num { "Step, ms" } th.num { "Missing cells" } th { "Note" } } }
+                tbody { @for e in &d.experiments { tr {
+                    td.name { (e.name) } td { (e.role) } td.num { (e.samples) } td.num { (number(round3(e.duration))) }
+                    td.num { (number(round3(1e3 * e.sample_time))) } td.num { (e.missing) } td.quiet { (e.note) }
+                } } }
+            } }
+            div.scroll { table {
+                thead { tr { th { "Joint" } th { "Kind" } th { "Input" } th { "Velocity" } } }
+                tbody { @for j in &d.joints { tr {
+                    td.name { (j.name) }
+                    td { @if j.prismatic { "prismatic" } @else { "revolute" } }
+                    td { (j.input.word()) ", " (unit(&j.input_unit)) }
+                    td { (format!("{:?}", j.velocity).to_lowercase()) }
+                } } }
+            } }
+            @if !d.warnings.is_empty() { ul.findings { @for w in &d.warnings { li { (w) } } } }
+        }
+    }
+}

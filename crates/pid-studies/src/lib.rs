@@ -1,0 +1,35 @@
+//! Studies of the project, each a command of the binary `pid-studies`.
+//!
+//! ```text
+//! cargo run --release -p pid-studies -- withheld|paper|coverage|hock-schittkowski|scaling|seed|shooting|constrained|…
+//! ```
+#![allow(clippy::print_stdout, reason = "commands that print tables")]
+
+pub mod build_budget;
+pub mod constrained;
+pub mod coverage;
+pub mod dynamics_speed;
+pub mod hock_schittkowski;
+pub mod intervals;
+pub mod paper;
+pub mod scaling;
+pub mod seed_study;
+pub mod shooting_study;
+pub mod withheld;
+
+use std::path::Path;
+
+/// What ends a study early.
+pub type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// Writes a file and names it in the error.
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text)
+        .map_err(|error| format!("{}: cannot be written: {error}", path.display()).into())
+}
+
+/// Makes a folder and names it in the error.
+fn make_folder(path: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(path)
+        .map_err(|error| format!("{}: cannot be made: {error}", path.display()).into())
+}

@@ -1,0 +1,74 @@
+//! The studies of the project.
+
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+use pid_studies::{
+    Failure, build_budget, constrained, coverage, dynamics_speed, hock_schittkowski, paper,
+    scaling, seed_study, shooting_study, withheld,
+};
+
+/// Studies of the project; none is needed to use it.
+#[derive(Debug, Parser)]
+#[command(name = "pid-studies", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Measure the diagnosis on drawn cases whose effect is withheld until it has been named.
+    Withheld(withheld::WithheldArgs),
+    /// Reproduce the study of the paper on the idealised two-link robot: tables, figures, and what it left open.
+    Paper(paper::PaperArgs),
+    /// Measure by simulation whether the 95 % intervals of identifications hold the truth.
+    Coverage(coverage::CoverageArgs),
+    /// Solve the Hock-Schittkowski collection.
+    HockSchittkowski(Words),
+    /// Measure how time and memory of an identification grow with the record.
+    Scaling(Words),
+    /// Identify the two-link robot from every start of a table.
+    Seed(Words),
+    /// Compare numbers of shooting nodes over the starts of a table.
+    Shooting(Words),
+    /// Measure what constraints of the user cost.
+    Constrained(Words),
+    /// Measure the time of one evaluation of the six-axis arm.
+    DynamicsSpeed(Words),
+    /// Measure what a robot costs to build.
+    BuildBudget(Words),
+}
+
+/// Words that the study reads itself; the head of its file describes them.
+#[derive(Debug, Clone, Args)]
+struct Words {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    words: Vec<String>,
+}
+
+fn main() -> ExitCode {
+    let done = |outcome: Result<(), Failure>| outcome.map(|()| 0);
+    let outcome = match Cli::parse().command {
+        Command::Withheld(args) => withheld::run(&args),
+        Command::Paper(args) => paper::run(&args),
+        Command::Coverage(args) => coverage::run(&args),
+        Command::HockSchittkowski(args) => done(hock_schittkowski::command::run(&args.words)),
+        Command::Scaling(args) => done(scaling::run(&args.words)),
+        Command::Seed(args) => done(seed_study::run(&args.words)),
+        Command::Shooting(args) => done(shooting_study::run(&args.words)),
+        Command::Constrained(args) => done(constrained::run(&args.words)),
+        Command::DynamicsSpeed(args) => {
+            dynamics_speed::run(&args.words);
+            Ok(0)
+        }
+        Command::BuildBudget(args) => done(build_budget::run(&args.words)),
+    };
+    match outcome {
+        Ok(code) => ExitCode::from(code),
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,7 @@
+//! The command `simtrue`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    pid_cli::main(&[])
+}
