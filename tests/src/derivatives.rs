@@ -1,8 +1,8 @@
 //! Derivatives of programs against differences, and the windows to try them on.
 
-use pid_runtime::dynamics::Dynamics;
-use pid_nlp::Nlp;
 use pid_fit::transcribe::{Curvature, Loss, Prior, Scheme, Setup, Track};
+use pid_nlp::Nlp;
+use pid_runtime::dynamics::Dynamics;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

@@ -4,15 +4,14 @@
 //! simulated records that no model fits.
 
 pub mod derivatives;
-pub mod hock_schittkowski;
 pub mod mismatched;
 pub mod two_link;
 
 use std::path::{Path, PathBuf};
 
 use pid_data::Experiment;
-use pid_runtime::dynamics::ParamInfo;
 use pid_fit::transcribe::Track;
+use pid_runtime::dynamics::ParamInfo;
 
 /// A folder of the shared records, or `None` (with a printed line) where they are absent.
 #[allow(clippy::print_stdout, reason = "a skipped test says so")]

@@ -3,14 +3,14 @@
 
 use std::f64::consts::TAU;
 
-use pid_models::Arm6;
 use pid_data::{
     Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
 };
+use pid_fit::integrate::{self, Drive, SimulateError, Simulator};
+use pid_models::Arm6;
 use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
 };
-use pid_fit::integrate::{self, Drive, SimulateError, Simulator};
 use pid_runtime::lanes::{Lane, LanesAt};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -3,14 +3,14 @@
 use std::fs;
 use std::path::Path;
 
-use pid_models::TwoLink;
 use pid_data::{
     Dataset, Experiment, Horizon, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
 };
-use pid_runtime::dynamics::Dynamics;
 use pid_fit::ident::{InitialState, Method, Settings, Weighting};
 use pid_fit::integrate::{self, Drive, SimulateError};
 use pid_fit::transcribe::Scheme;
+use pid_models::TwoLink;
+use pid_runtime::dynamics::Dynamics;
 
 /// The paper's setting: one window with a free initial state, unit weights; the preparing fits of the defaults.
 pub fn settings(scheme: Scheme) -> Settings {

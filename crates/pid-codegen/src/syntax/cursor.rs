@@ -259,3 +259,19 @@ fn flatten(stream: TokenStream, out: &mut Vec<TokenTree>) {
         }
     }
 }
+
+/// An exponent: an integer with an optional sign.
+pub(super) fn integer(c: &mut Cursor) -> Parsed<i32> {
+    let sign = if c.eat_punct("-").is_some() { -1 } else { 1 };
+    let at = c.here();
+    if let Some(TokenTree::Literal(l)) = c.peek()
+        && let Ok(n) = l.to_string().parse::<i32>()
+        && n.abs() <= 64
+    {
+        c.bump();
+        return Ok(sign * n);
+    }
+    Err(Loc::from(at).error(
+        "an exponent must be an integer from -64 to 64\nhelp: write `sqrt(x)` for a root, `exp(y*ln(x))` for other powers",
+    ))
+}

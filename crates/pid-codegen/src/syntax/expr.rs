@@ -4,7 +4,7 @@ use std::fmt;
 
 use proc_macro2::{Delimiter, Ident, Span, TokenTree};
 
-use super::cursor::{Cursor, Parsed};
+use super::cursor::{Cursor, Parsed, integer};
 use super::unit::{self, UnitExpr};
 use crate::diag::Loc;
 
@@ -192,22 +192,6 @@ fn signed(c: &mut Cursor, units: bool, depth: usize) -> Parsed<Expr> {
         kind: ExprKind::Pow(Box::new(base), n),
         loc: c.since(start),
     })
-}
-
-/// An exponent: an integer with an optional sign.
-pub(super) fn integer(c: &mut Cursor) -> Parsed<i32> {
-    let sign = if c.eat_punct("-").is_some() { -1 } else { 1 };
-    let at = c.here();
-    if let Some(TokenTree::Literal(l)) = c.peek()
-        && let Ok(n) = l.to_string().parse::<i32>()
-        && n.abs() <= 64
-    {
-        c.bump();
-        return Ok(sign * n);
-    }
-    Err(Loc::from(at).error(
-        "an exponent must be an integer from -64 to 64\nhelp: write `sqrt(x)` for a root, `exp(y*ln(x))` for other powers",
-    ))
 }
 
 fn primary(c: &mut Cursor, units: bool, depth: usize) -> Parsed<Expr> {

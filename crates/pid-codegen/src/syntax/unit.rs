@@ -2,8 +2,7 @@
 
 use proc_macro2::{Delimiter, Ident, Span, TokenTree};
 
-use super::cursor::{Cursor, Parsed};
-use super::expr;
+use super::cursor::{Cursor, Parsed, integer};
 use crate::diag::Loc;
 use crate::si;
 
@@ -112,7 +111,7 @@ fn factor(c: &mut Cursor, sign: i32, out: &mut Vec<(Ident, i32)>) -> Parsed<()> 
 
 fn exponent(c: &mut Cursor) -> Parsed<i32> {
     match c.eat_punct("^") {
-        Some(_) => expr::integer(c),
+        Some(_) => integer(c),
         None => Ok(1),
     }
 }

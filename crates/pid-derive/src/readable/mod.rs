@@ -127,11 +127,6 @@ impl<'a> Readable<'a> {
         text::equations(self)
     }
 
-    /// One formula as text.
-    pub fn formula_text(&self, formula: &Formula) -> String {
-        text::formula(self, formula)
-    }
-
     /// The equations as LaTeX: an `align*` environment per part.
     pub fn latex(&self) -> String {
         latex::equations(self)

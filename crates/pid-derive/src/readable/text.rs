@@ -34,7 +34,7 @@ pub(super) fn equations(readable: &Readable<'_>) -> String {
     text
 }
 
-pub(super) fn formula(readable: &Readable<'_>, formula: &Formula) -> String {
+fn formula(readable: &Readable<'_>, formula: &Formula) -> String {
     write(readable, formula).0
 }
 

@@ -242,19 +242,6 @@ impl Normal {
         }
     }
 
-    /// All blocks but those of one record.
-    pub fn without_record(&self, record: usize) -> Self {
-        Self {
-            blocks: self
-                .blocks
-                .iter()
-                .filter(|b| b.record != record)
-                .cloned()
-                .collect(),
-            ..self.clone_frame()
-        }
-    }
-
     /// The blocks at these positions, repeated as often as they occur.
     pub fn resampled(&self, positions: &[usize]) -> Self {
         Self {

@@ -32,11 +32,6 @@ pub enum Oracle {
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Uses a flag that exists already.
-    pub fn from_flag(flag: Arc<AtomicBool>) -> Self {
-        Self(flag)
-    }
-
     /// Asks the solver to stop; it returns its best point after the evaluation it is in.
     pub fn stop(&self) {
         self.0.store(true, Ordering::Relaxed);

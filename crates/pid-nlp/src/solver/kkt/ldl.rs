@@ -98,11 +98,6 @@ impl SparseLdl {
         self.n
     }
 
-    /// Number of entries of the factor, the fill-in included.
-    pub fn factor_nnz(&self) -> usize {
-        self.factor.len()
-    }
-
     /// Sets all values to zero.
     pub fn clear(&mut self) {
         self.values.fill(0.0);

@@ -20,13 +20,11 @@
 use super::super::layout::{Layout, Window};
 use super::super::{KktError, KktValues};
 use super::plan::{Plan, Sizes, Target};
-use super::small::{lu_factor, lu_solve, lu_solve_transpose};
+use super::small::{SINGULAR, lu_factor, lu_solve, lu_solve_transpose};
 use pid_lanes::kernel::{Simd, SimdFloat, all, axpy, axpy2, load, widest};
 use pid_lanes::{LANES, Lane};
 use std::array::from_fn;
 
-/// Ratio of a pivot to its row below which a step Jacobian counts as singular.
-pub(super) const SINGULAR: f64 = 1e-13;
 const ZERO: Lane = [0.0; LANES];
 
 /// A run of steps of one window.

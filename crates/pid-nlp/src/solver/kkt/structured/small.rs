@@ -1,8 +1,10 @@
 //! LU factors of four small dense matrices at a time, each with its own row permutation.
 
-use super::group::SINGULAR;
 use pid_lanes::kernel::{Simd, all, axpy, load};
 use pid_lanes::{LANES, Lane};
+
+/// Ratio of a pivot to its row below which a step Jacobian counts as singular.
+pub(super) const SINGULAR: f64 = 1e-13;
 
 /// Factorises in place, the inverse of the pivots on the diagonal. Gives the lane and the relative pivot where one is singular.
 #[inline(always)]
