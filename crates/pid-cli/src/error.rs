@@ -101,12 +101,6 @@ pub(crate) enum CliError {
     Bootstrap(#[from] BootstrapError),
     #[error("--private needs one of the models that `simtrue models` lists")]
     PrivateOfFile,
-    #[error("{option} has {found} values; {joints} are needed")]
-    PerJoint {
-        option: &'static str,
-        found: usize,
-        joints: usize,
-    },
     #[error(
         "instrumental variables simulate the closed loop of the records\n  help: describe it in a file and give it with --controller (docs/controller-format.md)"
     )]

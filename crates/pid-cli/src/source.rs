@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pid_data::{Dataset, InputHold, InputQuantity};
-use pid_fit::wrap::controllers::Controllers;
+use pid_fit::wrap::controllers::{ControlError, Controllers};
 use pid_fit::wrap::lag::Lagging;
 use pid_fit::wrap::private::PerRecord;
 use pid_interpret::Model;
@@ -235,7 +235,7 @@ fn load_with(source: &Source, controller: Option<&Path>) -> Result<(Subject, Dat
             )?;
             let model = models::by_name(&subject.name)?.model;
             let extended = Extended::new(model, &source.terms)?;
-            let closed = ClosedLoop::new(Box::new(extended))?;
+            let closed = ClosedLoop::new(Box::new(extended)).map_err(ControlError::from)?;
             subject.origin = Origin::Closed(Box::new(closed));
         }
         None => dataset = merge(dataset, also)?,

@@ -51,7 +51,7 @@ pub fn run(words: &[String]) -> Result<(), Failure> {
     }
 }
 
-fn run(
+fn from_start(
     dataset: &Dataset,
     scheme: Scheme,
     prepare: Prepare,
@@ -85,7 +85,7 @@ fn table(
     let mut runs = Vec::new();
     for (k, start) in starts.iter().enumerate() {
         let clock = ProcessTime::now();
-        let mut r = run(&dataset, scheme, prepare, start)?;
+        let mut r = from_start(&dataset, scheme, prepare, start)?;
         r.seconds = clock.elapsed().as_secs_f64();
         println!(
             "{k:5} {:12.6e} {:11} {:9.3} {:10.1e}  {}",

@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         };
         let clock = Instant::now();
         let start = processor_seconds(clock);
-        let output = crate::expand(declaration);
+        let output = pid_codegen::expand(declaration);
         let seconds = processor_seconds(clock) - start;
         let text = output.to_string();
         let statements = text.matches("let ").count();
