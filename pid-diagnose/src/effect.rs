@@ -13,8 +13,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use crate::plant::Plant;
-use crate::rigid::V3;
+use crate::constants::Constants;
 use crate::scalar::{Lanes, Scalar};
 
 /// Lanes of one pass of derivatives.
@@ -261,8 +260,8 @@ pub struct After<D> {
 
 /// Equation of an effect at one joint; all hooks have a default that does nothing. `e`: the parameters, SI units.
 pub trait Law<D: Scalar>: Send + Sync {
-    /// Changes constants of the plant.
-    fn plant(&self, _e: &[D], _joint: usize, _plant: &mut Plant<D>) {}
+    /// Changes constants of the robot.
+    fn constants(&self, _e: &[D], _joint: usize, _constants: &mut Constants<D>) {}
     /// Applied input, averaged over the substep, from the commanded one (`u`, averaged too).
     fn input(&self, _e: &[D], u: D, _at: &Commands<'_>, _memory: &mut [D]) -> D {
         u
@@ -276,11 +275,11 @@ pub trait Law<D: Scalar>: Send + Sync {
         _at: &Site<'_, D>,
         _memory: &[D],
         _f: &mut Forces<'_, D>,
-        _plant: &Plant<D>,
+        _constants: &Constants<D>,
     ) {
     }
     /// Force on the tool point in base axes, averaged over the substep.
-    fn tip_force(&self, _e: &[D], _t: f64, _dt: f64) -> Option<V3<D>> {
+    fn tip_force(&self, _e: &[D], _t: f64, _dt: f64) -> Option<[D; 3]> {
         None
     }
     /// Splits the joint into rotor and link.

@@ -22,10 +22,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::case::{Case, Record};
+use crate::constants::Constants;
 use crate::effect::Commands;
 use crate::fit::{Direction, Fit, all_gains, linearise, value};
 use crate::linkage::Surroundings;
-use crate::plant::{PER_JOINT, Plant};
+use crate::plant::PER_JOINT;
 use crate::predict::{Runner, Substeps};
 use crate::simulate::Machine;
 
@@ -225,13 +226,13 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
     let n = case.n();
     let h = case.records[0].h;
     let samples = (LENGTH / h) as usize;
-    let plant = Plant::<f64>::new(&case.nominal, &fit.point.theta);
+    let constants = Constants::<f64>::new(&case.nominal, &fit.point.theta);
+    let feed = constants.plant.clone();
     let around = Surroundings {
-        gravity: plant.gravity,
+        gravity: feed.gravity,
         tip_force: None,
     };
-    let feed = plant.clone();
-    let mut machine = Machine::<f64>::new(plant, &fit.hypothesis, fit.point.e.clone());
+    let mut machine = Machine::<f64>::new(constants, &fit.hypothesis, fit.point.e.clone());
     let geared = machine.gears.iter().any(Option::is_some);
     let steps = Substeps::new(h, geared, 1);
     let dt = h / steps.number() as f64;

@@ -1,9 +1,9 @@
 //! One substep of the robot with its effects, over any [`Scalar`]; see [`effect`](crate::effect) for the equation.
 
+use crate::constants::Constants;
 use crate::effect::{After, Commands, Forces, Friction, Gear, Pick, Site, Term};
 use crate::kernels;
 use crate::linkage::{Linkage, Surroundings};
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// A hypothesis: the effects present beside the nominal structure.
@@ -53,8 +53,8 @@ pub struct State<D> {
 
 /// The robot under a hypothesis, ready to step.
 pub struct Machine<'h, D: Pick> {
-    /// The plant, constants of the effects included.
-    pub plant: Plant<D>,
+    /// The constants, those of the effects included.
+    pub constants: Constants<D>,
     hypothesis: &'h Hypothesis,
     e: Vec<D>,
     starts: Vec<usize>,
@@ -87,9 +87,9 @@ pub struct Machine<'h, D: Pick> {
 }
 
 impl<'h, D: Pick> Machine<'h, D> {
-    /// From a plant at its parameters; `e` are the effects' parameters in SI units.
-    pub fn new(mut plant: Plant<D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
-        let n = plant.hinges.len();
+    /// From constants at the nominal parameters; `e` are the effects' parameters in SI units.
+    pub fn new(mut constants: Constants<D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+        let n = constants.plant.hinges.len();
         let (starts, _) = hypothesis.offsets();
         let mut gears = vec![None; n];
         let mut cells = Vec::new();
@@ -97,7 +97,7 @@ impl<'h, D: Pick> Machine<'h, D> {
         for (term, &at) in hypothesis.terms.iter().zip(&starts) {
             let law = D::of(&*term.effect);
             let own = &e[at..at + term.effect.info().parameters.len()];
-            law.plant(own, term.joint, &mut plant);
+            law.constants(own, term.joint, &mut constants);
             if let Some(g) = law.gear(own) {
                 gears[term.joint] = Some(g);
             }
@@ -107,9 +107,9 @@ impl<'h, D: Pick> Machine<'h, D> {
         let rotors: Vec<usize> = (0..n).filter(|&j| gears[j].is_some()).collect();
         let m = n + rotors.len();
         let zero = D::nil();
-        let linkage = plant.linkage();
+        let linkage = constants.plant.linkage();
         Machine {
-            plant,
+            constants,
             hypothesis,
             e,
             starts,
@@ -142,7 +142,7 @@ impl<'h, D: Pick> Machine<'h, D> {
 
     /// Number of joints.
     pub fn n(&self) -> usize {
-        self.plant.hinges.len()
+        self.constants.plant.hinges.len()
     }
 
     fn own(&self, i: usize) -> &[D] {
@@ -160,7 +160,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             }
         }
         Surroundings {
-            gravity: self.plant.gravity,
+            gravity: self.constants.plant.gravity,
             tip_force,
         }
     }
@@ -200,11 +200,11 @@ impl<'h, D: Pick> Machine<'h, D> {
             let term = &self.hypothesis.terms[i];
             let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
             let j = term.joint;
-            let balance = self.plant.gain[j] * u[j] - self.bias[j];
+            let balance = self.constants.plant.gain[j] * u[j] - self.bias[j];
             D::of(&*term.effect).start(
                 self.own(i),
                 balance,
-                self.plant.coulomb[j],
+                self.constants.plant.coulomb[j],
                 u[j],
                 &mut state.memory[a..b],
             );
@@ -328,7 +328,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                 value: &mut self.force,
                 rate: &mut self.rate,
             };
-            D::of(&*term.effect).force(own, &at, &state.memory[a..b], &mut forces, &self.plant);
+            D::of(&*term.effect).force(own, &at, &state.memory[a..b], &mut forces, &self.constants);
         }
         // Drive, rotor, friction, on the side of the drive.
         let mut rotor = 0;
@@ -342,9 +342,9 @@ impl<'h, D: Pick> Machine<'h, D> {
             };
             let mut u = D::constant(commands[j].now());
             let mut friction = Friction {
-                forward: self.plant.coulomb[j],
-                backward: self.plant.coulomb[j],
-                viscous: self.plant.viscous[j],
+                forward: self.constants.plant.coulomb[j],
+                backward: self.constants.plant.coulomb[j],
+                viscous: self.constants.plant.viscous[j],
             };
             for i in 0..self.hypothesis.terms.len() {
                 let term = &self.hypothesis.terms[i];
@@ -369,11 +369,11 @@ impl<'h, D: Pick> Machine<'h, D> {
                 law.friction(own, &at, &state.memory[a..b], &mut friction);
             }
             let v = if geared { state.drive_v[j] } else { state.v[j] };
-            let inertia = self.plant.rotor[j];
+            let inertia = self.constants.plant.rotor[j];
             let damping = (friction.viscous + self.rate[j]) * half;
             self.matrix[c * m + c] += inertia + damping;
             self.rhs[c] +=
-                inertia * v + (self.plant.gain[j] * u + self.force[j]) * dt - damping * v;
+                inertia * v + (self.constants.plant.gain[j] * u + self.force[j]) * dt - damping * v;
             let some = friction.forward.value() > 0.0 || friction.backward.value() > 0.0;
             self.levels[c] = some.then(|| (friction.forward * dt, friction.backward * dt));
             if let Some(gear) = self.gears[j] {
@@ -450,7 +450,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                     let after = After {
                         v: mean,
                         dt,
-                        coulomb: self.plant.coulomb[j],
+                        coulomb: self.constants.plant.coulomb[j],
                     };
                     D::of(&*term.effect).advance(own, &after, &mut state.memory[a..b]);
                 }
@@ -637,8 +637,8 @@ mod tests {
         let hypothesis = Hypothesis {
             terms: vec![Term { effect, joint: 1 }],
         };
-        let plant = Plant::<f64>::new(&nominal, &vec![0.0; n * PER_JOINT]);
-        let mut machine = Machine::new(plant, &hypothesis, e.to_vec());
+        let constants = Constants::new(&nominal, &vec![0.0; n * PER_JOINT]);
+        let mut machine = Machine::<f64>::new(constants, &hypothesis, e.to_vec());
         let steps = Substeps::new(H, true, refined);
         let dt = H / steps.number() as f64;
         let u: Vec<Vec<f64>> = (0..n)

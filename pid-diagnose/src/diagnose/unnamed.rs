@@ -150,7 +150,8 @@ mod tests {
     use crate::bench::{named, pendulum_under};
     use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Site, Unit, parameter};
     use crate::fit::{Effort, Point, basis, fit};
-    use crate::plant::{PER_JOINT, Plant};
+    use crate::constants::Constants;
+    use crate::plant::PER_JOINT;
     use crate::scalar::Scalar;
     use crate::simulate::Hypothesis;
 
@@ -214,7 +215,7 @@ mod tests {
             at: &Site<'_, D>,
             _memory: &[D],
             f: &mut Forces<'_, D>,
-            _plant: &Plant<D>,
+            _constants: &Constants<D>,
         ) {
             let inside = at.q[at.joint] - e[1];
             if inside.value() > 0.0 {
