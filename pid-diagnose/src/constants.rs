@@ -1,7 +1,10 @@
 //! The constants of a robot that effects read and change, by what they are.
 
+use pid_interpret::links;
+use pid_interpret::nominal::Role;
+use pid_symbolic::program::Element;
+
 use crate::nominal::Nominal;
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// A constant of the robot. Bodies and coordinates count from 0, base to tip.
@@ -27,47 +30,68 @@ pub enum Constant {
 
 /// Values of all constants of one simulated robot.
 #[derive(Debug, Clone)]
-pub struct Constants<D> {
-    pub(crate) plant: Plant<D>,
+pub struct Constants<'n, D> {
+    nominal: &'n Nominal,
+    /// Parameters of the description's robot.
+    p: Vec<D>,
+    /// In the order of [`links::Links::place`].
+    links: Vec<D>,
+    gain: Vec<D>,
+    coulomb: Vec<D>,
+    viscous: Vec<D>,
 }
 
-impl<D: Scalar> Constants<D> {
+impl<'n, D: Scalar + Element> Constants<'n, D> {
     /// At deviations `theta` of the nominal parameters, in tolerances.
-    pub fn new(nominal: &Nominal, theta: &[D]) -> Self {
+    pub fn new(nominal: &'n Nominal, theta: &[D]) -> Self {
+        let p = nominal.parameters(theta);
+        let of = |role: Role| -> Vec<D> {
+            (0..nominal.n())
+                .map(|j| nominal.place(j, role).map_or_else(D::nil, |i| nominal.value(i, theta)))
+                .collect()
+        };
         Constants {
-            plant: Plant::new(nominal, theta),
+            nominal,
+            links: nominal.links.constants(&p),
+            gain: of(Role::Gain),
+            coulomb: of(Role::Coulomb),
+            viscous: of(Role::Viscous),
+            p,
         }
     }
 
+    /// Everything of mass matrix and bias that depends on constants alone.
+    pub(crate) fn prepared(&self) -> links::Work<D> {
+        self.nominal.links.prepare(&self.p, &self.links)
+    }
+}
+
+impl<'n, D: Scalar> Constants<'n, D> {
+    /// The robot they are constants of.
+    pub(crate) fn nominal(&self) -> &'n Nominal {
+        self.nominal
+    }
+
     /// A constant; zero if the robot has no such.
+    #[inline(always)]
     pub fn get(&self, which: Constant) -> D {
-        let p = &self.plant;
-        let body = |b: usize| p.bodies.get(b);
         let found = match which {
-            Constant::Gravity(i) => p.gravity.get(i).copied(),
-            Constant::Mass(b) => body(b).map(|b| b.mass),
-            Constant::Moment(b, i) => body(b).and_then(|b| b.moment.get(i).copied()),
-            Constant::Inertia(b, i) => body(b).and_then(|b| b.inertia.get(i).copied()),
-            Constant::Rotor(j) => p.rotor.get(j).copied(),
-            Constant::Gain(j) => p.gain.get(j).copied(),
-            Constant::Coulomb(j) => p.coulomb.get(j).copied(),
-            Constant::Viscous(j) => p.viscous.get(j).copied(),
+            Constant::Gain(j) => self.gain.get(j),
+            Constant::Coulomb(j) => self.coulomb.get(j),
+            Constant::Viscous(j) => self.viscous.get(j),
+            _ => self.place(which).and_then(|i| self.links.get(i)),
         };
-        found.unwrap_or_else(D::nil)
+        found.copied().unwrap_or_else(D::nil)
     }
 
     /// Changes a constant; does nothing if the robot has no such.
     pub fn set(&mut self, which: Constant, value: D) {
-        let p = &mut self.plant;
+        let place = self.place(which);
         let found = match which {
-            Constant::Gravity(i) => p.gravity.get_mut(i),
-            Constant::Mass(b) => p.bodies.get_mut(b).map(|b| &mut b.mass),
-            Constant::Moment(b, i) => p.bodies.get_mut(b).and_then(|b| b.moment.get_mut(i)),
-            Constant::Inertia(b, i) => p.bodies.get_mut(b).and_then(|b| b.inertia.get_mut(i)),
-            Constant::Rotor(j) => p.rotor.get_mut(j),
-            Constant::Gain(j) => p.gain.get_mut(j),
-            Constant::Coulomb(j) => p.coulomb.get_mut(j),
-            Constant::Viscous(j) => p.viscous.get_mut(j),
+            Constant::Gain(j) => self.gain.get_mut(j),
+            Constant::Coulomb(j) => self.coulomb.get_mut(j),
+            Constant::Viscous(j) => self.viscous.get_mut(j),
+            _ => place.and_then(|i| self.links.get_mut(i)),
         };
         if let Some(found) = found {
             *found = value;
@@ -80,10 +104,21 @@ impl<D: Scalar> Constants<D> {
         self.set(which, sum);
     }
 
+    fn place(&self, which: Constant) -> Option<usize> {
+        let which = match which {
+            Constant::Gravity(i) => links::Constant::Gravity(i),
+            Constant::Mass(b) => links::Constant::Mass(b),
+            Constant::Moment(b, i) => links::Constant::Moment(b, i),
+            Constant::Inertia(b, i) => links::Constant::Inertia(b, i),
+            Constant::Rotor(j) => links::Constant::Rotor(j),
+            Constant::Gain(_) | Constant::Coulomb(_) | Constant::Viscous(_) => return None,
+        };
+        self.nominal.links.place(which)
+    }
+
     /// The body that carries the tool point, and the point in its frame, m; `None` for a robot without bodies.
     pub fn tool(&self) -> Option<(usize, [f64; 3])> {
-        let last = self.plant.bodies.len().checked_sub(1)?;
-        Some((last, self.plant.tool))
+        self.nominal.links.tool()
     }
 
     /// Adds a point mass, kg, to a body at a point of its frame, m.

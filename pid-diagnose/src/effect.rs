@@ -13,6 +13,8 @@
 use std::fmt;
 use std::sync::Arc;
 
+use pid_symbolic::program::Element;
+
 use crate::constants::Constants;
 use crate::scalar::{Lanes, Scalar};
 
@@ -318,6 +320,8 @@ pub trait Effect: Send + Sync {
     fn partner(&self, joint: usize) -> Option<usize>;
     /// Whether it cannot be at a joint without partner.
     fn needs_partner(&self) -> bool;
+    /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its Lagrangian.
+    fn needs_bodies(&self) -> bool;
     /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act between them.
     fn edges(&self) -> &'static [usize];
     /// Physical magnitudes for the report.
@@ -352,6 +356,10 @@ pub trait Model: Send + Sync {
     fn needs_partner(&self) -> bool {
         false
     }
+    /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its Lagrangian.
+    fn needs_bodies(&self) -> bool {
+        false
+    }
     /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act between them.
     fn edges(&self) -> &'static [usize] {
         &[]
@@ -383,6 +391,9 @@ impl<T: Model + Law<f64> + Law<Wide> + Law<Narrow> + Law<num_dual::Dual64>> Effe
     fn needs_partner(&self) -> bool {
         Model::needs_partner(self)
     }
+    fn needs_bodies(&self) -> bool {
+        Model::needs_bodies(self)
+    }
     fn edges(&self) -> &'static [usize] {
         Model::edges(self)
     }
@@ -404,7 +415,7 @@ impl<T: Model + Law<f64> + Law<Wide> + Law<Narrow> + Law<num_dual::Dual64>> Effe
 }
 
 /// Scalars for which every [`Effect`] offers its equation.
-pub trait Pick: Scalar {
+pub trait Pick: Scalar + Element {
     /// Whether it is a plain number: what was solved for values is solved.
     const PLAIN: bool = false;
     /// The equation over this scalar.

@@ -176,8 +176,7 @@ impl<D: Scalar> Law<D> for FreeLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::pendulum;
-    use crate::plant::PER_JOINT;
+    use crate::bench::{SIZE, pendulum};
     use crate::simulate::Hypothesis;
     use num_dual::Dual64;
 
@@ -188,7 +187,7 @@ mod tests {
         let (first, last) = law.ends[0];
         let e: Vec<f64> = (0..FEW).map(|i| (i as f64).sin()).collect();
         let constants =
-            Constants::<Dual64>::new(&case.nominal, &[Dual64::from(0.0); PER_JOINT]);
+            Constants::<Dual64>::new(&case.nominal, &[Dual64::from(0.0); SIZE]);
         let at = |q: f64, seed: f64| {
             let q = [Dual64::new(q, seed)];
             let nothing = [Dual64::from(0.0)];

@@ -6,11 +6,10 @@
 use std::ops::ControlFlow;
 
 use crate::case::{Case, Record, Velocity};
-use crate::constants::Constants;
+use crate::constants::{Constant, Constants};
 use crate::effect::{Commands, Pick};
 use crate::nominal::EncoderSide;
 use crate::observer::{Design, Gain, gain};
-use crate::plant::PER_JOINT;
 use crate::scalar::Scalar;
 use crate::simulate::{Hypothesis, Machine, State};
 
@@ -71,7 +70,7 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
         .map(|j| {
             let noise = &case.noise[j];
             let all = case.scale[j].inertia;
-            let rotor = machine.constants.plant.rotor[j].max(1e-3 * all);
+            let rotor = machine.constants.get(Constant::Rotor(j)).max(1e-3 * all);
             let gear = machine.gears[j].map(|g| {
                 // A gap is a soft spring on the whole.
                 let compliance = 1.0 / g.stiffness + 0.5 * g.gap / case.scale[j].torque * 4.0;
@@ -85,7 +84,7 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
             gain(&Design {
                 h,
                 inertia: if gear.is_some() { rotor } else { all },
-                viscous: machine.constants.plant.viscous[j].max(0.0),
+                viscous: machine.constants.get(Constant::Viscous(j)).max(0.0),
                 gear,
                 torque: noise.torque,
                 passed: noise.passed,
@@ -132,8 +131,11 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         hypothesis: &'h Hypothesis,
         theta: &[D],
         e: &[D],
-    ) -> Self {
-        debug_assert_eq!(theta.len(), case.n() * PER_JOINT);
+    ) -> Self
+    where
+        'a: 'h,
+    {
+        debug_assert_eq!(theta.len(), case.nominal.size());
         let mut machine = Machine::new(Constants::new(&case.nominal, theta), hypothesis, e.to_vec());
         machine.begin = record.begin;
         let geared = machine.gears.iter().any(Option::is_some);

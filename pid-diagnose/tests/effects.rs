@@ -1,11 +1,12 @@
 //! Every effect against its equation written independently, and its derivatives against differences.
 
+use std::sync::OnceLock;
+
 use num_dual::Dual64;
 use pid_diagnose::constants::{Constant, Constants};
 use pid_diagnose::effect::{After, Commands, Forces, Friction, Law, Pick, Site, Wide};
 use pid_diagnose::effects;
 use pid_diagnose::nominal::Nominal;
-use pid_diagnose::plant::PER_JOINT;
 
 const ROBOT: &str = r#"
 [robot]
@@ -50,9 +51,12 @@ input = "current"
 velocity = "measured"
 "#;
 
-fn constants<D: Pick>() -> Constants<D> {
-    let nominal = Nominal::parse(ROBOT, "nominal.toml".as_ref()).expect("a valid robot");
-    Constants::new(&nominal, &[D::constant(0.0); 2 * PER_JOINT])
+fn constants<D: Pick>() -> Constants<'static, D> {
+    static NOMINAL: OnceLock<Nominal> = OnceLock::new();
+    let nominal = NOMINAL.get_or_init(|| {
+        Nominal::parse(ROBOT, "nominal.toml".as_ref()).expect("a valid robot")
+    });
+    Constants::new(nominal, &vec![D::constant(0.0); nominal.size()])
 }
 
 /// Everything an effect can say at one point, as one list of numbers.

@@ -147,11 +147,10 @@ impl Nameless {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{named, pendulum_under};
+    use crate::bench::{SIZE, named, pendulum_under};
     use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Site, Unit, parameter};
     use crate::fit::{Effort, Point, basis, fit};
     use crate::constants::Constants;
-    use crate::plant::PER_JOINT;
     use crate::scalar::Scalar;
     use crate::simulate::Hypothesis;
 
@@ -171,7 +170,7 @@ mod tests {
         let settings = Settings::default();
         let fitted = |hypothesis: &Hypothesis, e: &[f64]| {
             let at = Point {
-                theta: vec![0.0; PER_JOINT],
+                theta: vec![0.0; SIZE],
                 e: e.to_vec(),
             };
             let effort = Effort::full(settings.steps);

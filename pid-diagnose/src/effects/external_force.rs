@@ -49,6 +49,9 @@ impl Model for ExternalForce {
     fn info(&self) -> &'static Info {
         &INFO
     }
+    fn needs_bodies(&self) -> bool {
+        true
+    }
     fn edges(&self) -> &'static [usize] {
         &[3, 4, 5, 6, 7, 8]
     }

@@ -35,6 +35,9 @@ impl Model for Payload {
     fn info(&self) -> &'static Info {
         &INFO
     }
+    fn needs_bodies(&self) -> bool {
+        true
+    }
 }
 
 impl<D: Scalar> Law<D> for Payload {
