@@ -169,10 +169,10 @@ impl Case {
     pub fn read(folder: &Path) -> Result<Self, CaseError> {
         let dataset = Dataset::read(folder)?;
         let nominal = Nominal::read(folder)?;
-        Self::new(nominal, &dataset)
+        Self::new(nominal.clone(), &nominal.records(&dataset))
     }
 
-    /// From a description and records.
+    /// From a description and records in its coordinates ([`Nominal::records`]).
     ///
     /// # Errors
     /// As [`Case::read`].

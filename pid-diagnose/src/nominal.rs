@@ -4,12 +4,14 @@
 //! The description itself is [`pid_interpret::nominal`]'s. Unknowns are the deviations θ of its parameters in units of their
 //! tolerances, `p = p₀ + Δp θ`, in its order; how many there are differs from robot to robot.
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
 use pid_derive::model::Expr;
 use pid_interpret::Links;
 use pid_interpret::nominal::{self as description, Role, Velocity};
+use pid_runtime::data::Dataset;
 use pid_runtime::dynamics::Dynamics;
 
 pub use pid_interpret::nominal::EncoderSide;
@@ -246,6 +248,32 @@ impl Nominal {
             p[v.param] = self.value(i, theta);
         }
         p
+    }
+
+    /// The records in the coordinates of the description: those of drives on several joints are computed from the joints' readings.
+    pub fn records<'a>(&self, dataset: &'a Dataset) -> Cow<'a, Dataset> {
+        let Some(drives) = self.description.drives() else {
+            return Cow::Borrowed(dataset);
+        };
+        let n = self.n();
+        if dataset.nq() != n {
+            return Cow::Borrowed(dataset);
+        }
+        let mut dataset = dataset.clone();
+        for e in &mut dataset.experiments {
+            for q in e.q.chunks_exact_mut(n) {
+                q.copy_from_slice(&drives.positions(q));
+            }
+            for v in e.v.iter_mut().flat_map(|v| v.chunks_exact_mut(n)) {
+                v.copy_from_slice(&drives.velocities(v));
+            }
+            for q in e.qref.iter_mut().flat_map(|q| q.chunks_exact_mut(n)) {
+                q.copy_from_slice(&drives.positions(q));
+            }
+            // What a sensor of torque shows is that of the joints.
+            e.tau = None;
+        }
+        Cow::Owned(dataset)
     }
 
     /// Whether a force on a tool or a payload has a body to act on.

@@ -62,7 +62,9 @@ struct Motion {
 /// Memory of evaluations.
 #[derive(Debug, Clone)]
 pub struct Work<T> {
-    scratch: Scratch<T>,
+    free: Scratch<T>,
+    /// Of the motion with a force on the tool, from the first evaluation with one on.
+    pushed: Option<Scratch<T>>,
     prepared: Vec<T>,
     lower: Vec<T>,
 }
@@ -94,7 +96,7 @@ impl Links {
         let derived = links(&mut g, robot, tool.map(|(link, at)| Tool { link, at }));
         let nq = derived.symbols.q.len();
         let params = 3 * nq + robot.inputs.len();
-        let constants = Program::new(&g, &derived.values);
+        let constants = Program::new(&g, &derived.values).exact();
         // Of the motion's program: q, v, sines, cosines, force, then what is prepared.
         let known = 4 * nq + 3;
         let slow = |var: u32| {
@@ -141,7 +143,7 @@ impl Links {
             tool: tool.and_then(|(_, at)| Some((derived.tool_body?, at))),
             constants,
             prepare: Stage {
-                program: Program::new(&g, &split.before),
+                program: Program::new(&g, &split.before).exact(),
                 params,
                 constants: derived.first,
             },
@@ -208,18 +210,28 @@ impl Links {
     /// # Panics
     /// If `p` or `constants` are too short.
     pub fn prepare<T: Element>(&self, p: &[T], constants: &[T]) -> Work<T> {
-        let mut scratch = Scratch::new();
         let mut prepared = vec![T::splat(0.0); self.prepare.program.outputs()];
         let fill = |z: &mut [T]| {
             fill_from(z, self.prepare.params, p);
             fill_from(z, self.prepare.constants, constants);
         };
-        self.prepare.program.evaluate(&mut scratch, fill, [&mut prepared]);
+        self.prepare
+            .program
+            .evaluate(&mut Scratch::new(), fill, [&mut prepared]);
         Work {
-            scratch,
+            free: self.loaded(&self.free, &prepared),
+            pushed: None,
             prepared,
             lower: vec![T::splat(0.0); self.nq * (self.nq + 1) / 2],
         }
+    }
+
+    /// The work space of a motion that holds what was prepared.
+    fn loaded<T: Element>(&self, motion: &Motion, prepared: &[T]) -> Scratch<T> {
+        let mut scratch = Scratch::new();
+        let fill = |z: &mut [T]| fill_from(z, 4 * self.nq + 3, prepared);
+        motion.program.load(&mut scratch, fill);
+        scratch
     }
 
     /// M (to [`Work::mass`]) and b − Jᵀ f at a motion; `turn` is sine and cosine. A force without a tool does nothing.
@@ -235,15 +247,16 @@ impl Links {
         bias: &mut [T],
     ) {
         let n = self.nq;
-        let motion = match (&self.pushed, at.force) {
-            (Some(pushed), Some(_)) => pushed,
-            _ => &self.free,
+        let (motion, scratch) = match (&self.pushed, at.force) {
+            (Some(pushed), Some(_)) => {
+                let prepared = &work.prepared;
+                let own = &mut work.pushed;
+                let scratch = own.get_or_insert_with(|| self.loaded(pushed, prepared));
+                (pushed, scratch)
+            }
+            _ => (&self.free, &mut work.free),
         };
-        let Work {
-            scratch,
-            prepared,
-            lower,
-        } = work;
+        let lower = &mut work.lower[..];
         let fill = |z: &mut [T]| {
             fill_from(z, 0, at.q);
             fill_from(z, n, at.v);
@@ -258,9 +271,8 @@ impl Links {
             if let Some(force) = &at.force {
                 fill_from(z, 4 * n, force);
             }
-            fill_from(z, 4 * n + 3, prepared);
         };
-        motion.program.evaluate(scratch, fill, [lower, bias]);
+        motion.program.resume(scratch, fill, [lower, bias]);
     }
 }
 

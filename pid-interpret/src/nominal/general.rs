@@ -9,7 +9,7 @@ use std::path::Path;
 
 use pid_derive::equations::applied_force;
 use pid_derive::links::links;
-use pid_derive::model::{Expr, Input, Joint, Robot};
+use pid_derive::model::{Input, Joint, Robot};
 use pid_derive::{Blanks, Symbols};
 use pid_symbolic::{Graph, Program, Tape};
 
@@ -54,50 +54,54 @@ pub(super) fn nominal(declared: &Robot, measurement: Option<&Path>) -> Result<No
         at_drives(&mut measurement, drives);
     }
     let tool_link = coordinates(declared).last().map(|joint| joint.child);
+    let tool_link = tool_link.filter(|&link| link < robot.links.len());
+    let (robot, tolerances) = with_drives(robot, &values, &measurement);
     Ok(Nominal {
-        tolerances: Vec::new(),
-        tool_link: tool_link.filter(|&link| link < robot.links.len()),
-        drives,
+        robot,
+        tolerances,
         measurement,
-        robot: Robot::new(String::new(), [0.0; 3].map(Expr::Num)),
-    }
-    .with(robot, &values))
+        tool_link,
+        drives,
+    })
 }
 
-impl Nominal {
-    /// With the mechanism of a robot and the drives of these values.
-    fn with(mut self, mut robot: Robot, values: &[DriveValues]) -> Self {
-        self.tolerances = mechanism(&robot, values);
-        for joint in &mut robot.joints {
-            joint.force = None;
-        }
-        for motor in &mut robot.motors {
-            motor.force = None;
-        }
-        robot.inputs.clear();
-        let names: Vec<(usize, String, bool)> = (robot.joints.iter().enumerate())
-            .filter_map(|(place, j)| Some((j.coord?, place, j)))
-            .map(|(_, place, j)| (place, j.name.clone(), j.kind.is_length()))
-            .collect();
-        for (index, ((place, name, prismatic), drive)) in names.into_iter().zip(values).enumerate() {
-            let channel = self.measurement.channels.get(index);
-            let mut drive = drive.clone();
-            if drive.sharpness.is_infinite() {
-                drive.sharpness = measured::sharpness(channel.and_then(|c| c.speed_scale));
-            }
-            let [gain, coulomb, viscous, sharp] =
-                drive_params(&mut robot, &mut self.tolerances, index, &name, prismatic, &drive);
-            robot.inputs.push(Input {
-                name: format!("u_{name}"),
-                docs: Vec::new(),
-                unit: drive.input_unit,
-                coord: Some(index),
-            });
-            robot.joints[place].force = Some(drive_force(index, gain, coulomb, viscous, sharp));
-        }
-        self.robot = robot;
-        self
+/// A mechanism with the drives of these values in place of its own forces, and the tolerances of all parameters.
+fn with_drives(
+    mut robot: Robot,
+    values: &[DriveValues],
+    measurement: &Measurement,
+) -> (Robot, Vec<Tolerance>) {
+    let mut tolerances = mechanism(&robot, values);
+    for joint in &mut robot.joints {
+        joint.force = None;
     }
+    for motor in &mut robot.motors {
+        motor.force = None;
+    }
+    robot.inputs.clear();
+    // Coordinates are numbered as the joints that have them.
+    let places: Vec<usize> = (0..robot.joints.len())
+        .filter(|&k| robot.joints[k].coord.is_some())
+        .collect();
+    for (index, (place, drive)) in places.into_iter().zip(values).enumerate() {
+        let joint = &robot.joints[place];
+        let (name, prismatic) = (joint.name.clone(), joint.kind.is_length());
+        let mut drive = drive.clone();
+        if drive.sharpness.is_infinite() {
+            let channel = measurement.channels.get(index);
+            drive.sharpness = measured::sharpness(channel.and_then(|c| c.speed_scale));
+        }
+        let [gain, coulomb, viscous, sharp] =
+            drive_params(&mut robot, &mut tolerances, index, &name, prismatic, &drive);
+        robot.inputs.push(Input {
+            name: format!("u_{name}"),
+            docs: Vec::new(),
+            unit: drive.input_unit,
+            coord: Some(index),
+        });
+        robot.joints[place].force = Some(drive_force(index, gain, coulomb, viscous, sharp));
+    }
+    (robot, tolerances)
 }
 
 /// Joints with a coordinate, by coordinate.

@@ -184,6 +184,11 @@ impl Narrow {
     pub(super) fn new(slot: u32) -> Self {
         Self(u16::try_from(slot).expect("the number of slots was compared before"))
     }
+
+    /// Its number.
+    pub(super) fn number(self) -> u32 {
+        u32::from(self.0)
+    }
 }
 
 impl Slot for Narrow {

@@ -163,6 +163,19 @@ impl Program {
         }
     }
 
+    /// The same with a work space of exactly the slots it needs, each access checked: for programs that run seldom, over elements
+    /// so large that 2¹⁶ of them cost more than the evaluation.
+    pub fn exact(mut self) -> Self {
+        if let Slots::Narrow(code) = &self.slots {
+            let numbers = |slots: &[Narrow]| slots.iter().map(|s| s.number()).collect();
+            self.slots = Slots::Wide(Code {
+                args: numbers(&code.args),
+                outputs: numbers(&code.outputs),
+            });
+        }
+        self
+    }
+
     /// Number of variables: one more than the highest variable number read.
     pub fn vars(&self) -> usize {
         self.reads.len()
@@ -233,29 +246,53 @@ impl Program {
         fill: impl FnOnce(&mut [T]),
         out: [&mut [T]; N],
     ) {
+        self.load(scratch, |_| {});
+        self.resume(scratch, fill, out);
+    }
+
+    /// Writes constants, and variables by `fill`, for evaluations by [`resume`](Self::resume).
+    pub fn load<T: Element>(&self, scratch: &mut Scratch<T>, fill: impl FnOnce(&mut [T])) {
+        let work = match &self.slots {
+            Slots::Tiny(_) => &mut scratch.tiny()[..],
+            Slots::Narrow(_) => &mut scratch.narrow()[..],
+            Slots::Wide(_) => scratch.wide(self.size),
+        };
+        let (vars, rest) = work.split_at_mut(self.reads.len());
+        fill(vars);
+        for (slot, &constant) in rest.iter_mut().zip(&self.constants) {
+            *slot = T::splat(constant);
+        }
+    }
+
+    /// The outputs once more: constants are those of the last [`load`](Self::load), and so are the variables that `fill` leaves.
+    /// No other program may have used `scratch` since.
+    ///
+    /// # Panics
+    /// As [`eval`](Self::eval).
+    #[inline(always)]
+    pub fn resume<T: Element, const N: usize>(
+        &self,
+        scratch: &mut Scratch<T>,
+        fill: impl FnOnce(&mut [T]),
+        out: [&mut [T]; N],
+    ) {
         let places = out.iter().map(|out| out.len()).sum::<usize>();
         assert_eq!(places, self.outputs(), "one place per output");
-        let load = |work: &mut [T]| {
-            let (vars, rest) = work.split_at_mut(self.reads.len());
-            fill(vars);
-            for (slot, &constant) in rest.iter_mut().zip(&self.constants) {
-                *slot = T::splat(constant);
-            }
-        };
+        let vars = self.reads.len();
         match &self.slots {
             Slots::Tiny(code) => {
                 let work = scratch.tiny();
-                load(work);
+                fill(&mut work[..vars]);
                 execute::run(&self.runs, code, work, out);
             }
             Slots::Narrow(code) => {
                 let work = scratch.narrow();
-                load(work);
+                fill(&mut work[..vars]);
                 execute::run(&self.runs, code, work, out);
             }
             Slots::Wide(code) => {
                 let work = scratch.wide(self.size);
-                load(work);
+                fill(&mut work[..vars]);
                 execute::run(&self.runs, code, work, out);
             }
         }
