@@ -141,6 +141,7 @@ impl Report {
         next: bool,
     ) -> Result<Self, CaseError> {
         let clock = std::time::Instant::now();
+        let dataset = &*nominal.records(dataset);
         let case = Case::new(nominal, dataset)?;
         let mut found = investigate(&case, settings);
         let place = locate(&found.case, &found.base, dataset).map_err(|e| e.to_string());

@@ -1,16 +1,11 @@
 //! Declared robots against records of robots that have a spring more: no `nominal.toml`, the same verdict as with one.
 
-use std::fmt::Write;
-use std::path::PathBuf;
+mod common;
 
-use pid_data::InputHold;
+use common::folder;
 use pid_diagnose::diagnose::Settings;
 use pid_diagnose::report::Report;
-use pid_fit::integrate::{self, Drive, simulate};
-use pid_runtime::dynamics::Jacobian;
 use pid_runtime::robot;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
 robot! {
     /// What the engineer declares.
@@ -92,100 +87,6 @@ robot! {
         }
         emit { first_derivatives }
     }
-}
-
-const STEP: f64 = 0.004;
-const SAMPLES: u32 = 1500;
-/// Uniform noise of the readings, standard deviation, rad.
-const NOISE: f64 = 1e-4;
-
-/// A data folder of a machine without `nominal.toml`, from rest at `q`, under inputs of an `amplitude`.
-fn folder(
-    name: &str,
-    machine: &dyn Jacobian,
-    joints: &[&str],
-    q: &[f64],
-    amplitude: f64,
-) -> PathBuf {
-    let n = joints.len();
-    let out = std::env::temp_dir().join(format!("pid-{name}-{}", std::process::id()));
-    std::fs::create_dir_all(&out).expect("a folder");
-    let mut random = ChaCha8Rng::seed_from_u64(5);
-    let mut dataset = String::from(
-        "name = \"drawn\"\ntitle = \"Links with a spring\"\nsource = \"simulated\"\nlicense = \"none\"\nkind = \"simulated\"\n",
-    );
-    let mut measurement = String::new();
-    for joint in joints {
-        write!(
-            dataset,
-            "\n[[joint]]\nname = \"{joint}\"\ntype = \"revolute\"\ninput = \"current\"\ninput_unit = \"A\"\nvelocity = \"absent\"\n"
-        )
-        .expect("a text");
-        writeln!(
-            measurement,
-            "[[joint]]\nname = \"{joint}\"\nq_noise_std = {NOISE:e}"
-        )
-        .expect("a text");
-    }
-    for (record, role) in ["train", "train", "test"].iter().enumerate() {
-        let waves: Vec<[(f64, f64, f64); 4]> = (0..n)
-            .map(|_| {
-                std::array::from_fn(|k| {
-                    let f = 0.15 + 0.4 * k as f64 + 0.1 * random.random::<f64>();
-                    let phase = std::f64::consts::TAU * random.random::<f64>();
-                    (f, amplitude / (1.0 + k as f64), phase)
-                })
-            })
-            .collect();
-        let t: Vec<f64> = (0..SAMPLES).map(|k| STEP * f64::from(k)).collect();
-        let wave =
-            |t: f64, (f, a, p): &(f64, f64, f64)| a * (std::f64::consts::TAU * f * t + p).sin();
-        let u: Vec<f64> = (t.iter())
-            .flat_map(|&t| {
-                waves
-                    .iter()
-                    .map(move |w| w.iter().map(|w| wave(t, w)).sum::<f64>())
-            })
-            .collect();
-        let p: Vec<f64> = machine.params().iter().map(|p| p.nominal).collect();
-        let drive = Drive {
-            t: &t,
-            u: &u,
-            hold: InputHold::ZeroOrder,
-        };
-        let motion = simulate(
-            machine,
-            &p,
-            q,
-            &vec![0.0; n],
-            &drive,
-            integrate::Settings::default(),
-        )
-        .expect("a motion");
-        let columns = |of: &str| (1..=n).map(|j| format!(",{of}{j}")).collect::<String>();
-        let mut text = format!("t{}{}\n", columns("q"), columns("u"));
-        for (k, t) in t.iter().enumerate() {
-            write!(text, "{t:.3}").expect("a text");
-            for q in &motion.q[k * n..(k + 1) * n] {
-                let noise = NOISE * 12f64.sqrt() * (random.random::<f64>() - 0.5);
-                write!(text, ",{:.9}", q + noise).expect("a text");
-            }
-            for u in &u[k * n..(k + 1) * n] {
-                write!(text, ",{u:.9}").expect("a text");
-            }
-            text.push('\n');
-        }
-        let file = format!("r{record}.csv");
-        std::fs::write(out.join(&file), text).expect("a record");
-        write!(
-            dataset,
-            "\n[[experiment]]\nfile = \"{file}\"\nrole = \"{role}\"\n"
-        )
-        .expect("a text");
-    }
-    std::fs::write(out.join("dataset.toml"), dataset).expect("a file");
-    std::fs::write(out.join("measurement.toml"), measurement).expect("a file");
-    out
 }
 
 #[test]

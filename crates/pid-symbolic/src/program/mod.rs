@@ -1,4 +1,5 @@
-//! Outputs of a graph as a program for fast repeated evaluation over `f64`, one point or [`LANES`] points at a time.
+//! Outputs of a graph as a program for fast repeated evaluation over any [`Element`]: `f64`, [`LANES`] points at a time, numbers
+//! with derivatives.
 //!
 //! A [`Tape`](crate::Tape) decides for every operation what to do next; on a processor that decision costs several times
 //! the operation. A program decides once per run of equal operations:
@@ -30,8 +31,8 @@ mod slots;
 
 use std::ops::Range;
 
-use execute::{Element, Narrow};
-pub use execute::{LANES, Scratch};
+pub use execute::{Element, LANES, Scratch};
+use execute::{Narrow, Tiny};
 
 use crate::graph::Graph;
 use crate::node::{Function, Id, Node};
@@ -97,6 +98,8 @@ struct Code<S> {
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Slots {
+    /// Fewer than 2⁸ slots: reads and writes need no check, and everything is near.
+    Tiny(Code<Tiny>),
     /// Fewer than 2¹⁶ slots: reads and writes need no check.
     Narrow(Code<Narrow>),
     /// Any number.
@@ -133,7 +136,13 @@ impl Program {
                 }),
             }
         }
-        let slots = if layout.size <= Narrow::COUNT {
+        let slots = if layout.size <= Tiny::COUNT {
+            let tiny = |slots: &[u32]| slots.iter().map(|&s| Tiny::new(s)).collect();
+            Slots::Tiny(Code {
+                args: tiny(&layout.args),
+                outputs: tiny(&layout.outputs),
+            })
+        } else if layout.size <= Narrow::COUNT {
             let narrow = |slots: &[u32]| slots.iter().map(|&s| Narrow::new(s)).collect();
             Slots::Narrow(Code {
                 args: narrow(&layout.args),
@@ -154,6 +163,19 @@ impl Program {
         }
     }
 
+    /// The same with a work space of exactly the slots it needs, each access checked: for programs that run seldom, over elements
+    /// so large that 2¹⁶ of them cost more than the evaluation.
+    pub fn exact(mut self) -> Self {
+        if let Slots::Narrow(code) = &self.slots {
+            let numbers = |slots: &[Narrow]| slots.iter().map(|s| s.number()).collect();
+            self.slots = Slots::Wide(Code {
+                args: numbers(&code.args),
+                outputs: numbers(&code.outputs),
+            });
+        }
+        self
+    }
+
     /// Number of variables: one more than the highest variable number read.
     pub fn vars(&self) -> usize {
         self.reads.len()
@@ -168,6 +190,7 @@ impl Program {
     /// Number of outputs.
     pub fn outputs(&self) -> usize {
         match &self.slots {
+            Slots::Tiny(code) => code.outputs.len(),
             Slots::Narrow(code) => code.outputs.len(),
             Slots::Wide(code) => code.outputs.len(),
         }
@@ -212,7 +235,42 @@ impl Program {
         self.evaluate(scratch, fill, out);
     }
 
-    fn evaluate<T: Element, const N: usize>(
+    /// The outputs over any [`Element`], compiled for the processor features of the caller.
+    ///
+    /// # Panics
+    /// As [`eval`](Self::eval).
+    #[inline(always)]
+    pub fn evaluate<T: Element, const N: usize>(
+        &self,
+        scratch: &mut Scratch<T>,
+        fill: impl FnOnce(&mut [T]),
+        out: [&mut [T]; N],
+    ) {
+        self.load(scratch, |_| {});
+        self.resume(scratch, fill, out);
+    }
+
+    /// Writes constants, and variables by `fill`, for evaluations by [`resume`](Self::resume).
+    pub fn load<T: Element>(&self, scratch: &mut Scratch<T>, fill: impl FnOnce(&mut [T])) {
+        let work = match &self.slots {
+            Slots::Tiny(_) => &mut scratch.tiny()[..],
+            Slots::Narrow(_) => &mut scratch.narrow()[..],
+            Slots::Wide(_) => scratch.wide(self.size),
+        };
+        let (vars, rest) = work.split_at_mut(self.reads.len());
+        fill(vars);
+        for (slot, &constant) in rest.iter_mut().zip(&self.constants) {
+            *slot = T::splat(constant);
+        }
+    }
+
+    /// The outputs once more: constants are those of the last [`load`](Self::load), and so are the variables that `fill` leaves.
+    /// No other program may have used `scratch` since.
+    ///
+    /// # Panics
+    /// As [`eval`](Self::eval).
+    #[inline(always)]
+    pub fn resume<T: Element, const N: usize>(
         &self,
         scratch: &mut Scratch<T>,
         fill: impl FnOnce(&mut [T]),
@@ -220,22 +278,21 @@ impl Program {
     ) {
         let places = out.iter().map(|out| out.len()).sum::<usize>();
         assert_eq!(places, self.outputs(), "one place per output");
-        let load = |work: &mut [T]| {
-            let (vars, rest) = work.split_at_mut(self.reads.len());
-            fill(vars);
-            for (slot, &constant) in rest.iter_mut().zip(&self.constants) {
-                *slot = T::splat(constant);
-            }
-        };
+        let vars = self.reads.len();
         match &self.slots {
+            Slots::Tiny(code) => {
+                let work = scratch.tiny();
+                fill(&mut work[..vars]);
+                execute::run(&self.runs, code, work, out);
+            }
             Slots::Narrow(code) => {
                 let work = scratch.narrow();
-                load(work);
+                fill(&mut work[..vars]);
                 execute::run(&self.runs, code, work, out);
             }
             Slots::Wide(code) => {
                 let work = scratch.wide(self.size);
-                load(work);
+                fill(&mut work[..vars]);
                 execute::run(&self.runs, code, work, out);
             }
         }
