@@ -6,7 +6,7 @@ use pid_data::Dataset;
 use pid_runtime::dynamics::Dynamics;
 use serde::{Deserialize, Serialize};
 
-use crate::case::{Case, CaseError};
+use crate::case::{Case, CaseError, outlier_warnings};
 use crate::channel::{Reading, inputs, readings};
 use crate::diagnose::{Diagnosis, Found, Settings, investigate};
 use crate::fit::Fit;
@@ -150,6 +150,10 @@ impl Report {
             found.diagnosis.missing_force = shares(place);
         }
         found.diagnosis.warnings = dataset.warnings.iter().map(ToString::to_string).collect();
+        found
+            .diagnosis
+            .warnings
+            .extend(outlier_warnings(&case.outliers));
         found.diagnosis.signals = signals(&case, &found.base);
         if let Some(left) = &mut found.diagnosis.remainder {
             left.missing_force = shares(&rest(&found.case, &found.fit));
