@@ -229,3 +229,16 @@ impl Substituted for ClosedLoop<'_> {
 }
 
 substituted!(ClosedLoop);
+
+#[cfg(test)]
+mod tests {
+    use super::{UNLIMITED, law};
+
+    #[test]
+    fn the_law_is_linear_within_its_limit_and_flat_beyond() {
+        let u = |error: f64, limit: f64| law([0.0, 0.0, error, 2.0, 0.0, limit, 1.0, 0.4]);
+        assert!((u(0.5, 10.0) - 1.0).abs() < 1e-3);
+        assert_eq!(u(0.5, UNLIMITED), 1.0);
+        assert!((u(50.0, 10.0) - 10.0).abs() < 2e-2 && (u(-50.0, 10.0) + 10.0).abs() < 2e-2);
+    }
+}

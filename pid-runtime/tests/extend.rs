@@ -3,7 +3,7 @@
 use pid_models::{CartPole, DoublePendulum, Emps, TwoLink};
 use pid_runtime::dynamics::*;
 use pid_runtime::extend::*;
-use pid_runtime::term::LAWS;
+use pid_runtime::term::{LAWS, Place, Request};
 
 fn everything(model: &dyn Hessian) -> Vec<Request> {
     let mut requests: Vec<Request> = LAWS

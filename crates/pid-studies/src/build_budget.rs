@@ -158,7 +158,9 @@ pub fn run(words: &[String]) -> Result<(), Failure> {
     println!("|---|---|---|---|---|---|---|---|---|");
     for n in 1..=largest {
         for general in [false, true] {
-            let declaration = arm(n, general, "").parse().map_err(|e: proc_macro2::LexError| e.to_string())?;
+            let declaration = arm(n, general, "")
+                .parse()
+                .map_err(|e: proc_macro2::LexError| e.to_string())?;
             let clock = Instant::now();
             let start = processor_seconds(clock);
             let output = pid_codegen::expand(declaration);
@@ -168,7 +170,11 @@ pub fn run(words: &[String]) -> Result<(), Failure> {
             let mut times = String::new();
             for (level, lanes) in [("3", false), ("3", true), ("0", false)] {
                 if lanes {
-                    let output = pid_codegen::expand(arm(n, general, ", lanes").parse().map_err(|e: proc_macro2::LexError| e.to_string())?);
+                    let output = pid_codegen::expand(
+                        arm(n, general, ", lanes")
+                            .parse()
+                            .map_err(|e: proc_macro2::LexError| e.to_string())?,
+                    );
                     std::fs::write(&source, format!("#![forbid(unsafe_code)]\n{output}"))?;
                 } else {
                     std::fs::write(&source, format!("#![forbid(unsafe_code)]\n{text}"))?;

@@ -17,6 +17,7 @@ struct Cli {
 }
 
 #[derive(Debug, Subcommand)]
+#[allow(clippy::large_enum_variant, reason = "one value, parsed once")]
 enum Command {
     /// Measure the diagnosis on drawn cases whose effect is withheld until it has been named.
     Withheld(withheld::WithheldArgs),
