@@ -260,7 +260,7 @@ fn drive(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{SIZE, Draw, named, pendulum};
+    use crate::bench::{Draw, SIZE, named, pendulum};
 
     const NOMINAL: [f64; SIZE] = [0.0; SIZE];
 

@@ -47,7 +47,11 @@ impl<'n, D: Scalar + Element> Constants<'n, D> {
         let p = nominal.parameters(theta);
         let of = |role: Role| -> Vec<D> {
             (0..nominal.n())
-                .map(|j| nominal.place(j, role).map_or_else(D::nil, |i| nominal.value(i, theta)))
+                .map(|j| {
+                    nominal
+                        .place(j, role)
+                        .map_or_else(D::nil, |i| nominal.value(i, theta))
+                })
                 .collect()
         };
         Constants {

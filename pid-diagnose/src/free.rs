@@ -4,8 +4,8 @@
 //! chapter III). They have no name in the library: what they describe better than its effects is none of these.
 
 use crate::case::Case;
-use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Parameter, Site, Unit, parameter};
 use crate::constants::Constants;
+use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Parameter, Site, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// Positions at which a force is given: few find a faint one, many a sharp one.
@@ -186,8 +186,7 @@ mod tests {
         let law = FreeLaw::all(&case)[0].clone();
         let (first, last) = law.ends[0];
         let e: Vec<f64> = (0..FEW).map(|i| (i as f64).sin()).collect();
-        let constants =
-            Constants::<Dual64>::new(&case.nominal, &[Dual64::from(0.0); SIZE]);
+        let constants = Constants::<Dual64>::new(&case.nominal, &[Dual64::from(0.0); SIZE]);
         let at = |q: f64, seed: f64| {
             let q = [Dual64::new(q, seed)];
             let nothing = [Dual64::from(0.0)];

@@ -255,8 +255,7 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
                 let (row, column) = (i.max(j), i.min(j));
                 torque += mass[row * (row + 1) / 2 + column] * r.2;
             }
-            torque +=
-                feed.get(Constant::Viscous(j)) * v[j]
+            torque += feed.get(Constant::Viscous(j)) * v[j]
                 + feed.get(Constant::Coulomb(j)) * (v[j] / (0.02 * limits[j].speed)).tanh();
             // A stiff loop of 5 Hz, well damped.
             let (w, inertia) = (TAU * 5.0, case.scale[j].inertia);

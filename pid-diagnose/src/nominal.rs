@@ -200,7 +200,10 @@ impl Nominal {
             .collect();
         let tool = measurement.tool.unwrap_or([0.0; 3]);
         let between = robot.joints.iter().skip(1);
-        let reach = between.map(|j| norm(j.origin.clone().map(|x| number(&x)))).sum::<f64>() + norm(tool);
+        let reach = between
+            .map(|j| norm(j.origin.clone().map(|x| number(&x))))
+            .sum::<f64>()
+            + norm(tool);
         Nominal {
             name: robot.name.clone(),
             encoder_side: measurement.encoder_side,
@@ -208,7 +211,10 @@ impl Nominal {
             horizon: measurement.horizon,
             joints,
             values,
-            links: Arc::new(Links::new(robot, description.tool_link().map(|link| (link, tool)))),
+            links: Arc::new(Links::new(
+                robot,
+                description.tool_link().map(|link| (link, tool)),
+            )),
             reach,
             description,
         }
@@ -231,7 +237,8 @@ impl Nominal {
 
     /// Torque or force per unit of input of a joint.
     pub fn gain(&self, joint: usize) -> f64 {
-        self.place(joint, Role::Gain).map_or(1.0, |i| self.values[i].nominal)
+        self.place(joint, Role::Gain)
+            .map_or(1.0, |i| self.values[i].nominal)
     }
 
     /// Value of the parameter at a place.

@@ -136,7 +136,8 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         'a: 'h,
     {
         debug_assert_eq!(theta.len(), case.nominal.size());
-        let mut machine = Machine::new(Constants::new(&case.nominal, theta), hypothesis, e.to_vec());
+        let mut machine =
+            Machine::new(Constants::new(&case.nominal, theta), hypothesis, e.to_vec());
         machine.begin = record.begin;
         let geared = machine.gears.iter().any(Option::is_some);
         Runner {

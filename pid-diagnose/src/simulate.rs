@@ -372,8 +372,9 @@ impl<'h, D: Pick> Machine<'h, D> {
             let inertia = self.constants.get(Constant::Rotor(j));
             let damping = (friction.viscous + self.rate[j]) * half;
             self.matrix[c * m + c] += inertia + damping;
-            self.rhs[c] +=
-                inertia * v + (self.constants.get(Constant::Gain(j)) * u + self.force[j]) * dt - damping * v;
+            self.rhs[c] += inertia * v
+                + (self.constants.get(Constant::Gain(j)) * u + self.force[j]) * dt
+                - damping * v;
             let some = friction.forward.value() > 0.0 || friction.backward.value() > 0.0;
             self.levels[c] = some.then(|| (friction.forward * dt, friction.backward * dt));
             if let Some(gear) = self.gears[j] {
@@ -635,7 +636,7 @@ fn reduced<D: Scalar>(m: usize, a: &[D], b: &[D], status: &[i8], l: &mut [D], x:
 mod tests {
     use super::*;
     use crate::nominal::Nominal;
-        use crate::predict::Substeps;
+    use crate::predict::Substeps;
 
     /// Sample time, s, and samples of the runs.
     const H: f64 = 4e-3;

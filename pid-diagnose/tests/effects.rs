@@ -53,9 +53,8 @@ velocity = "measured"
 
 fn constants<D: Pick>() -> Constants<'static, D> {
     static NOMINAL: OnceLock<Nominal> = OnceLock::new();
-    let nominal = NOMINAL.get_or_init(|| {
-        Nominal::parse(ROBOT, "nominal.toml".as_ref()).expect("a valid robot")
-    });
+    let nominal = NOMINAL
+        .get_or_init(|| Nominal::parse(ROBOT, "nominal.toml".as_ref()).expect("a valid robot"));
     Constants::new(nominal, &vec![D::constant(0.0); nominal.size()])
 }
 

@@ -42,7 +42,7 @@ robot! {
         joint slide_right: prismatic along x { base -> right; follows -slide_left; }
         per joint slide_left {
             input current: A;
-            force = 1.99 N/A * current - 2.3 N*s/m * v - 0.18 N * tanh(2000 s/m * v) - stiffness*(q - rest);
+            force = 1.99 N/A * current - 2.3 N*s/m * v - 0.18 N * tanh(50000 s/m * v) - stiffness*(q - rest);
         }
         emit { first_derivatives }
     }
@@ -157,7 +157,10 @@ fn diagnosed(
 /// One parameter of the first effect, with its standard deviation.
 fn magnitude(d: &Diagnosis, name: &str) -> (f64, f64) {
     let found = d.effects[0].parameters.iter();
-    let found = found.clone().find(|p| p.name.contains(name)).unwrap_or_else(|| panic!("{d:?}"));
+    let found = found
+        .clone()
+        .find(|p| p.name.contains(name))
+        .unwrap_or_else(|| panic!("{d:?}"));
     (found.value, found.std.expect("determined"))
 }
 
@@ -170,7 +173,10 @@ fn a_spring_is_found_at_a_gripper_whose_fingers_follow_each_other() {
     assert_eq!((d.effect.as_str(), d.joint), ("spring", Some(1)), "{d:?}");
     assert!(d.gap_after < 0.2 * d.gap_before, "{d:?}");
     let (stiffness, std) = magnitude(&d, "stiff");
-    assert!((stiffness - 6.0).abs() < 4.0 * std && std < 0.2, "{stiffness} ± {std}");
+    assert!(
+        (stiffness - 6.0).abs() < 4.0 * std && std < 0.2,
+        "{stiffness} ± {std}"
+    );
 }
 
 #[test]
@@ -181,12 +187,25 @@ fn drag_is_found_at_a_robot_that_is_declared_by_its_lagrangian() {
     // There is no link to hang a payload on or to push.
     assert!(!nominal.has_bodies());
     let d = diagnosed(&Crane, &DraggedCrane, &["slide", "theta"], &[0.0, 0.3], 4.0);
-    assert_eq!((d.effect.as_str(), d.joint), ("quadratic_drag", Some(1)), "{d:?}");
+    assert_eq!(
+        (d.effect.as_str(), d.joint),
+        ("quadratic_drag", Some(1)),
+        "{d:?}"
+    );
     assert!(d.gap_after < 0.2 * d.gap_before, "{d:?}");
     let absent = ["payload", "base_tilt", "external_force"];
-    assert!(d.ranking.iter().all(|r| !absent.contains(&r.effect.as_str())), "{:?}", d.ranking);
+    assert!(
+        d.ranking
+            .iter()
+            .all(|r| !absent.contains(&r.effect.as_str())),
+        "{:?}",
+        d.ranking
+    );
     let (drag, std) = magnitude(&d, "drag");
-    assert!((drag - 2.5).abs() < 4.0 * std && std < 0.2, "{drag} ± {std}");
+    assert!(
+        (drag - 2.5).abs() < 4.0 * std && std < 0.2,
+        "{drag} ± {std}"
+    );
 }
 
 #[test]
@@ -200,5 +219,8 @@ fn a_spring_is_found_at_the_motor_of_a_coupled_wrist() {
     assert_eq!((d.effect.as_str(), d.joint), ("spring", Some(2)), "{d:?}");
     assert!(d.gap_after < 0.2 * d.gap_before, "{d:?}");
     let (stiffness, std) = magnitude(&d, "stiff");
-    assert!((stiffness - 0.5).abs() < 4.0 * std && std < 0.02, "{stiffness} ± {std}");
+    assert!(
+        (stiffness - 0.5).abs() < 4.0 * std && std < 0.02,
+        "{stiffness} ± {std}"
+    );
 }

@@ -112,7 +112,12 @@ impl Links {
             all.extend(pushed);
         }
         // Variables of the force come right before the prepared ones.
-        let force: Vec<(Id, usize)> = derived.force.iter().zip(4 * nq..).map(|(&x, k)| (x, k)).collect();
+        let force: Vec<(Id, usize)> = derived
+            .force
+            .iter()
+            .zip(4 * nq..)
+            .map(|(&x, k)| (x, k))
+            .collect();
         let mut given = force;
         let mut turning = vec![false; nq];
         for (j, &q) in derived.symbols.q.iter().enumerate() {
@@ -126,7 +131,10 @@ impl Links {
         let split = hoist(&mut g, &all, slow, known, &given);
         let program = |outputs: &[Id]| {
             let program = Program::new(&g, outputs);
-            let reads = |j: usize| program.reads(2 * nq + j..2 * nq + j + 1) || program.reads(3 * nq + j..3 * nq + j + 1);
+            let reads = |j: usize| {
+                program.reads(2 * nq + j..2 * nq + j + 1)
+                    || program.reads(3 * nq + j..3 * nq + j + 1)
+            };
             Motion {
                 turning: (0..nq).filter(|&j| turning[j] && reads(j)).collect(),
                 program,
@@ -183,15 +191,16 @@ impl Links {
             Constant::Mass(b) => body(b, 0, 0, 1),
             Constant::Moment(b, i) => body(b, 1, i, 3),
             Constant::Inertia(b, i) => body(b, 4, i, 6),
-            Constant::Rotor(j) => {
-                (j < self.nq).then_some(GRAVITY + PER_BODY * self.bodies + j)
-            }
+            Constant::Rotor(j) => (j < self.nq).then_some(GRAVITY + PER_BODY * self.bodies + j),
         }
     }
 
     /// Operations of one evaluation and slots of its program, without a force on the tool.
     pub fn size(&self) -> (usize, usize) {
-        (self.free.program.instructions().0, self.free.program.slots())
+        (
+            self.free.program.instructions().0,
+            self.free.program.slots(),
+        )
     }
 
     /// The constants at the parameters `p` of the robot.
@@ -201,7 +210,8 @@ impl Links {
     pub fn constants<T: Element>(&self, p: &[T]) -> Vec<T> {
         let mut out = vec![T::splat(0.0); self.constants.outputs()];
         let fill = |z: &mut [T]| fill_from(z, self.prepare.params, p);
-        self.constants.evaluate(&mut Scratch::new(), fill, [&mut out]);
+        self.constants
+            .evaluate(&mut Scratch::new(), fill, [&mut out]);
         out
     }
 

@@ -115,7 +115,10 @@ fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
             break;
         }
         for &joint in &held {
-            for place in FRICTION.iter().filter_map(|&role| case.nominal.place(joint, role)) {
+            for place in FRICTION
+                .iter()
+                .filter_map(|&role| case.nominal.place(joint, role))
+            {
                 let stated = &case.nominal.values[place];
                 let (value, tolerance) = (middle * stated.nominal, stated.half_width);
                 // A value of which no deviation is stated is meant exactly.
@@ -172,7 +175,10 @@ fn outside(case: &Case, wider: &Found) -> Vec<Beyond> {
             let Some(place) = case.nominal.place(joint, role) else {
                 continue;
             };
-            let (stated, own) = (&case.nominal.values[place], &wider.case.nominal.values[place]);
+            let (stated, own) = (
+                &case.nominal.values[place],
+                &wider.case.nominal.values[place],
+            );
             let value = own.nominal + own.half_width * wider.fit.point.theta[place];
             if (value - stated.nominal).abs() > (1.0 + 1e-6) * stated.half_width {
                 out.push(Beyond {

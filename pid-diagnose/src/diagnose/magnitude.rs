@@ -6,8 +6,8 @@ use pid_runtime::data::Role;
 use super::{Magnitude, Named};
 use crate::case::{Case, Velocity};
 use crate::fit::{Basis, Fit, PRIOR, Quadratic};
-use pid_interpret::nominal::Role as Part;
 use crate::predict::rows;
+use pid_interpret::nominal::Role as Part;
 
 /// Factor on variances from the curvature: neighbouring innovations share information.
 const SHARED: f64 = 2.0;

@@ -148,9 +148,9 @@ impl Nameless {
 mod tests {
     use super::*;
     use crate::bench::{SIZE, named, pendulum_under};
+    use crate::constants::Constants;
     use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Site, Unit, parameter};
     use crate::fit::{Effort, Point, basis, fit};
-    use crate::constants::Constants;
     use crate::scalar::Scalar;
     use crate::simulate::Hypothesis;
 

@@ -47,7 +47,12 @@ impl<D: Scalar> Plant<D> {
             gravity: [0, 1, 2].map(|i| D::constant(number(&robot.gravity[i]))),
             tool: description.measurement().tool.unwrap_or([0.0; 3]),
         };
-        for (k, (joint, d)) in robot.joints.iter().zip(theta.chunks_exact(PER_JOINT)).enumerate() {
+        for (k, (joint, d)) in robot
+            .joints
+            .iter()
+            .zip(theta.chunks_exact(PER_JOINT))
+            .enumerate()
+        {
             let (revolute, axis) = match joint.kind {
                 JointKind::Prismatic(axis) => (false, axis),
                 JointKind::Revolute(axis) => (true, axis),
@@ -62,7 +67,11 @@ impl<D: Scalar> Plant<D> {
                 rotation: rpy([0, 1, 2].map(|i| number(&joint.rpy[i]))),
             });
             let (mut values, mut half_widths) = ([0.0; PER_JOINT], [0.0; PER_JOINT]);
-            for t in description.tolerances().iter().filter(|t| t.joint == Some(k)) {
+            for t in description
+                .tolerances()
+                .iter()
+                .filter(|t| t.joint == Some(k))
+            {
                 if let Some(i) = place(t.role) {
                     (values[i], half_widths[i]) = (t.nominal, t.half_width);
                 }

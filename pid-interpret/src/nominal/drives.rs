@@ -41,7 +41,11 @@ impl Drives {
     /// Standard deviations or steps of readings of the drives whose joints have these, taken as independent.
     pub(super) fn spread(&self, j: usize, of_joint: impl Fn(usize) -> Option<f64>) -> Option<f64> {
         let mut sum = 0.0;
-        for (k, ratio) in self.ratios[j].iter().enumerate().filter(|(_, r)| **r != 0.0) {
+        for (k, ratio) in self.ratios[j]
+            .iter()
+            .enumerate()
+            .filter(|(_, r)| **r != 0.0)
+        {
             sum += (ratio * of_joint(k)?).powi(2);
         }
         Some(sum.sqrt())
@@ -131,12 +135,18 @@ pub(super) fn in_drives(robot: &Robot) -> Result<(Robot, Drives), DeclaredError>
     for (m, motor) in robot.motors.iter().enumerate() {
         let number = |x: &Expr| {
             number(robot, x).ok_or_else(|| {
-                structure(format!("has a drive `{}` whose ratio is not fixed", motor.name))
+                structure(format!(
+                    "has a drive `{}` whose ratio is not fixed",
+                    motor.name
+                ))
             })
         };
         let input = motor.force.as_ref().and_then(first_input);
         let own = input.filter(|&k| k < n).ok_or_else(|| {
-            structure(format!("has a drive `{}` without an input of its own", motor.name))
+            structure(format!(
+                "has a drive `{}` without an input of its own",
+                motor.name
+            ))
         })?;
         if owners[own].replace(m).is_some() {
             return Err(structure(format!(
@@ -195,7 +205,11 @@ fn rewritten(robot: &Robot, drives: &Drives, owners: &[Option<usize>]) -> Robot 
         new.joints.push(joint);
         places.push(own);
     }
-    new.order = robot.order.iter().flat_map(|&k| places[k].clone()).collect();
+    new.order = robot
+        .order
+        .iter()
+        .flat_map(|&k| places[k].clone())
+        .collect();
     for (k, owner) in owners.iter().enumerate() {
         if let Some(m) = *owner {
             new.motors[m] = Motor {
@@ -255,7 +269,11 @@ fn number(robot: &Robot, x: &Expr) -> Option<f64> {
         Expr::Mul(x, y) => of(x)? * of(y)?,
         Expr::Div(x, y) => of(x)? / of(y)?,
         Expr::Powi(x, n) => of(x)?.powi(*n),
-        Expr::Input(_) | Expr::Position(_) | Expr::Velocity(_) | Expr::Blank(_) | Expr::Call(..) => {
+        Expr::Input(_)
+        | Expr::Position(_)
+        | Expr::Velocity(_)
+        | Expr::Blank(_)
+        | Expr::Call(..) => {
             return None;
         }
     })
@@ -265,7 +283,9 @@ fn number(robot: &Robot, x: &Expr) -> Option<f64> {
 fn first_input(x: &Expr) -> Option<usize> {
     match x {
         Expr::Input(k) => Some(*k),
-        Expr::Num(_) | Expr::Param(_) | Expr::Position(_) | Expr::Velocity(_) | Expr::Blank(_) => None,
+        Expr::Num(_) | Expr::Param(_) | Expr::Position(_) | Expr::Velocity(_) | Expr::Blank(_) => {
+            None
+        }
         Expr::Neg(x) | Expr::Powi(x, _) | Expr::Call(_, x) => first_input(x),
         Expr::Add(x, y) | Expr::Sub(x, y) | Expr::Mul(x, y) | Expr::Div(x, y) => {
             first_input(x).or_else(|| first_input(y))

@@ -22,9 +22,8 @@ use super::{Channel, Measurement, Nominal, Role, Tolerance};
 
 /// Whether a robot is more than a chain or tree of driven bodies.
 pub(super) fn needed(robot: &Robot) -> bool {
-    let follows = |j: &Joint| {
-        j.coord.is_none() && j.follows.as_ref().is_some_and(|f| !f.terms.is_empty())
-    };
+    let follows =
+        |j: &Joint| j.coord.is_none() && j.follows.as_ref().is_some_and(|f| !f.terms.is_empty());
     robot.lagrangian.is_some()
         || robot.potential.is_some()
         || !robot.motors.is_empty()
@@ -32,7 +31,10 @@ pub(super) fn needed(robot: &Robot) -> bool {
 }
 
 /// The description.
-pub(super) fn nominal(declared: &Robot, measurement: Option<&Path>) -> Result<Nominal, NominalError> {
+pub(super) fn nominal(
+    declared: &Robot,
+    measurement: Option<&Path>,
+) -> Result<Nominal, NominalError> {
     let (robot, drives) = match declared.motors.is_empty() {
         true => (declared.clone(), None),
         false => {
@@ -261,7 +263,13 @@ impl<'a> Laws<'a> {
         let list = |law: Law| [law.gain, law.coulomb, law.viscous];
         let nominal = list(law);
         let mut half = [0.0; 3];
-        for (k, param) in self.robot.params.iter().enumerate().filter(|(_, p)| !p.fixed) {
+        for (k, param) in self
+            .robot
+            .params
+            .iter()
+            .enumerate()
+            .filter(|(_, p)| !p.fixed)
+        {
             let mut change = [0.0_f64; 3];
             for end in [param.lower, param.upper] {
                 let end = match end {

@@ -242,7 +242,10 @@ impl Tolerance {
                 (f64::NEG_INFINITY, f64::INFINITY)
             }
             // What it is, and so what physics demands of it, only its range says.
-            Role::Declared => (self.nominal - self.half_width, self.nominal + self.half_width),
+            Role::Declared => (
+                self.nominal - self.half_width,
+                self.nominal + self.half_width,
+            ),
         };
         match ranges {
             Ranges::Physical => (lower, upper),
