@@ -42,7 +42,7 @@ robot! {
         joint slide_right: prismatic along x { base -> right; follows -slide_left; }
         per joint slide_left {
             input current: A;
-            force = 1.99 N/A * current - 2.3 N*s/m * v - 0.18 N * tanh(2000 s/m * v) - stiffness*(q - rest);
+            force = 1.99 N/A * current - 2.3 N*s/m * v - 0.18 N * tanh(50000 s/m * v) - stiffness*(q - rest);
         }
         emit { first_derivatives }
     }

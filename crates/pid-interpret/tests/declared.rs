@@ -101,11 +101,12 @@ fn difference(model: &dyn Dynamics, nominal: &Nominal) -> f64 {
             draw(1, dims.nq, 1.5),
             draw(2, dims.nq, 3.0),
         );
-        // Joints without an input of their own have one in the description.
-        let u_described = draw(3, dims.nq, 2.0);
-        let u: Vec<f64> = (model.inputs().iter().enumerate())
-            .map(|(k, input)| u_described[input.joint.unwrap_or(k)])
-            .collect();
+        // Joints without an input have one in the description, which is zero.
+        let u = draw(3, dims.nu, 2.0);
+        let mut u_described = vec![0.0; dims.nq];
+        for (k, (input, u)) in model.inputs().iter().zip(&u).enumerate() {
+            u_described[input.joint.unwrap_or(k)] = *u;
+        }
         let mut r = vec![0.0; dims.nq];
         let mut r_described = r.clone();
         model.residual(
