@@ -96,6 +96,7 @@ pub(crate) fn derivatives_hold_at(model: &dyn Hessian, z: &[f64], lambda: &[f64]
 }
 
 /// A point without zeros; parameters near their nominal values, or as given.
+#[allow(dead_code, reason = "not every test program has a random point")]
 pub(crate) fn derivatives_hold(model: &dyn Hessian, lambda: &[f64], parameters: &[(usize, f64)]) {
     let d = model.dims();
     let mut z: Vec<f64> = (0..d.nz()).map(|k| (0.4 + 0.9 * k as f64).sin()).collect();
