@@ -13,6 +13,7 @@
 use std::fmt;
 use std::sync::Arc;
 
+pub use crate::circumstances::EqualWhen;
 use crate::plant::Plant;
 use crate::rigid::V3;
 use crate::scalar::{Lanes, Scalar};
@@ -134,8 +135,14 @@ pub struct Info {
     pub confusions: &'static [(&'static str, &'static str)],
     /// The motion or load that brings it out.
     pub regime: &'static str,
-    /// Field of MuJoCo or URDF that models it, if there is one.
-    pub simulator_field: Option<&'static str>,
+    /// Effects that give the same readings in some circumstances, whatever the motion.
+    pub equals: &'static [(&'static str, EqualWhen)],
+    /// What models it in MuJoCo (MJCF), if anything does.
+    pub mujoco: Option<&'static str>,
+    /// What models it in Isaac Sim and Isaac Lab, if anything does.
+    pub isaac: Option<&'static str>,
+    /// What models it in URDF, if anything does.
+    pub urdf: Option<&'static str>,
 }
 
 /// The motion of all joints at the middle of a substep.

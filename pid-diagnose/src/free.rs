@@ -29,7 +29,10 @@ static FORCE_OVER_POSITION: Info = Info {
     amplitudes: &first::<FEW>(),
     confusions: &[],
     regime: "the positions at which it acts",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 static FINE_FORCE: Info = Info {

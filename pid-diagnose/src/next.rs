@@ -231,7 +231,8 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
         tip_force: None,
     };
     let feed = plant.clone();
-    let mut machine = Machine::<f64>::new(plant, &fit.hypothesis, fit.point.e.clone());
+    let mut machine =
+        Machine::<f64>::beside(&case.known, plant, &fit.hypothesis, fit.point.e.clone());
     let geared = machine.gears.iter().any(Option::is_some);
     let steps = Substeps::new(h, geared, 1);
     let dt = h / steps.number() as f64;

@@ -65,7 +65,7 @@ impl Substeps {
 /// Gains of all joints under a hypothesis at its parameters.
 pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: f64) -> Vec<Gain> {
     let plant = Plant::new(&case.nominal, theta);
-    let machine = Machine::<f64>::new(plant, hypothesis, e.to_vec());
+    let machine = Machine::<f64>::beside(&case.known, plant, hypothesis, e.to_vec());
     (0..case.n())
         .map(|j| {
             let noise = &case.noise[j];
@@ -133,7 +133,12 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         e: &[D],
     ) -> Self {
         debug_assert_eq!(theta.len(), case.n() * PER_JOINT);
-        let mut machine = Machine::new(Plant::new(&case.nominal, theta), hypothesis, e.to_vec());
+        let mut machine = Machine::beside(
+            &case.known,
+            Plant::new(&case.nominal, theta),
+            hypothesis,
+            e.to_vec(),
+        );
         machine.begin = record.begin;
         let geared = machine.gears.iter().any(Option::is_some);
         Runner {

@@ -1,6 +1,9 @@
 //! One substep of the robot with its effects, over any [`Scalar`]; see [`effect`](crate::effect) for the equation.
 
+use std::borrow::Cow;
+
 use crate::effect::{After, Commands, Forces, Friction, Gear, Pick, Site, Term};
+use crate::extended::Known;
 use crate::kernels;
 use crate::linkage::{Linkage, Surroundings};
 use crate::plant::Plant;
@@ -55,7 +58,7 @@ pub struct State<D> {
 pub struct Machine<'h, D: Pick> {
     /// The plant, constants of the effects included.
     pub plant: Plant<D>,
-    hypothesis: &'h Hypothesis,
+    hypothesis: Cow<'h, Hypothesis>,
     e: Vec<D>,
     starts: Vec<usize>,
     cells: Vec<usize>,
@@ -88,7 +91,22 @@ pub struct Machine<'h, D: Pick> {
 
 impl<'h, D: Pick> Machine<'h, D> {
     /// From a plant at its parameters; `e` are the effects' parameters in SI units.
-    pub fn new(mut plant: Plant<D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+    pub fn new(plant: Plant<D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+        Self::over(plant, Cow::Borrowed(hypothesis), e)
+    }
+
+    /// The same beside effects that are known.
+    pub fn beside(known: &Known, plant: Plant<D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+        if known.is_empty() {
+            return Self::new(plant, hypothesis, e);
+        }
+        let mut all = known.hypothesis.clone();
+        all.terms.extend(hypothesis.terms.iter().cloned());
+        let held = known.e.iter().map(|&x| D::constant(x));
+        Self::over(plant, Cow::Owned(all), held.chain(e).collect())
+    }
+
+    fn over(mut plant: Plant<D>, hypothesis: Cow<'h, Hypothesis>, e: Vec<D>) -> Self {
         let n = plant.hinges.len();
         let (starts, _) = hypothesis.offsets();
         let mut gears = vec![None; n];

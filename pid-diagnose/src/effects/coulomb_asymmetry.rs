@@ -2,7 +2,7 @@
 //!
 //! Source: B. Armstrong-Hélouvry, Control of Machines with Friction, 1991, section 5.3.
 
-use crate::effect::{Friction, Info, Kind, Law, Model, Site, Unit, parameter};
+use crate::effect::{EqualWhen, Friction, Info, Kind, Law, Model, Site, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// Friction differs between directions.
@@ -24,7 +24,10 @@ static INFO: Info = Info {
         "an offset does not grow with speed; only the viscous part and the tie to the friction level tell them apart",
     )],
     regime: "both directions of motion",
-    simulator_field: None,
+    equals: &[("current_offset", EqualWhen::NoViscousFriction)],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for CoulombAsymmetry {

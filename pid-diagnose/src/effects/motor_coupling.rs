@@ -33,7 +33,10 @@ static INFO: Info = Info {
         "a cable pulls at rest too, this only in motion",
     )],
     regime: "motion of the joint before, while this one rests",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for MotorCoupling {

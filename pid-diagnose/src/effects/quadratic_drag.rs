@@ -25,7 +25,10 @@ static INFO: Info = Info {
         "a wide Stribeck curve bends the other way at low speed",
     )],
     regime: "fast motion",
-    simulator_field: Some("MuJoCo fluid model (density)"),
+    equals: &[],
+    mujoco: Some("fluid model (density)"),
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for QuadraticDrag {
