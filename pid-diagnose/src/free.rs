@@ -204,6 +204,7 @@ mod tests {
                 load: &nothing,
                 t: 0.0,
                 dt: 1e-3,
+                rest: None,
             };
             let mut forces = Forces {
                 value: &mut value,

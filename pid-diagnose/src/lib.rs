@@ -89,3 +89,4 @@ pub mod study;
 pub mod thin;
 pub mod timing;
 pub mod windows;
+pub mod with_effects;

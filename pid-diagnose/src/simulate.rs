@@ -337,6 +337,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                 load: &state.load,
                 t: t + half,
                 dt,
+                rest: None,
             };
             let own = {
                 let at = self.starts[i];
@@ -383,6 +384,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                     load: &state.load,
                     t: t + half,
                     dt,
+                    rest: None,
                 };
                 law.friction(own, &at, &state.memory[a..b], &mut friction);
             }

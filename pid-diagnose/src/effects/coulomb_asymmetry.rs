@@ -40,8 +40,6 @@ impl<D: Scalar> Law<D> for CoulombAsymmetry {
     fn friction(&self, e: &[D], at: &Site<'_, D>, _memory: &[D], f: &mut Friction<D>) {
         f.forward = f.forward * (e[0] + 1.0);
         f.backward = f.backward * (-e[0] + 1.0);
-        let v = at.v[at.joint].value();
-        let sign = if v > 0.0 { 1.0 } else { -1.0 };
-        f.viscous = f.viscous * (e[0] * sign + 1.0);
+        f.viscous = f.viscous * (e[0] * at.direction() + 1.0);
     }
 }

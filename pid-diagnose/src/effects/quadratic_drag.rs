@@ -46,6 +46,6 @@ impl<D: Scalar> Law<D> for QuadraticDrag {
         f: &mut Forces<'_, D>,
         _plant: &Plant<D>,
     ) {
-        f.rate[at.joint] += e[0] * at.v[at.joint].magnitude();
+        f.rate[at.joint] += e[0] * at.speed();
     }
 }
