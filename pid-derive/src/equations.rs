@@ -246,7 +246,7 @@ pub fn equations(g: &mut Graph, robot: &Robot) -> Result<Equations, Error> {
 }
 
 /// Lower triangle of M = ∂(M a + b)/∂a.
-fn by_derivative(g: &mut Graph, symbols: &Symbols, inertial: &[Id]) -> Vec<Id> {
+pub(crate) fn by_derivative(g: &mut Graph, symbols: &Symbols, inertial: &[Id]) -> Vec<Id> {
     let rows = diff::jacobian(g, inertial, &symbols.a);
     rows.iter()
         .enumerate()
@@ -255,7 +255,7 @@ fn by_derivative(g: &mut Graph, symbols: &Symbols, inertial: &[Id]) -> Vec<Id> {
 }
 
 /// Lower triangle of M: ∂(M a + b)/∂a, or the forces of unit accelerations, whichever is cheaper.
-fn mass_matrix(g: &mut Graph, tree: &Tree, symbols: &Symbols, inertial: &[Id]) -> Vec<Id> {
+pub(crate) fn mass_matrix(g: &mut Graph, tree: &Tree, symbols: &Symbols, inertial: &[Id]) -> Vec<Id> {
     let by_derivative = by_derivative(g, symbols, inertial);
     let (zero, one) = (g.zero(), g.one());
     let nq = symbols.q.len();

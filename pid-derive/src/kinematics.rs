@@ -188,6 +188,11 @@ impl Tree {
         }
     }
 
+    /// The body that a link is part of, its place in [`Tree::bodies`]; `None` for the base and for a link that no joint carries.
+    pub fn body_of_link(&self, link: usize) -> Option<usize> {
+        self.links.get(link)?.as_ref()?.0
+    }
+
     /// The frame of a link in the base frame, a function of the coordinates; `None` for a link that no joint carries.
     pub fn link_frame(&self, g: &mut Graph, link: usize) -> Option<Frame> {
         let (mut body, mut frame) = *self.links.get(link)?.as_ref()?;

@@ -8,6 +8,8 @@
 //! - [`vector`]: 3-vectors, rotations, frames; [`inertia`]: rigid-body inertia in the linear parameters;
 //! - [`kinematics`]: the tree of moving bodies, fixed joints merged;
 //! - [`lagrangian`], [`newton_euler`]: two independent derivations of `M a + b`;
+//! - [`links`](mod@links): M and b with the constants of the bodies as variables; [`composite`]: M by composite bodies;
+//!   [`regroup`]: inertial parameters moved towards the base;
 //! - [`equations`](mod@equations): their comparison, and everything that is read off the residual;
 //! - [`derivatives`](mod@derivatives): Jacobian and Hessian with their patterns;
 //! - [`facts`](mod@facts): what the checker wants proved;
@@ -17,6 +19,7 @@
 //! - [`readable`]: the equations as text and LaTeX.
 
 pub mod base_parameters;
+pub mod composite;
 pub mod dense;
 pub mod derivatives;
 pub mod equations;
@@ -25,11 +28,13 @@ pub mod identifiability;
 pub mod inertia;
 pub mod kinematics;
 pub mod lagrangian;
+pub mod links;
 pub mod model;
 pub mod newton_euler;
 pub mod plausible;
 pub mod readable;
 pub mod regressor;
+pub mod regroup;
 pub mod sample;
 pub mod symbols;
 pub mod vector;
@@ -39,6 +44,7 @@ pub use derivatives::{Derivatives, derivatives};
 pub use equations::{Equations, equations};
 pub use facts::{Facts, facts};
 pub use identifiability::{Identifiability, identifiability};
+pub use links::{Links, links};
 pub use regressor::{Regressor, regressor};
 pub use symbols::{Blanks, Symbols};
 

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
+use pid_interpret::links;
 use pid_runtime::data::{DataError, Dataset, InputHold, Role, VelocityKind};
 use pid_runtime::signal;
 
+use crate::constants::{Constant, Constants};
 use crate::effect::Unit;
 use crate::extended::Known;
-use crate::linkage::Surroundings;
 use crate::nominal::{Nominal, NominalError};
-use crate::plant::{PER_JOINT, Plant};
 use crate::regular;
 
 /// A folder that cannot be diagnosed.
@@ -310,7 +310,7 @@ impl Case {
         let (inertia, passing) = self.inertia();
         self.passing = passing;
         for j in 0..n {
-            let joint = &self.nominal.joints[j];
+            let (joint, gain) = (&self.nominal.joints[j], self.nominal.gain(j));
             let all = |f: &dyn Fn(&Record) -> &Vec<f64>| -> Vec<f64> {
                 let mut x: Vec<f64> = self
                     .records
@@ -327,7 +327,7 @@ impl Case {
             let largest = at(&u, 0.002).abs().max(at(&u, 0.998).abs());
             let torque = joint
                 .torque_peak
-                .unwrap_or((largest * joint.gain()).abs())
+                .unwrap_or((largest * gain).abs())
                 .max(1e-9);
             self.scale.push(Scale {
                 torque,
@@ -359,7 +359,7 @@ impl Case {
                 v: v_noise.max(1e-9),
                 // A first guess where it is not stated; it is settled with the fit.
                 torque: match joint.input_noise {
-                    Some(x) => (x * joint.gain().abs()).max(1e-6 * torque),
+                    Some(x) => (x * gain.abs()).max(1e-6 * torque),
                     None => FIRST_GUESS * torque,
                 },
                 passed: 0.0,
@@ -367,15 +367,10 @@ impl Case {
             });
         }
         self.pass_on();
-        let reach: f64 = self.nominal.joints[1..]
-            .iter()
-            .map(|j| norm(j.hinge.origin))
-            .sum::<f64>()
-            + norm(self.nominal.tool);
         let second = 1.min(n - 1);
         self.tip = (
-            self.scale[second].torque / reach.max(0.05),
-            self.nominal.joints[n - 1].mass().max(1e-6),
+            self.scale[second].torque / self.nominal.reach.max(0.05),
+            self.last_mass().max(1e-6),
         );
     }
 
@@ -391,24 +386,36 @@ impl Case {
         }
     }
 
+    /// Mass of the body that carries the tool, kg; 1 of a robot without bodies.
+    fn last_mass(&self) -> f64 {
+        let constants = Constants::<f64>::new(&self.nominal, &vec![0.0; self.nominal.size()]);
+        let tool = self.nominal.links.tool();
+        tool.map_or(1.0, |(body, _)| constants.get(Constant::Mass(body)))
+    }
+
     /// Inertia of each joint with the others free, median over the records, and [`Case::passing`].
     fn inertia(&self) -> (Vec<f64>, Vec<Vec<f64>>) {
         let n = self.n();
-        let plant = Plant::<f64>::new(&self.nominal, &vec![0.0; n * PER_JOINT]);
-        let around = Surroundings {
-            gravity: plant.gravity,
-            tip_force: None,
-        };
-        let (mut linkage, mut mass, mut bias) = (plant.linkage(), vec![0.0; n * n], vec![0.0; n]);
+        let constants = Constants::<f64>::new(&self.nominal, &vec![0.0; self.nominal.size()]);
+        let (mut work, mut bias) = (constants.prepared(), vec![0.0; n]);
         let mut seen = vec![Vec::new(); n];
         let (mut passing, mut count) = (vec![vec![0.0; n]; n], 0.0_f64);
         for r in &self.records {
             for k in (0..r.len()).step_by((r.len() / 20).max(1)) {
                 let q: Vec<f64> = (0..n).map(|j| r.smooth_q[j][k]).collect();
-                linkage.mass_and_bias(&around, (&q, &vec![0.0; n]), &mut mass, &mut bias);
-                let mut m = nalgebra::DMatrix::from_row_slice(n, n, &mass);
+                let at = links::At {
+                    q: &q,
+                    v: &vec![0.0; n],
+                    force: None,
+                };
+                let programs = &self.nominal.links;
+                programs.evaluate(&mut work, &at, f64::sin_cos, &mut bias);
+                let mut m = nalgebra::DMatrix::from_fn(n, n, |i, j| {
+                    let (row, column) = (i.max(j), i.min(j));
+                    work.mass()[row * (row + 1) / 2 + column]
+                });
                 for j in 0..n {
-                    m[(j, j)] += plant.rotor[j];
+                    m[(j, j)] += constants.get(Constant::Rotor(j));
                 }
                 if let Some(inverse) = m.try_inverse() {
                     count += 1.0;
@@ -457,8 +464,4 @@ impl Case {
             Unit::Force => self.tip.0,
         }
     }
-}
-
-fn norm(x: [f64; 3]) -> f64 {
-    x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }

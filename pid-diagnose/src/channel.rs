@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::case::{Case, Record, Velocity, smoothed};
 use crate::levels::shared;
-use crate::locate::parameters;
 use crate::timing::{Alignment, Channels, align, golden};
 
 /// What the velocity channel of one joint says.
@@ -180,7 +179,7 @@ const REST: f64 = 0.02;
 pub fn inputs(case: &Case, theta: &[f64]) -> Result<Vec<Option<Alignment>>, pid_interpret::Error> {
     let n = case.n();
     let model = Model::new(case.nominal.description.robot())?;
-    let p = parameters(case, theta);
+    let p = case.nominal.parameters(theta);
     let mut channels = vec![Vec::new(); n];
     for r in &case.records {
         let t: Vec<f64> = (0..r.len()).map(|k| k as f64 * r.h).collect();
@@ -227,7 +226,7 @@ fn drive(
     (t, a, [whole, rest, pushed]): (&[f64], &[Vec<f64>], [Vec<f64>; 3]),
     j: usize,
 ) -> Channels {
-    let gain = case.nominal.joints[j].gain();
+    let gain = case.nominal.gain(j);
     // Under a hold the mean of the inputs before and after a sample acts about it.
     let acts: Vec<f64> = (0..r.len())
         .map(|k| match case.linear_hold {
@@ -262,10 +261,9 @@ fn drive(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{Draw, named, pendulum};
-    use crate::plant::PER_JOINT;
+    use crate::bench::{Draw, SIZE, named, pendulum};
 
-    const NOMINAL: [f64; PER_JOINT] = [0.0; PER_JOINT];
+    const NOMINAL: [f64; SIZE] = [0.0; SIZE];
 
     fn input_and_reading(effects: &[&str], e: &[f64]) -> (Alignment, Reading) {
         judged(&pendulum(&named(effects), e, 6.0, &|_| {}))
@@ -302,7 +300,7 @@ mod tests {
     fn friction_off_its_nominal_value_is_no_delay() {
         let case = pendulum(&named(&[]), &[], 6.0, &|_| {});
         // Half a tolerance of everything.
-        let theta = [1.0; PER_JOINT];
+        let theta = [1.0; SIZE];
         let input = inputs(&case, &theta).expect("equations").remove(0);
         let input = input.expect("a moving joint");
         assert!(input.delay.abs() < 4e-4 && !input.noticeable(), "{input:?}");

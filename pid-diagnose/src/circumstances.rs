@@ -46,23 +46,26 @@ impl Circumstances {
             _ => f64::NAN,
         };
         let gravity = Vector3::from_fn(|i, _| number(&robot.gravity[i]));
-        let mut frames: Vec<Rotation3<f64>> = Vec::with_capacity(robot.joints.len());
+        // Of the links, at zero coordinates.
+        let mut frames = vec![Rotation3::identity(); robot.links.len()];
         let mut axes = Vec::with_capacity(robot.joints.len());
         for own in &robot.joints {
             let [roll, pitch, yaw] = [0, 1, 2].map(|i| number(&own.rpy[i]));
             // Rz(yaw) Ry(pitch) Rx(roll); joints in a plane keep the direction of their axes as they turn.
             let placed = Rotation3::from_euler_angles(roll, pitch, yaw);
-            let frame = match own.parent {
-                Some(parent) => frames[parent] * placed,
-                None => placed,
-            };
-            frames.push(frame);
+            let parent = own.parent.and_then(|link| frames.get(link).copied());
+            let frame = parent.unwrap_or_default() * placed;
+            if let Some(child) = frames.get_mut(own.child) {
+                *child = frame;
+            }
             let (revolute, axis) = match own.kind {
                 JointKind::Revolute(axis) => (true, axis),
                 JointKind::Prismatic(axis) => (false, axis),
                 _ => (false, [f64::NAN; 3]),
             };
-            axes.push((revolute, frame * Vector3::from(axis)));
+            if own.coord.is_some() {
+                axes.push((revolute, frame * Vector3::from(axis)));
+            }
         }
         let heavy = gravity.norm() * PARALLEL;
         let pulls = |(revolute, axis): &(bool, Vector3<f64>)| match revolute {
@@ -74,10 +77,12 @@ impl Circumstances {
             *revolute && along && gravity.norm() > 0.0 && gravity.dot(axis).abs() <= heavy
         });
         let viscous = nominal.tolerances().iter().any(|t| {
-            t.joint == joint && t.role == Role::Viscous && (t.nominal > 0.0 || t.half_width > 0.0)
+            t.joint == Some(joint)
+                && t.role == Role::Viscous
+                && (t.nominal > 0.0 || t.half_width > 0.0)
         });
         Circumstances {
-            joints: robot.joints.len(),
+            joints: axes.len(),
             joint,
             gravity: axes.first().is_some_and(pulls),
             vertical_plane,

@@ -13,9 +13,10 @@
 use std::fmt;
 use std::sync::Arc;
 
+use pid_symbolic::program::Element;
+
 pub use crate::circumstances::EqualWhen;
-use crate::plant::Plant;
-use crate::rigid::V3;
+use crate::constants::Constants;
 use crate::scalar::{Lanes, Scalar};
 pub use crate::with_effects::Smooth;
 
@@ -290,8 +291,8 @@ pub struct After<D> {
 
 /// Equation of an effect at one joint; all hooks have a default that does nothing. `e`: the parameters, SI units.
 pub trait Law<D: Scalar>: Send + Sync {
-    /// Changes constants of the plant.
-    fn plant(&self, _e: &[D], _joint: usize, _plant: &mut Plant<D>) {}
+    /// Changes constants of the robot.
+    fn constants(&self, _e: &[D], _joint: usize, _constants: &mut Constants<D>) {}
     /// Applied input, averaged over the substep, from the commanded one (`u`, averaged too).
     fn input(&self, _e: &[D], u: D, _at: &Commands<'_>, _memory: &mut [D]) -> D {
         u
@@ -305,11 +306,11 @@ pub trait Law<D: Scalar>: Send + Sync {
         _at: &Site<'_, D>,
         _memory: &[D],
         _f: &mut Forces<'_, D>,
-        _plant: &Plant<D>,
+        _constants: &Constants<D>,
     ) {
     }
     /// Force on the tool point in base axes, averaged over the substep.
-    fn tip_force(&self, _e: &[D], _t: f64, _dt: f64) -> Option<V3<D>> {
+    fn tip_force(&self, _e: &[D], _t: f64, _dt: f64) -> Option<[D; 3]> {
         None
     }
     /// Splits the joint into rotor and link.
@@ -348,6 +349,8 @@ pub trait Effect: Send + Sync {
     fn partner(&self, joint: usize) -> Option<usize>;
     /// Whether it cannot be at a joint without partner.
     fn needs_partner(&self) -> bool;
+    /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its Lagrangian.
+    fn needs_bodies(&self) -> bool;
     /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act between them.
     fn edges(&self) -> &'static [usize];
     /// Physical magnitudes for the report.
@@ -384,6 +387,10 @@ pub trait Model: Send + Sync {
     fn needs_partner(&self) -> bool {
         false
     }
+    /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its Lagrangian.
+    fn needs_bodies(&self) -> bool {
+        false
+    }
     /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act between them.
     fn edges(&self) -> &'static [usize] {
         &[]
@@ -418,6 +425,9 @@ where
     fn needs_partner(&self) -> bool {
         Model::needs_partner(self)
     }
+    fn needs_bodies(&self) -> bool {
+        Model::needs_bodies(self)
+    }
     fn edges(&self) -> &'static [usize] {
         Model::edges(self)
     }
@@ -442,7 +452,7 @@ where
 }
 
 /// Scalars for which every [`Effect`] offers its equation.
-pub trait Pick: Scalar {
+pub trait Pick: Scalar + Element {
     /// Whether it is a plain number: what was solved for values is solved.
     const PLAIN: bool = false;
     /// The equation over this scalar.

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use pid_derive::model::JointKind;
 use pid_interpret::nominal::{
     self as description, Effect as Stated, EffectParameter, Fault, NominalError, Simulated,
     SimulatedJoint, Written, near_miss,
@@ -14,8 +13,7 @@ use crate::diagnose::{Found, intervals};
 use crate::effect::{Effect, Info, Parameter, Term, Unit};
 use crate::effects;
 use crate::gap::{Gap, gap};
-use crate::nominal::{Nominal, place};
-use crate::plant::PER_JOINT;
+use crate::nominal::Nominal;
 use crate::simulate::Hypothesis;
 
 /// Effects that are taken as known: part of every hypothesis, their parameters held.
@@ -177,7 +175,9 @@ pub fn unit(nominal: &description::Nominal, joint: usize, p: &Parameter) -> Stri
         Unit::InverseSquareInput => return format!("1/({input})^2"),
         _ => {}
     }
-    let prismatic = matches!(robot.joints[joint].kind, JointKind::Prismatic(_));
+    let mut joints = robot.joints.iter();
+    let own = joints.find(|j| j.coord == Some(joint));
+    let prismatic = own.is_some_and(|j| j.kind.is_length());
     if !prismatic {
         return p.si.to_owned();
     }
@@ -216,17 +216,7 @@ pub fn stated(
 pub fn extended(case: &Case, found: &Found) -> description::Nominal {
     let (own, fit) = (&found.case, &found.fit);
     let nominal = &own.nominal.description;
-    let values: Vec<f64> = nominal
-        .tolerances()
-        .iter()
-        .map(|t| match place(t.role) {
-            None => t.nominal,
-            Some(i) => {
-                let joint = &own.nominal.joints[t.joint];
-                fit.point.theta[t.joint * PER_JOINT + i] * joint.half_widths[i] + joint.values[i]
-            }
-        })
-        .collect();
+    let values = own.nominal.parameters(&fit.point.theta);
     let mut effects = nominal.effects().to_vec();
     let intervals = intervals(own, fit);
     let mut at = 0;
@@ -284,6 +274,6 @@ pub fn free_run_gap(nominal: Nominal, dataset: &Dataset) -> Result<Gap, CaseErro
             record.role = Role::Train;
         }
     }
-    let theta = vec![0.0; case.n() * PER_JOINT];
+    let theta = vec![0.0; case.nominal.size()];
     Ok(gap(&case, &Hypothesis::default(), &theta, &[], Role::Test))
 }

@@ -19,7 +19,6 @@ use crate::case::{Case, Record, Velocity};
 use crate::effect::{FEW, LANES, Pick};
 use crate::hidden;
 use crate::observer::Gain;
-use crate::plant::PER_JOINT;
 use crate::predict::{Runner, gains, rows};
 use crate::scalar::{Lanes, Scalar};
 use crate::simulate::Hypothesis;
@@ -93,7 +92,7 @@ pub struct Linear {
 /// Directions of θ that the records determine, as columns.
 #[derive(Debug, Clone)]
 pub struct Basis {
-    /// 14 n × r, orthonormal.
+    /// Deviations × r, orthonormal.
     pub columns: DMatrix<f64>,
 }
 
@@ -362,7 +361,7 @@ where
 /// Directions of θ that the train records determine beyond their tolerance, from the Jacobian at the nominal values.
 pub fn basis(case: &Case) -> Basis {
     let at = Point {
-        theta: vec![0.0; case.n() * PER_JOINT],
+        theta: vec![0.0; case.nominal.size()],
         e: Vec::new(),
     };
     basis_beside(case, &Hypothesis::default(), &at)
@@ -370,7 +369,7 @@ pub fn basis(case: &Case) -> Basis {
 
 /// The same beside effects, at a point: a gear that gives way tells the inertia of its rotor from that of the link behind it.
 pub fn basis_beside(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Basis {
-    let size = case.n() * PER_JOINT;
+    let size = case.nominal.size();
     let unit = DMatrix::<f64>::identity(size, size);
     let directions: Vec<Direction<'_>> = (0..size)
         .map(|i| Direction::Theta(&unit.as_slice()[i * size..(i + 1) * size]))
@@ -759,7 +758,7 @@ impl Basis {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{named, pendulum};
+    use crate::bench::{SIZE, named, pendulum};
 
     #[test]
     fn a_gear_with_play_shows_the_rotor_apart_from_the_link() {
@@ -767,7 +766,7 @@ mod tests {
         let e = [0.03, 6.7e-4, 2.6e-4];
         let case = pendulum(&play, &e, 6.0, &|_| {});
         let at = Point {
-            theta: vec![0.0; PER_JOINT],
+            theta: vec![0.0; SIZE],
             e: e.to_vec(),
         };
         let rigid = basis(&case).columns.ncols();
@@ -781,14 +780,14 @@ mod tests {
         let case = pendulum(&spring, &[0.9, 0.2], 6.0, &|_| {});
         let basis = basis(&case);
         let start = || Point {
-            theta: vec![0.0; PER_JOINT],
+            theta: vec![0.0; SIZE],
             e: vec![0.1, 0.0],
         };
         let whole = fit(&case, &basis, &spring, start(), Effort::full(2));
         let part = fit(&case, &basis, &spring, start(), Effort::on_the_way(2));
         assert_eq!(whole.point, part.point);
         assert_eq!(whole.train, part.train);
-        assert_eq!(whole.quadratic.h.nrows(), PER_JOINT + 2);
+        assert_eq!(whole.quadratic.h.nrows(), SIZE + 2);
         assert_eq!(part.steps, 2);
     }
 }

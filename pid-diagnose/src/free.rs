@@ -4,8 +4,8 @@
 //! chapter III). They have no name in the library: what they describe better than its effects is none of these.
 
 use crate::case::Case;
+use crate::constants::Constants;
 use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Parameter, Site, Unit, parameter};
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// Positions at which a force is given: few find a faint one, many a sharp one.
@@ -168,7 +168,7 @@ impl<D: Scalar> Law<D> for FreeLaw {
         at: &Site<'_, D>,
         _memory: &[D],
         f: &mut Forces<'_, D>,
-        _plant: &Plant<D>,
+        _constants: &Constants<D>,
     ) {
         if self.form == Form::ForceOverPosition {
             f.value[at.joint] += self.at(e, self.ends[at.joint], at.q[at.joint]);
@@ -179,8 +179,7 @@ impl<D: Scalar> Law<D> for FreeLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::pendulum;
-    use crate::plant::PER_JOINT;
+    use crate::bench::{SIZE, pendulum};
     use crate::simulate::Hypothesis;
     use num_dual::Dual64;
 
@@ -190,7 +189,7 @@ mod tests {
         let law = FreeLaw::all(&case)[0].clone();
         let (first, last) = law.ends[0];
         let e: Vec<f64> = (0..FEW).map(|i| (i as f64).sin()).collect();
-        let plant = Plant::<Dual64>::new(&case.nominal, &[Dual64::from(0.0); PER_JOINT]);
+        let constants = Constants::<Dual64>::new(&case.nominal, &[Dual64::from(0.0); SIZE]);
         let at = |q: f64, seed: f64| {
             let q = [Dual64::new(q, seed)];
             let nothing = [Dual64::from(0.0)];
@@ -210,7 +209,7 @@ mod tests {
                 value: &mut value,
                 rate: &mut rate,
             };
-            law.force(&lifted, &site, &[], &mut forces, &plant);
+            law.force(&lifted, &site, &[], &mut forces, &constants);
             value[0]
         };
         // Beyond both ends too; never over a knot.

@@ -305,7 +305,7 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
             let mut squares = vec![[(0.0, 0.0); 2]; n];
             let mut noisy = record.clone();
             for j in 0..n {
-                let scale = case.noise[j].torque / case.nominal.joints[j].gain().abs();
+                let scale = case.noise[j].torque / case.nominal.gain(j).abs();
                 for u in &mut noisy.u[j] {
                     *u += scale * random.next();
                 }
@@ -392,8 +392,7 @@ impl Normal {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::pendulum_under;
-    use crate::plant::PER_JOINT;
+    use crate::bench::{SIZE, pendulum_under};
 
     #[test]
     fn the_floor_knows_how_the_filter_rounds_a_motion_where_windows_start() {
@@ -414,7 +413,7 @@ mod tests {
             let (q, v) = smoothed(&t, record.q[0].clone());
             (record.smooth_q, record.smooth_v) = (vec![q], vec![v]);
         }
-        let theta = vec![0.0; PER_JOINT];
+        let theta = vec![0.0; SIZE];
         let true_model = gap(&case, &nothing, &theta, &[], Role::Test).total;
         let noise = floor(&case, &nothing, &theta, &[], Role::Test);
         let ratio = true_model / noise.typical;

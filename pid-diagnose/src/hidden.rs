@@ -130,9 +130,8 @@ fn unread(runner: &Runner<'_, '_, f64>) -> Vec<Hidden> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::pendulum;
+    use crate::bench::{SIZE, pendulum};
     use crate::effect::Term;
-    use crate::plant::PER_JOINT;
     use crate::predict::gains;
 
     #[test]
@@ -149,7 +148,7 @@ mod tests {
         // Compliance of 1/60 rad per N m, nearly undamped.
         let e = [1.0 / 60.0, 1e-4];
         let case = pendulum(&elastic, &e, 2.0, &|state| state.v[0] = 0.8);
-        let theta = vec![0.0; PER_JOINT];
+        let theta = vec![0.0; SIZE];
         let record = &case.records[0];
         let mut g = gains(&case, &elastic, &theta, &e, record.h);
         let mut runner = Runner::<f64>::new(&case, record, &elastic, &theta, &e);

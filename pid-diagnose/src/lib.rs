@@ -10,9 +10,9 @@
 //!
 //! ```
 //! use std::sync::Arc;
+//! use pid_diagnose::constants::Constants;
 //! use pid_diagnose::diagnose::Settings;
 //! use pid_diagnose::effect::{Forces, Info, Kind, Law, Model, Site, Unit, parameter};
-//! use pid_diagnose::plant::Plant;
 //! use pid_diagnose::scalar::Scalar;
 //!
 //! /// A spring that grows harder: additional force −K₃ q³.
@@ -43,7 +43,7 @@
 //! }
 //!
 //! impl<D: Scalar> Law<D> for HardeningSpring {
-//!     fn force(&self, e: &[D], at: &Site<'_, D>, _: &[D], f: &mut Forces<'_, D>, _: &Plant<D>) {
+//!     fn force(&self, e: &[D], at: &Site<'_, D>, _: &[D], f: &mut Forces<'_, D>, _: &Constants<D>) {
 //!         let q = at.q[at.joint];
 //!         f.value[at.joint] -= e[0] * q * q * q;
 //!     }
@@ -59,6 +59,7 @@ mod bench;
 pub mod case;
 pub mod channel;
 pub mod circumstances;
+pub mod constants;
 pub mod diagnose;
 pub mod effect;
 pub mod effects;
@@ -69,19 +70,16 @@ pub mod gap;
 mod hidden;
 mod kernels;
 mod levels;
-pub mod linkage;
 pub mod locate;
 pub mod next;
 pub mod noise;
 pub mod nominal;
 pub mod observer;
 mod page;
-pub mod plant;
 mod plot;
 pub mod predict;
 pub mod regular;
 pub mod report;
-pub mod rigid;
 pub mod scalar;
 pub mod screen;
 pub mod simulate;

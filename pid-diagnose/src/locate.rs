@@ -20,8 +20,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::case::{Case, Velocity};
 use crate::fit::Fit;
-use crate::nominal::place;
-use crate::plant::PER_JOINT;
 use crate::predict::{Runner, gains};
 
 /// Classes per direction.
@@ -187,7 +185,7 @@ impl Place {
 pub fn locate(case: &Case, base: &Fit, dataset: &Dataset) -> Result<Place, LocateError> {
     let n = case.n();
     let model = Model::new(case.nominal.description.robot())?;
-    let p = parameters(case, &base.point.theta);
+    let p = case.nominal.parameters(&base.point.theta);
     let mut joints = vec![JointPlace::default(); n];
     let (mut squares, mut count) = (vec![0.0; n], 0.0);
     for e in dataset.with_role(Role::Test) {
@@ -222,16 +220,6 @@ pub fn locate(case: &Case, base: &Fit, dataset: &Dataset) -> Result<Place, Locat
         }
     }
     Ok(summed(case, joints, &squares, count))
-}
-
-/// Values of the nominal parameters at their deviations, in the order of the description's model.
-pub(crate) fn parameters(case: &Case, theta: &[f64]) -> Vec<f64> {
-    let tolerances = case.nominal.description.tolerances();
-    let values = tolerances.iter().map(|t| {
-        let deviation = place(t.role).map_or(0.0, |i| theta[t.joint * PER_JOINT + i]);
-        t.nominal + t.half_width * deviation
-    });
-    values.collect()
 }
 
 /// What is said of the samples: sizes and regimes; the samples thinned.

@@ -22,10 +22,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::case::{Case, Record};
+use pid_interpret::links;
+
+use crate::constants::{Constant, Constants};
 use crate::effect::Commands;
 use crate::fit::{Direction, Fit, all_gains, linearise, value};
-use crate::linkage::Surroundings;
-use crate::plant::{PER_JOINT, Plant};
 use crate::predict::{Runner, Substeps};
 use crate::simulate::Machine;
 
@@ -225,33 +226,38 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
     let n = case.n();
     let h = case.records[0].h;
     let samples = (LENGTH / h) as usize;
-    let plant = Plant::<f64>::new(&case.nominal, &fit.point.theta);
-    let around = Surroundings {
-        gravity: plant.gravity,
-        tip_force: None,
-    };
-    let feed = plant.clone();
+    let constants = Constants::<f64>::new(&case.nominal, &fit.point.theta);
+    let feed = constants.clone();
     let mut machine =
-        Machine::<f64>::beside(&case.known, plant, &fit.hypothesis, fit.point.e.clone());
+        Machine::<f64>::beside(&case.known, constants, &fit.hypothesis, fit.point.e.clone());
     let geared = machine.gears.iter().any(Option::is_some);
     let steps = Substeps::new(h, geared, 1);
     let dt = h / steps.number() as f64;
-    let (mut linkage, mut mass, mut bias) = (feed.linkage(), vec![0.0; n * n], vec![0.0; n]);
+    let (mut work, mut bias) = (feed.prepared(), vec![0.0; n]);
     let mut u = vec![vec![0.0; samples]; n];
     let mut state = None;
     for k in 0..samples {
         let reference: Vec<(f64, f64, f64)> = waves.iter().map(|w| w.at(k as f64 * h)).collect();
         let q: Vec<f64> = reference.iter().map(|r| r.0).collect();
         let v: Vec<f64> = reference.iter().map(|r| r.1).collect();
-        linkage.mass_and_bias(&around, (&q, &v), &mut mass, &mut bias);
+        let at = links::At {
+            q: &q,
+            v: &v,
+            force: None,
+        };
+        case.nominal
+            .links
+            .evaluate(&mut work, &at, f64::sin_cos, &mut bias);
+        let mass = work.mass();
         let mut command = vec![0.0; n];
         for j in 0..n {
-            let mut torque = bias[j] + feed.rotor[j] * reference[j].2;
+            let mut torque = bias[j] + feed.get(Constant::Rotor(j)) * reference[j].2;
             for (i, r) in reference.iter().enumerate() {
-                torque += mass[j * n + i] * r.2;
+                let (row, column) = (i.max(j), i.min(j));
+                torque += mass[row * (row + 1) / 2 + column] * r.2;
             }
-            torque +=
-                feed.viscous[j] * v[j] + feed.coulomb[j] * (v[j] / (0.02 * limits[j].speed)).tanh();
+            torque += feed.get(Constant::Viscous(j)) * v[j]
+                + feed.get(Constant::Coulomb(j)) * (v[j] / (0.02 * limits[j].speed)).tanh();
             // A stiff loop of 5 Hz, well damped.
             let (w, inertia) = (TAU * 5.0, case.scale[j].inertia);
             let (at, rate) = state
@@ -261,7 +267,7 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
                 });
             torque += inertia * (w * w * (q[j] - at) + 1.6 * w * (v[j] - rate));
             let most = limits[j].torque / SAFE;
-            command[j] = torque.clamp(-most, most) / feed.gain[j];
+            command[j] = torque.clamp(-most, most) / feed.get(Constant::Gain(j));
             u[j][k] = command[j];
         }
         let s = state.get_or_insert_with(|| machine.rest(&q, &v, &command));
@@ -339,7 +345,7 @@ fn misfit(case: &Case, fit: &Fit) -> f64 {
 
 /// Λ of a fit on one record that another rival has made.
 fn after_refit(case: &Case, fit: &Fit) -> Option<f64> {
-    let size = case.n() * PER_JOINT;
+    let size = case.nominal.size();
     let unit = nalgebra::DMatrix::<f64>::identity(size, size);
     let mut directions: Vec<Direction<'_>> = (0..size)
         .map(|i| Direction::Theta(&unit.as_slice()[i * size..(i + 1) * size]))

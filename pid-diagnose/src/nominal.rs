@@ -1,17 +1,20 @@
-//! What is known of the robot before looking at the data, as the simulation takes it: a tree of joints, each with its drive.
+//! What is known of the robot before looking at the data, as the simulation takes it: coordinates with a drive each, and mass
+//! matrix and bias as programs.
 //!
-//! The description itself is [`pid_interpret::nominal`]'s; this module reads its values off, joint by joint.
+//! The description itself is [`pid_interpret::nominal`]'s. Unknowns are the deviations θ of its parameters in units of their
+//! tolerances, `p = p₀ + Δp θ`, in its order; how many there are differs from robot to robot.
 
 use std::path::Path;
+use std::sync::Arc;
 
-use pid_derive::model::{Expr, JointKind};
+use pid_derive::model::Expr;
+use pid_interpret::Links;
 use pid_interpret::nominal::{self as description, Role, Velocity};
 use pid_runtime::dynamics::Dynamics;
 
 pub use pid_interpret::nominal::EncoderSide;
 
-use crate::plant::{COULOMB, GAIN, PER_JOINT, VISCOUS};
-use crate::rigid::{Hinge, M3};
+use crate::scalar::Scalar;
 
 /// A nominal description that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -32,17 +35,28 @@ pub enum NominalError {
     },
 }
 
-/// One joint, the link it moves and its drive.
+/// A parameter of the nominal structure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Value {
+    /// Its joint, from 0; `None` for a declared parameter of the whole mechanism.
+    pub joint: Option<usize>,
+    /// What it is.
+    pub role: Role,
+    /// Nominal value, SI.
+    pub nominal: f64,
+    /// The real value lies within nominal ± this.
+    pub half_width: f64,
+    /// Its place among the parameters of the description's robot.
+    param: usize,
+}
+
+/// One coordinate and its drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
     /// Name.
     pub name: String,
-    /// Geometry.
-    pub hinge: Hinge,
-    /// Nominal values in the order of [`plant::NAMES`](crate::plant::NAMES), SI.
-    pub values: [f64; PER_JOINT],
-    /// The real values lie within nominal ± these.
-    pub half_widths: [f64; PER_JOINT],
+    /// Whether positions are angles, not lengths.
+    pub revolute: bool,
     /// Range of the coordinate, rad or m.
     pub limits: Option<(f64, f64)>,
     /// Step of the encoder, rad or m.
@@ -57,57 +71,50 @@ pub struct Joint {
     pub torque_peak: Option<f64>,
 }
 
-impl Joint {
-    /// Torque or force per unit of input.
-    pub fn gain(&self) -> f64 {
-        self.values[GAIN]
-    }
-    /// Mass of the link, kg.
-    pub fn mass(&self) -> f64 {
-        self.values[0]
-    }
-}
-
 /// The nominal robot with its tolerances and what is said of the measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Nominal {
     /// Name.
     pub name: String,
-    /// Acceleration of gravity in base axes, m/s².
-    pub gravity: [f64; 3],
-    /// Tool point in the last link's frame, m.
-    pub tool: [f64; 3],
     /// Side of the encoders.
     pub encoder_side: EncoderSide,
     /// Corner of the filter behind a derived velocity, Hz.
     pub velocity_filter_hz: Option<f64>,
     /// Free-run window, s; the whole record if absent.
     pub horizon: Option<f64>,
-    /// Joints, base to tip.
+    /// Coordinates, base to tip.
     pub joints: Vec<Joint>,
+    /// Parameters, in the order of the deviations θ.
+    pub values: Vec<Value>,
+    /// Mass matrix and bias.
+    pub links: Arc<Links>,
+    /// Sum of the distances from joint to joint and on to the tool, m.
+    pub reach: f64,
     /// The description it was read from.
     pub description: description::Nominal,
 }
 
-/// Place of a role among the values of a joint; `None` for what is no value of the robot.
-pub(crate) fn place(role: Role) -> Option<usize> {
+/// Name of a role in reports.
+pub fn role_name(role: Role) -> &'static str {
+    const CENTER: [&str; 3] = ["com_x", "com_y", "com_z"];
+    const INERTIA: [&str; 6] = [
+        "inertia_xx",
+        "inertia_yy",
+        "inertia_zz",
+        "inertia_xy",
+        "inertia_xz",
+        "inertia_yz",
+    ];
     match role {
-        Role::Mass => Some(0),
-        Role::CenterOfMass(k) => Some(1 + k),
-        Role::Inertia(k) => Some(4 + k),
-        Role::RotorInertia => Some(10),
-        Role::Gain => Some(GAIN),
-        Role::Coulomb => Some(COULOMB),
-        Role::Viscous => Some(VISCOUS),
-        _ => None,
-    }
-}
-
-/// A description states numbers where the language of robots allows expressions.
-fn number(x: &Expr) -> f64 {
-    match x {
-        Expr::Num(x) => *x,
-        _ => f64::NAN,
+        Role::Mass => "mass",
+        Role::CenterOfMass(k) => CENTER.get(k).copied().unwrap_or("com"),
+        Role::Inertia(k) => INERTIA.get(k).copied().unwrap_or("inertia"),
+        Role::RotorInertia => "rotor_inertia",
+        Role::Gain => "motor_gain",
+        Role::Coulomb => "coulomb",
+        Role::Viscous => "viscous",
+        Role::Sharpness => "sharpness",
+        _ => "parameter",
     }
 }
 
@@ -153,15 +160,11 @@ impl Nominal {
     pub fn new(description: description::Nominal) -> Self {
         let robot = description.robot();
         let measurement = description.measurement();
-        let mut joints = Vec::with_capacity(robot.joints.len());
+        let mut coordinates: Vec<_> = robot.joints.iter().filter(|j| j.coord.is_some()).collect();
+        coordinates.sort_by_key(|j| j.coord);
+        let mut joints = Vec::with_capacity(coordinates.len());
         let mut velocity_filter_hz = None;
-        for (k, (joint, channel)) in robot.joints.iter().zip(&measurement.channels).enumerate() {
-            let (revolute, axis) = match joint.kind {
-                JointKind::Prismatic(axis) => (false, axis),
-                JointKind::Revolute(axis) => (true, axis),
-                // A description has no other kinds.
-                _ => (true, [f64::NAN; 3]),
-            };
+        for (joint, channel) in coordinates.iter().zip(&measurement.channels) {
             let velocity_noise = match channel.velocity {
                 Velocity::Measured { noise } => noise,
                 Velocity::Derived { filter_hz } => {
@@ -170,24 +173,9 @@ impl Nominal {
                 }
                 Velocity::Absent => None,
             };
-            let mut values = [0.0; PER_JOINT];
-            let mut half_widths = [0.0; PER_JOINT];
-            for t in description.tolerances().iter().filter(|t| t.joint == k) {
-                if let Some(i) = place(t.role) {
-                    (values[i], half_widths[i]) = (t.nominal, t.half_width);
-                }
-            }
             joints.push(Joint {
                 name: joint.name.clone(),
-                hinge: Hinge {
-                    parent: joint.parent,
-                    revolute,
-                    axis,
-                    origin: [0, 1, 2].map(|i| number(&joint.origin[i])),
-                    rotation: rpy([0, 1, 2].map(|i| number(&joint.rpy[i]))),
-                },
-                values,
-                half_widths,
+                revolute: !joint.kind.is_length(),
                 limits: joint.limits,
                 resolution: channel.position_resolution,
                 position_noise: channel.position_std(),
@@ -196,35 +184,91 @@ impl Nominal {
                 torque_peak: channel.torque_peak,
             });
         }
+        // How sharp the transition of a smooth friction is does not enter where friction sticks.
+        let values = (description.tolerances().iter().enumerate())
+            .filter(|(_, t)| t.role != Role::Sharpness)
+            .filter(|(_, t)| t.role != Role::Declared || t.half_width > 0.0)
+            .map(|(param, t)| Value {
+                joint: t.joint,
+                role: t.role,
+                nominal: t.nominal,
+                half_width: t.half_width,
+                param,
+            })
+            .collect();
+        let tool = measurement.tool.unwrap_or([0.0; 3]);
+        let between = robot.joints.iter().skip(1);
+        let reach = between
+            .map(|j| norm(j.origin.clone().map(|x| number(&x))))
+            .sum::<f64>()
+            + norm(tool);
         Nominal {
             name: robot.name.clone(),
-            gravity: [0, 1, 2].map(|i| number(&robot.gravity[i])),
-            tool: measurement.tool.unwrap_or([0.0; 3]),
             encoder_side: measurement.encoder_side,
             velocity_filter_hz,
             horizon: measurement.horizon,
             joints,
+            values,
+            links: Arc::new(Links::new(
+                robot,
+                description.tool_link().map(|link| (link, tool)),
+            )),
+            reach,
             description,
         }
     }
 
-    /// Number of joints.
+    /// Number of coordinates.
     pub fn n(&self) -> usize {
         self.joints.len()
     }
 
-    /// Geometry of the links.
-    pub fn hinges(&self) -> Vec<Hinge> {
-        self.joints.iter().map(|j| j.hinge.clone()).collect()
+    /// Number of deviations.
+    pub fn size(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Place among the deviations of what a joint has in a role.
+    pub fn place(&self, joint: usize, role: Role) -> Option<usize> {
+        (self.values.iter()).position(|v| v.joint == Some(joint) && v.role == role)
+    }
+
+    /// Torque or force per unit of input of a joint.
+    pub fn gain(&self, joint: usize) -> f64 {
+        self.place(joint, Role::Gain)
+            .map_or(1.0, |i| self.values[i].nominal)
+    }
+
+    /// Value of the parameter at a place.
+    pub fn value<D: Scalar>(&self, place: usize, theta: &[D]) -> D {
+        let v = &self.values[place];
+        theta[place] * v.half_width + v.nominal
+    }
+
+    /// Parameters of the description's robot at deviations.
+    pub fn parameters<D: Scalar>(&self, theta: &[D]) -> Vec<D> {
+        let nominal = self.description.tolerances().iter();
+        let mut p: Vec<D> = nominal.map(|t| D::constant(t.nominal)).collect();
+        for (i, v) in self.values.iter().enumerate() {
+            p[v.param] = self.value(i, theta);
+        }
+        p
+    }
+
+    /// Whether a force on a tool or a payload has a body to act on.
+    pub fn has_bodies(&self) -> bool {
+        self.links.tool().is_some()
     }
 }
 
-/// Rotation `Rz(yaw) Ry(pitch) Rx(roll)`.
-fn rpy([r, p, y]: [f64; 3]) -> M3<f64> {
-    let ((sr, cr), (sp, cp), (sy, cy)) = (r.sin_cos(), p.sin_cos(), y.sin_cos());
-    [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
+fn norm(x: [f64; 3]) -> f64 {
+    x.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// A length that is stated as a number; of those that are computed the reach does without.
+fn number(x: &Expr) -> f64 {
+    match x {
+        Expr::Num(x) => *x,
+        _ => 0.0,
+    }
 }

@@ -190,7 +190,7 @@ fn shift(found: Option<&Alignment>, absent: &str) -> Markup {
 }
 
 fn unit(report: &Report, j: usize) -> &'static str {
-    if report.found.case.nominal.joints[j].hinge.revolute {
+    if report.found.case.nominal.joints[j].revolute {
         "N m"
     } else {
         "N"
@@ -198,7 +198,7 @@ fn unit(report: &Report, j: usize) -> &'static str {
 }
 
 fn axis_name(report: &Report, j: usize, axis: Axis) -> String {
-    let revolute = report.found.case.nominal.joints[j].hinge.revolute;
+    let revolute = report.found.case.nominal.joints[j].revolute;
     let unit = match (axis, revolute) {
         (Axis::Velocity, true) => "rad/s",
         (Axis::Velocity, false) => "m/s",

@@ -6,10 +6,10 @@
 use std::ops::ControlFlow;
 
 use crate::case::{Case, Record, Velocity};
+use crate::constants::{Constant, Constants};
 use crate::effect::{Commands, Pick};
 use crate::nominal::EncoderSide;
 use crate::observer::{Design, Gain, gain};
-use crate::plant::{PER_JOINT, Plant};
 use crate::scalar::Scalar;
 use crate::simulate::{Hypothesis, Machine, State};
 
@@ -64,13 +64,13 @@ impl Substeps {
 
 /// Gains of all joints under a hypothesis at its parameters.
 pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: f64) -> Vec<Gain> {
-    let plant = Plant::new(&case.nominal, theta);
-    let machine = Machine::<f64>::beside(&case.known, plant, hypothesis, e.to_vec());
+    let constants = Constants::new(&case.nominal, theta);
+    let machine = Machine::<f64>::beside(&case.known, constants, hypothesis, e.to_vec());
     (0..case.n())
         .map(|j| {
             let noise = &case.noise[j];
             let all = case.scale[j].inertia;
-            let rotor = machine.plant.rotor[j].max(1e-3 * all);
+            let rotor = machine.constants.get(Constant::Rotor(j)).max(1e-3 * all);
             let gear = machine.gears[j].map(|g| {
                 // A gap is a soft spring on the whole.
                 let compliance = 1.0 / g.stiffness + 0.5 * g.gap / case.scale[j].torque * 4.0;
@@ -84,7 +84,7 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
             gain(&Design {
                 h,
                 inertia: if gear.is_some() { rotor } else { all },
-                viscous: machine.plant.viscous[j].max(0.0),
+                viscous: machine.constants.get(Constant::Viscous(j)).max(0.0),
                 gear,
                 torque: noise.torque,
                 passed: noise.passed,
@@ -131,11 +131,14 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         hypothesis: &'h Hypothesis,
         theta: &[D],
         e: &[D],
-    ) -> Self {
-        debug_assert_eq!(theta.len(), case.n() * PER_JOINT);
+    ) -> Self
+    where
+        'a: 'h,
+    {
+        debug_assert_eq!(theta.len(), case.nominal.size());
         let mut machine = Machine::beside(
             &case.known,
-            Plant::new(&case.nominal, theta),
+            Constants::new(&case.nominal, theta),
             hypothesis,
             e.to_vec(),
         );

@@ -178,7 +178,7 @@ impl Report {
         &self.found.diagnosis
     }
 
-    /// Writes `report.html`, `extended.toml`, `next_experiment.csv` if there is one, and last `diagnosis.json`, so that a folder is complete when
+    /// Writes `report.html`, `extended.toml` if a file can state the robot, `next_experiment.csv` if there is one, and last `diagnosis.json`, so that a folder is complete when
     /// that is there.
     ///
     /// # Errors
@@ -197,7 +197,9 @@ impl Report {
         if let Some(next) = &self.next {
             put("next_experiment.csv", &next.to_csv())?;
         }
-        put("extended.toml", &self.extended.to_toml())?;
+        if let Some(extended) = self.extended.to_toml() {
+            put("extended.toml", &extended)?;
+        }
         put("diagnosis.json", &self.diagnosis().to_json())
     }
 }

@@ -3,6 +3,8 @@
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 use num_dual::DualNum;
+use pid_symbolic::Function;
+use pid_symbolic::program::Element;
 
 /// A real number that may carry derivatives.
 ///
@@ -254,5 +256,58 @@ impl<const N: usize> Scalar for Lanes<N> {
     fn root(self) -> Self {
         let x = self.re.sqrt();
         self.chain(x, 0.5 / x)
+    }
+}
+
+impl<const N: usize> Element for Lanes<N> {
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        Self::constant(x)
+    }
+    #[inline(always)]
+    fn minus(self) -> Self {
+        -self
+    }
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        self + other
+    }
+    #[inline(always)]
+    fn less(self, other: Self) -> Self {
+        self - other
+    }
+    #[inline(always)]
+    fn times(self, other: Self) -> Self {
+        self * other
+    }
+    #[inline(always)]
+    fn over(self, other: Self) -> Self {
+        self / other
+    }
+    #[inline(always)]
+    fn power(self, n: i32) -> Self {
+        let below = self.re.powi(n - 1);
+        self.chain(below * self.re, f64::from(n) * below)
+    }
+    #[inline(always)]
+    fn call(self, f: Function) -> Self {
+        match f {
+            Function::Sin => self.sine(),
+            Function::Cos => self.cosine(),
+            _ => {
+                let (x, y) = (self.re, f.apply(self.re));
+                let slope = match f {
+                    Function::Sin | Function::Cos | Function::Sign => 0.0,
+                    Function::Tan => 1.0 + y * y,
+                    Function::Tanh => 1.0 - y * y,
+                    Function::Atan => 1.0 / (1.0 + x * x),
+                    Function::Exp => y,
+                    Function::Ln => 1.0 / x,
+                    Function::Sqrt => 0.5 / y,
+                    Function::Abs => x.signum(),
+                };
+                self.chain(y, slope)
+            }
+        }
     }
 }

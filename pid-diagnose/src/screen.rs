@@ -64,6 +64,9 @@ pub fn candidates(
     let mut out = Vec::new();
     for effect in library {
         let info = effect.info();
+        if effect.needs_bodies() && !case.nominal.has_bodies() {
+            continue;
+        }
         let joints = if info.has_joint { case.n() } else { 1 };
         for joint in 0..joints {
             if effect.needs_partner() && effect.partner(joint).is_none() {
@@ -405,9 +408,8 @@ impl Reference<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{named, waist};
+    use crate::bench::{SIZE, named, waist};
     use crate::fit::basis;
-    use crate::plant::PER_JOINT;
 
     #[test]
     fn a_gap_is_reached_from_afar_where_nothing_but_inertia_closes_it() {
@@ -417,7 +419,7 @@ mod tests {
             let case = waist(&play, &e, 6.0);
             let basis = basis(&case);
             let nothing = Point {
-                theta: vec![0.0; PER_JOINT],
+                theta: vec![0.0; SIZE],
                 e: Vec::new(),
             };
             let base = fit(

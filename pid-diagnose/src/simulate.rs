@@ -2,11 +2,12 @@
 
 use std::borrow::Cow;
 
+use pid_interpret::links;
+
+use crate::constants::{Constant, Constants};
 use crate::effect::{After, Commands, Forces, Friction, Gear, Pick, Site, Term};
 use crate::extended::Known;
 use crate::kernels;
-use crate::linkage::{Linkage, Surroundings};
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// A hypothesis: the effects present beside the nominal structure.
@@ -56,8 +57,8 @@ pub struct State<D> {
 
 /// The robot under a hypothesis, ready to step.
 pub struct Machine<'h, D: Pick> {
-    /// The plant, constants of the effects included.
-    pub plant: Plant<D>,
+    /// The constants, those of the effects included.
+    pub constants: Constants<'h, D>,
     hypothesis: Cow<'h, Hypothesis>,
     e: Vec<D>,
     starts: Vec<usize>,
@@ -68,7 +69,8 @@ pub struct Machine<'h, D: Pick> {
     /// Time of the first command since the start of what was recorded, s: effects that depend on time count from there.
     pub begin: f64,
     rotors: Vec<usize>,
-    linkage: Linkage<D>,
+    links: links::Work<D>,
+    /// Row by row.
     mass: Vec<D>,
     bias: Vec<D>,
     matrix: Vec<D>,
@@ -90,24 +92,29 @@ pub struct Machine<'h, D: Pick> {
 }
 
 impl<'h, D: Pick> Machine<'h, D> {
-    /// From a plant at its parameters; `e` are the effects' parameters in SI units.
-    pub fn new(plant: Plant<D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
-        Self::over(plant, Cow::Borrowed(hypothesis), e)
+    /// From constants at the nominal parameters; `e` are the effects' parameters in SI units.
+    pub fn new(constants: Constants<'h, D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+        Self::over(constants, Cow::Borrowed(hypothesis), e)
     }
 
     /// The same beside effects that are known.
-    pub fn beside(known: &Known, plant: Plant<D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+    pub fn beside(
+        known: &Known,
+        constants: Constants<'h, D>,
+        hypothesis: &'h Hypothesis,
+        e: Vec<D>,
+    ) -> Self {
         if known.is_empty() {
-            return Self::new(plant, hypothesis, e);
+            return Self::new(constants, hypothesis, e);
         }
         let mut all = known.hypothesis.clone();
         all.terms.extend(hypothesis.terms.iter().cloned());
         let held = known.e.iter().map(|&x| D::constant(x));
-        Self::over(plant, Cow::Owned(all), held.chain(e).collect())
+        Self::over(constants, Cow::Owned(all), held.chain(e).collect())
     }
 
-    fn over(mut plant: Plant<D>, hypothesis: Cow<'h, Hypothesis>, e: Vec<D>) -> Self {
-        let n = plant.hinges.len();
+    fn over(mut constants: Constants<'h, D>, hypothesis: Cow<'h, Hypothesis>, e: Vec<D>) -> Self {
+        let n = constants.nominal().n();
         let (starts, _) = hypothesis.offsets();
         let mut gears = vec![None; n];
         let mut cells = Vec::new();
@@ -115,7 +122,7 @@ impl<'h, D: Pick> Machine<'h, D> {
         for (term, &at) in hypothesis.terms.iter().zip(&starts) {
             let law = D::of(&*term.effect);
             let own = &e[at..at + term.effect.info().parameters.len()];
-            law.plant(own, term.joint, &mut plant);
+            law.constants(own, term.joint, &mut constants);
             if let Some(g) = law.gear(own) {
                 gears[term.joint] = Some(g);
             }
@@ -125,9 +132,9 @@ impl<'h, D: Pick> Machine<'h, D> {
         let rotors: Vec<usize> = (0..n).filter(|&j| gears[j].is_some()).collect();
         let m = n + rotors.len();
         let zero = D::nil();
-        let linkage = plant.linkage();
+        let links = constants.prepared();
         Machine {
-            plant,
+            constants,
             hypothesis,
             e,
             starts,
@@ -136,7 +143,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             gears,
             begin: 0.0,
             rotors,
-            linkage,
+            links,
             mass: vec![zero; n * n],
             bias: vec![zero; n],
             matrix: vec![zero; m * m],
@@ -160,7 +167,7 @@ impl<'h, D: Pick> Machine<'h, D> {
 
     /// Number of joints.
     pub fn n(&self) -> usize {
-        self.plant.hinges.len()
+        self.bias.len()
     }
 
     fn own(&self, i: usize) -> &[D] {
@@ -169,7 +176,7 @@ impl<'h, D: Pick> Machine<'h, D> {
     }
 
     #[inline(always)]
-    fn around(&self, t: f64, dt: f64) -> Surroundings<D> {
+    fn tip_force(&self, t: f64, dt: f64) -> Option<[D; 3]> {
         let mut tip_force: Option<[D; 3]> = None;
         for (i, term) in self.hypothesis.terms.iter().enumerate() {
             if let Some(f) = D::of(&*term.effect).tip_force(self.own(i), t, dt) {
@@ -177,18 +184,16 @@ impl<'h, D: Pick> Machine<'h, D> {
                 tip_force = Some([sum[0] + f[0], sum[1] + f[1], sum[2] + f[2]]);
             }
         }
-        Surroundings {
-            gravity: self.plant.gravity,
-            tip_force,
-        }
+        tip_force
     }
 
     /// Bias torque at rest at a position.
     fn rest_bias(&mut self, q: &[D]) {
-        let zero = vec![D::nil(); self.n()];
-        let around = self.around(self.begin, 1e-3);
-        self.linkage
-            .mass_and_bias(&around, (q, &zero), &mut self.mass, &mut self.bias);
+        let n = self.n();
+        self.half_q.copy_from_slice(q);
+        self.half_v.copy_from_slice(&vec![D::nil(); n]);
+        let force = self.tip_force(self.begin, 1e-3);
+        self.links_at_half(force);
     }
 
     /// The state in which the drives at their first inputs hold the robot at the drive-side positions `q`, `v`.
@@ -218,11 +223,11 @@ impl<'h, D: Pick> Machine<'h, D> {
             let term = &self.hypothesis.terms[i];
             let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
             let j = term.joint;
-            let balance = self.plant.gain[j] * u[j] - self.bias[j];
+            let balance = self.constants.get(Constant::Gain(j)) * u[j] - self.bias[j];
             D::of(&*term.effect).start(
                 self.own(i),
                 balance,
-                self.plant.coulomb[j],
+                self.constants.get(Constant::Coulomb(j)),
                 u[j],
                 &mut state.memory[a..b],
             );
@@ -347,7 +352,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                 value: &mut self.force,
                 rate: &mut self.rate,
             };
-            D::of(&*term.effect).force(own, &at, &state.memory[a..b], &mut forces, &self.plant);
+            D::of(&*term.effect).force(own, &at, &state.memory[a..b], &mut forces, &self.constants);
         }
         // Drive, rotor, friction, on the side of the drive.
         let mut rotor = 0;
@@ -361,9 +366,9 @@ impl<'h, D: Pick> Machine<'h, D> {
             };
             let mut u = D::constant(commands[j].now());
             let mut friction = Friction {
-                forward: self.plant.coulomb[j],
-                backward: self.plant.coulomb[j],
-                viscous: self.plant.viscous[j],
+                forward: self.constants.get(Constant::Coulomb(j)),
+                backward: self.constants.get(Constant::Coulomb(j)),
+                viscous: self.constants.get(Constant::Viscous(j)),
             };
             for i in 0..self.hypothesis.terms.len() {
                 let term = &self.hypothesis.terms[i];
@@ -389,11 +394,12 @@ impl<'h, D: Pick> Machine<'h, D> {
                 law.friction(own, &at, &state.memory[a..b], &mut friction);
             }
             let v = if geared { state.drive_v[j] } else { state.v[j] };
-            let inertia = self.plant.rotor[j];
+            let inertia = self.constants.get(Constant::Rotor(j));
             let damping = (friction.viscous + self.rate[j]) * half;
             self.matrix[c * m + c] += inertia + damping;
-            self.rhs[c] +=
-                inertia * v + (self.plant.gain[j] * u + self.force[j]) * dt - damping * v;
+            self.rhs[c] += inertia * v
+                + (self.constants.get(Constant::Gain(j)) * u + self.force[j]) * dt
+                - damping * v;
             let some = friction.forward.value() > 0.0 || friction.backward.value() > 0.0;
             self.levels[c] = some.then(|| (friction.forward * dt, friction.backward * dt));
             if let Some(gear) = self.gears[j] {
@@ -470,7 +476,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                     let after = After {
                         v: mean,
                         dt,
-                        coulomb: self.plant.coulomb[j],
+                        coulomb: self.constants.get(Constant::Coulomb(j)),
                     };
                     D::of(&*term.effect).advance(own, &after, &mut state.memory[a..b]);
                 }
@@ -487,13 +493,31 @@ impl<'h, D: Pick> Machine<'h, D> {
             self.half_v[j] = state.v[j] + state.gained[j] / length * half;
             state.gained[j] = D::nil();
         }
-        let around = self.around(t, length);
-        self.linkage.mass_and_bias(
-            &around,
-            (&self.half_q, &self.half_v),
-            &mut self.mass,
-            &mut self.bias,
-        );
+        let force = self.tip_force(t, length);
+        self.links_at_half(force);
+    }
+
+    /// Mass matrix and bias at `half_q`, `half_v`.
+    #[inline(always)]
+    fn links_at_half(&mut self, force: Option<[D; 3]>) {
+        let at = links::At {
+            q: &self.half_q,
+            v: &self.half_v,
+            force,
+        };
+        let programs = &self.constants.nominal().links;
+        programs.evaluate(&mut self.links, &at, D::sine_cosine, &mut self.bias);
+        let n = self.bias.len();
+        let lower = self.links.mass();
+        let mut next = 0;
+        for i in 0..n {
+            for j in 0..=i {
+                let entry = lower[next];
+                self.mass[i * n + j] = entry;
+                self.mass[j * n + i] = entry;
+                next += 1;
+            }
+        }
     }
 
     /// Velocities after the step, with dry friction: the active set is found on values, derivatives belong to it.
@@ -637,7 +661,6 @@ fn reduced<D: Scalar>(m: usize, a: &[D], b: &[D], status: &[i8], l: &mut [D], x:
 mod tests {
     use super::*;
     use crate::nominal::Nominal;
-    use crate::plant::PER_JOINT;
     use crate::predict::Substeps;
 
     /// Sample time, s, and samples of the runs.
@@ -649,7 +672,7 @@ mod tests {
     fn run(effect: &str, e: &[f64], refined: usize, held: bool) -> Vec<f64> {
         let text = include_str!("../robots/ur10e.toml");
         let nominal = Nominal::parse(text, "ur10e.toml".as_ref()).unwrap();
-        let n = nominal.joints.len();
+        let n = nominal.n();
         let effect = crate::effects::all()
             .into_iter()
             .find(|x| x.info().id == effect)
@@ -657,8 +680,8 @@ mod tests {
         let hypothesis = Hypothesis {
             terms: vec![Term { effect, joint: 1 }],
         };
-        let plant = Plant::<f64>::new(&nominal, &vec![0.0; n * PER_JOINT]);
-        let mut machine = Machine::new(plant, &hypothesis, e.to_vec());
+        let constants = Constants::new(&nominal, &vec![0.0; nominal.size()]);
+        let mut machine = Machine::<f64>::new(constants, &hypothesis, e.to_vec());
         let steps = Substeps::new(H, true, refined);
         let dt = H / steps.number() as f64;
         let u: Vec<Vec<f64>> = (0..n)

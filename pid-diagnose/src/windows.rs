@@ -250,10 +250,9 @@ fn term_at(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::pendulum;
+    use crate::bench::{SIZE, pendulum};
     use crate::effects;
     use crate::fit::{Effort, Point, basis, fit};
-    use crate::plant::PER_JOINT;
     use crate::simulate::Hypothesis;
 
     #[test]
@@ -271,7 +270,7 @@ mod tests {
         let case = pendulum(&hypothesis, &e, 7.0, &|_| {});
         let basis = basis(&case);
         let zero = Point {
-            theta: vec![0.0; PER_JOINT],
+            theta: vec![0.0; SIZE],
             e: Vec::new(),
         };
         let nominal = fit(&case, &basis, &Hypothesis::default(), zero, Effort::full(8));

@@ -1,10 +1,12 @@
 //! Every effect against its equation written independently, and its derivatives against differences.
 
+use std::sync::OnceLock;
+
 use num_dual::Dual64;
+use pid_diagnose::constants::{Constant, Constants};
 use pid_diagnose::effect::{After, Commands, Forces, Friction, Law, Pick, Site, Wide};
 use pid_diagnose::effects;
 use pid_diagnose::nominal::Nominal;
-use pid_diagnose::plant::{PER_JOINT, Plant};
 
 const ROBOT: &str = r#"
 [robot]
@@ -49,9 +51,11 @@ input = "current"
 velocity = "measured"
 "#;
 
-fn plant<D: Pick>() -> Plant<D> {
-    let nominal = Nominal::parse(ROBOT, "nominal.toml".as_ref()).expect("a valid robot");
-    Plant::new(&nominal, &[D::constant(0.0); 2 * PER_JOINT])
+fn constants<D: Pick>() -> Constants<'static, D> {
+    static NOMINAL: OnceLock<Nominal> = OnceLock::new();
+    let nominal = NOMINAL
+        .get_or_init(|| Nominal::parse(ROBOT, "nominal.toml".as_ref()).expect("a valid robot"));
+    Constants::new(nominal, &vec![D::constant(0.0); nominal.size()])
 }
 
 /// Everything an effect can say at one point, as one list of numbers.
@@ -68,13 +72,13 @@ fn answers<D: Pick>(law: &dyn Law<D>, e: &[D], memory: usize, joint: usize, v: f
         t: 0.042,
         dt: 0.004,
     };
-    let mut p = plant::<D>();
-    law.plant(e, joint, &mut p);
-    out.extend(p.gravity);
-    out.push(p.rotor[joint]);
-    out.push(p.bodies[1].mass);
-    out.extend(p.bodies[1].moment);
-    out.extend(p.bodies[1].inertia);
+    let mut p = constants::<D>();
+    law.constants(e, joint, &mut p);
+    out.extend([0, 1, 2].map(|i| p.get(Constant::Gravity(i))));
+    out.push(p.get(Constant::Rotor(joint)));
+    out.push(p.get(Constant::Mass(1)));
+    out.extend([0, 1, 2].map(|i| p.get(Constant::Moment(1, i))));
+    out.extend([0, 1, 2, 3, 4, 5].map(|i| p.get(Constant::Inertia(1, i))));
     let (q, w) = ([c(0.35), c(-0.5)], [c(0.2), c(v)]);
     let load = [c(1.2), c(-0.8)];
     let site = Site {
@@ -236,7 +240,7 @@ fn at(id: &str, e: &[f64], v: f64) -> (Friction<f64>, [f64; 2], [f64; 2]) {
             value: &mut value,
             rate: &mut rate,
         },
-        &plant(),
+        &constants(),
     );
     (friction, value, rate)
 }
@@ -365,25 +369,29 @@ fn drive_effects_follow_their_equations() {
 }
 
 #[test]
-fn constants_of_the_plant_follow_their_definitions() {
+fn constants_follow_their_definitions() {
     let change = |id: &str, e: &[f64]| {
-        let mut p = plant::<f64>();
+        let mut p = constants::<f64>();
         effects::by_id(id)
             .expect("in the library")
             .plain()
-            .plant(e, 1, &mut p);
+            .constants(e, 1, &mut p);
         p
     };
     // The base turned by a about (x, y, 0)/a: gravity turned by −a, by nalgebra's rotation.
     let (x, y) = (0.12, -0.2);
     let axis = nalgebra::Vector3::new(x, y, 0.0);
     let expected = nalgebra::Rotation3::new(-axis) * nalgebra::Vector3::new(0.0, 0.0, -9.81);
-    let g = change("base_tilt", &[x, y]).gravity;
+    let tilted = change("base_tilt", &[x, y]);
+    let g = [0, 1, 2].map(|i| tilted.get(Constant::Gravity(i)));
     for i in 0..3 {
         assert!((g[i] - expected[i]).abs() < 1e-8, "{g:?} {expected:?}");
     }
-    let (before, after) = (plant::<f64>(), change("payload", &[0.3]));
-    near(after.bodies[1].mass, before.bodies[1].mass + 0.3);
+    let (before, after) = (constants::<f64>(), change("payload", &[0.3]));
+    near(
+        after.get(Constant::Mass(1)),
+        before.get(Constant::Mass(1)) + 0.3,
+    );
     let r = nalgebra::Vector3::new(0.1, 0.0, -0.3);
     let i: nalgebra::Matrix3<f64> =
         0.3 * (r.norm_squared() * nalgebra::Matrix3::identity() - r * r.transpose());
@@ -392,11 +400,12 @@ fn constants_of_the_plant_follow_their_definitions() {
         .enumerate()
     {
         near(
-            after.bodies[1].inertia[k] - before.bodies[1].inertia[k],
+            after.get(Constant::Inertia(1, k)) - before.get(Constant::Inertia(1, k)),
             i[(a, b)],
         );
     }
-    near(change("unmodelled_rotor_inertia", &[0.07]).rotor[1], 0.07);
+    let rotor = change("unmodelled_rotor_inertia", &[0.07]).get(Constant::Rotor(1));
+    near(rotor, 0.07);
 }
 
 #[test]

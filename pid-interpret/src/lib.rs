@@ -6,6 +6,7 @@
 //! [`GenericDynamics`](pid_runtime::generic::GenericDynamics), so everything that takes a model takes either.
 //!
 //! - [`model`]: the model;
+//! - [`links`]: mass matrix and bias over any number, with constants that can be changed;
 //! - [`kinematics`]: where points of a declared robot are;
 //! - [`nominal`]: a robot's nominal description with tolerances and noise, from a file;
 //! - [`check`]: what a robot made by a program must satisfy before it is derived.
@@ -48,9 +49,11 @@ pub mod check;
 mod error;
 mod function;
 pub mod kinematics;
+pub mod links;
 pub mod model;
 pub mod nominal;
 
 pub use error::Error;
 pub use kinematics::Kinematics;
+pub use links::Links;
 pub use model::Model;

@@ -132,7 +132,7 @@ fn tolerances_become_ranges() {
         ("sharp_swing", Role::Sharpness, 0.0),
     ] {
         let (tolerance, param) = find(name);
-        assert_eq!((tolerance.role, tolerance.joint), (role, 0), "{name}");
+        assert_eq!((tolerance.role, tolerance.joint), (role, Some(0)), "{name}");
         assert!((tolerance.half_width - half_width).abs() < 1e-15, "{name}");
         assert_eq!(param.name, name);
         assert_eq!(param.fixed, half_width == 0.0, "{name}");

@@ -178,7 +178,7 @@ fn zip(x: [f64; LANES], y: [f64; LANES], f: impl Fn(f64, f64) -> f64) -> [f64; L
 }
 
 /// A function of a dual number.
-fn call<D: DualNum<Primitive = f64> + Copy>(f: Function, x: D) -> D {
+pub(crate) fn call<D: DualNum<Primitive = f64> + Copy>(f: Function, x: D) -> D {
     match f {
         Function::Sin => x.sin(),
         Function::Cos => x.cos(),

@@ -56,9 +56,8 @@ pub(super) fn superfluous(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{named, pendulum};
+    use crate::bench::{SIZE, named, pendulum};
     use crate::fit::{Point, basis};
-    use crate::plant::PER_JOINT;
 
     /// Both effects fitted from a start to records of some, and what the check drops.
     fn checked(
@@ -69,7 +68,7 @@ mod tests {
         let directions = basis(&case);
         let settings = Settings::default();
         let at = Point {
-            theta: vec![0.0; PER_JOINT],
+            theta: vec![0.0; SIZE],
             e: start.to_vec(),
         };
         let current = fit(

@@ -4,16 +4,18 @@
 //! the records and the nominal structure is fitted with a friction value at the end of its tolerance, both friction values of that
 //! joint may lie anywhere from zero upwards, and everything is looked for once more.
 
+use pid_interpret::nominal::Role;
+
 use super::magnitude::deviations;
 use super::search::search;
 use super::{Beyond, Found, Magnitude, Named, Settings};
 use crate::case::Case;
 use crate::fit::{Effort, Fit, all_gains, basis, fit};
-use crate::plant::{COULOMB, NAMES, PER_JOINT, VISCOUS};
+use crate::nominal::role_name;
 use crate::simulate::Hypothesis;
 
 /// The friction values of a joint.
-const FRICTION: [usize; 2] = [COULOMB, VISCOUS];
+const FRICTION: [Role; 2] = [Role::Coulomb, Role::Viscous];
 /// Deviation, in tolerances, from which a value counts as held by its tolerance.
 const HELD: f64 = 0.999;
 /// Middle of the wider ranges over the nominal value; each range starts at zero.
@@ -40,11 +42,11 @@ pub(super) fn describe(stated: Found, wider: &mut Found) {
     d.misfit.0 = stated.diagnosis.misfit.0;
     let theta = &mut wider.base.point.theta;
     theta.clone_from(&stated.base.point.theta);
-    let joints = stated.case.nominal.joints.iter();
-    for (j, (old, own)) in joints.zip(&wider.case.nominal.joints).enumerate() {
-        for k in FRICTION.into_iter().filter(|&k| own.half_widths[k] > 0.0) {
-            let value = old.values[k] + old.half_widths[k] * theta[j * PER_JOINT + k];
-            theta[j * PER_JOINT + k] = (value - own.values[k]) / own.half_widths[k];
+    let values = stated.case.nominal.values.iter();
+    for (k, (old, own)) in values.zip(&wider.case.nominal.values).enumerate() {
+        if FRICTION.contains(&own.role) && own.half_width > 0.0 {
+            let value = old.nominal + old.half_width * theta[k];
+            theta[k] = (value - own.nominal) / own.half_width;
         }
     }
     let base = &mut wider.base;
@@ -103,7 +105,7 @@ fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
     let before = at.train.objective();
     let mut held: Vec<usize> = [&found.base, &found.fit]
         .iter()
-        .flat_map(|f| at_an_end(f))
+        .flat_map(|f| at_an_end(case, f))
         .map(|(joint, _)| joint)
         .collect();
     held.sort_unstable();
@@ -113,15 +115,17 @@ fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
             break;
         }
         for &joint in &held {
-            let stated = &case.nominal.joints[joint];
-            for k in FRICTION {
-                let (value, tolerance) = (middle * stated.values[k], stated.half_widths[k]);
+            for place in FRICTION
+                .iter()
+                .filter_map(|&role| case.nominal.place(joint, role))
+            {
+                let stated = &case.nominal.values[place];
+                let (value, tolerance) = (middle * stated.nominal, stated.half_width);
                 // A value of which no deviation is stated is meant exactly.
                 if tolerance > 0.0 && value > 0.0 && (tolerance < value || middle > 1.0) {
-                    let place = joint * PER_JOINT + k;
-                    let own = &mut wide.nominal.joints[joint];
-                    let now = own.values[k] + own.half_widths[k] * at.point.theta[place];
-                    (own.values[k], own.half_widths[k]) = (value, value);
+                    let own = &mut wide.nominal.values[place];
+                    let now = own.nominal + own.half_width * at.point.theta[place];
+                    (own.nominal, own.half_width) = (value, value);
                     at.point.theta[place] = (now - value) / value;
                 }
             }
@@ -129,7 +133,7 @@ fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
         let directions = basis(&wide);
         let effort = Effort::full(settings.steps);
         at = fit(&wide, &directions, &nothing, at.point.clone(), effort);
-        held = at_an_end(&at)
+        held = at_an_end(&wide, &at)
             .into_iter()
             .filter(|(joint, deviation)| *deviation > 0.0 && held.contains(joint))
             .map(|(joint, _)| joint)
@@ -141,19 +145,22 @@ fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
 }
 
 /// Joints with a friction value at the end of its range, and that deviation.
-fn at_an_end(fit: &Fit) -> Vec<(usize, f64)> {
-    let theta = &fit.point.theta;
-    (0..theta.len() / PER_JOINT)
-        .flat_map(|joint| FRICTION.map(|k| (joint, theta[joint * PER_JOINT + k])))
+fn at_an_end(case: &Case, fit: &Fit) -> Vec<(usize, f64)> {
+    let places = (0..case.n()).flat_map(|joint| FRICTION.map(|role| (joint, role)));
+    places
+        .filter_map(|(joint, role)| {
+            let place = case.nominal.place(joint, role)?;
+            Some((joint, fit.point.theta[place]))
+        })
         .filter(|(_, deviation)| deviation.abs() > HELD)
         .collect()
 }
 
 /// Unit of a friction value.
-fn unit(k: usize, revolute: bool) -> &'static str {
-    match (k, revolute) {
-        (COULOMB, true) => "N m",
-        (COULOMB, false) => "N",
+fn unit(role: Role, revolute: bool) -> &'static str {
+    match (role, revolute) {
+        (Role::Coulomb, true) => "N m",
+        (Role::Coulomb, false) => "N",
         (_, true) => "N m s/rad",
         (_, false) => "N s/m",
     }
@@ -163,25 +170,25 @@ fn unit(k: usize, revolute: bool) -> &'static str {
 fn outside(case: &Case, wider: &Found) -> Vec<Beyond> {
     let std = deviations(&wider.case, &wider.fit);
     let mut out = Vec::new();
-    for (joint, (stated, own)) in case
-        .nominal
-        .joints
-        .iter()
-        .zip(&wider.case.nominal.joints)
-        .enumerate()
-    {
-        for k in FRICTION {
-            let place = joint * PER_JOINT + k;
-            let value = own.values[k] + own.half_widths[k] * wider.fit.point.theta[place];
-            if (value - stated.values[k]).abs() > (1.0 + 1e-6) * stated.half_widths[k] {
+    for joint in 0..case.n() {
+        for role in FRICTION {
+            let Some(place) = case.nominal.place(joint, role) else {
+                continue;
+            };
+            let (stated, own) = (
+                &case.nominal.values[place],
+                &wider.case.nominal.values[place],
+            );
+            let value = own.nominal + own.half_width * wider.fit.point.theta[place];
+            if (value - stated.nominal).abs() > (1.0 + 1e-6) * stated.half_width {
                 out.push(Beyond {
-                    parameter: NAMES[k].to_owned(),
+                    parameter: role_name(role).to_owned(),
                     joint: joint + 1,
-                    unit: unit(k, own.hinge.revolute).to_owned(),
-                    stated: stated.values[k],
-                    tolerance: stated.half_widths[k],
+                    unit: unit(role, case.nominal.joints[joint].revolute).to_owned(),
+                    stated: stated.nominal,
+                    tolerance: stated.half_width,
                     value,
-                    std: std.as_ref().map(|s| own.half_widths[k] * s[place]),
+                    std: std.as_ref().map(|s| own.half_width * s[place]),
                 });
             }
         }
@@ -209,9 +216,10 @@ mod tests {
             .collect();
         let hypothesis = Hypothesis { terms };
         let mut case = pendulum(&hypothesis, effect.map_or(&[], |e| e.1), 6.0, &|_| {});
-        let joint = &mut case.nominal.joints[0];
-        for (k, value) in FRICTION.into_iter().zip(stated) {
-            (joint.values[k], joint.half_widths[k]) = (value, 0.4 * value);
+        for (role, value) in FRICTION.into_iter().zip(stated) {
+            let place = case.nominal.place(0, role).expect("a friction");
+            let own = &mut case.nominal.values[place];
+            (own.nominal, own.half_width) = (value, 0.4 * value);
         }
         investigate(&case, &Settings::default())
     }

@@ -70,17 +70,16 @@ fn leading(case: &Case, basis: &Basis, settings: &Settings, at: &Fit) -> Fit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{named, pendulum};
+    use crate::bench::{SIZE, named, pendulum};
     use crate::diagnose::backward::without_each;
     use crate::fit::basis;
-    use crate::plant::PER_JOINT;
 
     fn exchanged(hidden: (&[&str], &[f64]), taken: (&[&str], &[f64])) -> Option<(Fit, Vec<Refit>)> {
         let case = pendulum(&named(hidden.0), hidden.1, 6.0, &|_| {});
         let directions = basis(&case);
         let settings = Settings::default();
         let at = Point {
-            theta: vec![0.0; PER_JOINT],
+            theta: vec![0.0; SIZE],
             e: taken.1.to_vec(),
         };
         let current = fit(

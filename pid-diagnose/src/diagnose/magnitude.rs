@@ -6,8 +6,8 @@ use pid_runtime::data::Role;
 use super::{Magnitude, Named};
 use crate::case::{Case, Velocity};
 use crate::fit::{Basis, Fit, PRIOR, Quadratic};
-use crate::plant::{GAIN, PER_JOINT};
 use crate::predict::rows;
+use pid_interpret::nominal::Role as Part;
 
 /// Factor on variances from the curvature: neighbouring innovations share information.
 const SHARED: f64 = 2.0;
@@ -61,10 +61,10 @@ pub(super) fn size_in_deviations(fit: &Fit) -> f64 {
 
 /// All deviations that have a tolerance.
 fn every_direction(case: &Case) -> Basis {
-    let free: Vec<usize> = (0..case.n() * PER_JOINT)
-        .filter(|i| case.nominal.joints[i / PER_JOINT].half_widths[i % PER_JOINT] > 0.0)
+    let free: Vec<usize> = (0..case.nominal.size())
+        .filter(|&i| case.nominal.values[i].half_width > 0.0)
         .collect();
-    let mut columns = DMatrix::zeros(case.n() * PER_JOINT, free.len());
+    let mut columns = DMatrix::zeros(case.nominal.size(), free.len());
     for (c, &i) in free.iter().enumerate() {
         columns[(i, c)] = 1.0;
     }
@@ -200,12 +200,13 @@ pub(super) fn name(case: &Case, fit: &Fit) -> Vec<Named> {
             let info = term.effect.info();
             let k = info.parameters.len();
             let e = &fit.point.e[at..at + k];
-            let joint = &case.nominal.joints[term.joint];
             // What is shown in torque rests on the motor gain, which is fitted within its tolerance.
-            let at_gain = term.joint * PER_JOINT + GAIN;
-            let gain_slope = joint.half_widths[GAIN];
-            let gain = joint.gain() + gain_slope * fit.point.theta[at_gain];
-            let rated = case.scale[term.joint].torque / joint.gain().abs();
+            let stated = case.nominal.gain(term.joint);
+            let place = case.nominal.place(term.joint, Part::Gain);
+            let gain_slope = place.map_or(0.0, |i| case.nominal.values[i].half_width);
+            let at_gain = place.unwrap_or(0);
+            let gain = stated + gain_slope * fit.point.theta[at_gain];
+            let rated = case.scale[term.joint].torque / stated.abs();
             let shown = term.effect.shown(e, gain, rated);
             let own_dead: Vec<bool> = dead[size + at..size + at + k].to_vec();
             let places: Vec<usize> = (size + at..size + at + k)
@@ -277,7 +278,7 @@ pub(super) fn name(case: &Case, fit: &Fit) -> Vec<Named> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{named, pendulum};
+    use crate::bench::{SIZE, named, pendulum};
     use crate::fit::{Effort, Point, basis, fit};
 
     #[test]
@@ -288,7 +289,7 @@ mod tests {
         let pushed = named(&["external_force"]);
         let case = pendulum(&pushed, &force(0.6, -0.3), 6.0, &|_| {});
         let at = Point {
-            theta: vec![0.0; PER_JOINT],
+            theta: vec![0.0; SIZE],
             e: force(0.5, 0.0),
         };
         let found = fit(&case, &basis(&case), &pushed, at, Effort::full(14));

@@ -149,7 +149,7 @@ fn counted() -> bool {
 /// A nominal value outside its stated tolerance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Beyond {
-    /// Name, one of [`plant::NAMES`](crate::plant::NAMES).
+    /// Name, as [`role_name`](crate::nominal::role_name) gives it.
     pub parameter: String,
     /// Joint from 1.
     pub joint: usize,

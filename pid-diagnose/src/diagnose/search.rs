@@ -18,7 +18,6 @@ use crate::effect::{Kind, Term};
 use crate::fit::{Basis, Effort, Fit, Point, basis, basis_beside, fit, value};
 use crate::gap::Gap;
 use crate::noise;
-use crate::plant::PER_JOINT;
 use crate::screen::{candidates, screen};
 use crate::simulate::Hypothesis;
 use crate::windows;
@@ -83,7 +82,7 @@ impl<'a> Forward<'a> {
         let basis = basis(&case);
         let nothing = Hypothesis::default();
         let start = Point {
-            theta: vec![0.0; case.n() * PER_JOINT],
+            theta: vec![0.0; case.nominal.size()],
             e: Vec::new(),
         };
         let mut base = fit(&case, &basis, &nothing, start, Effort::full(settings.steps));

@@ -147,10 +147,10 @@ impl Nameless {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{named, pendulum_under};
+    use crate::bench::{SIZE, named, pendulum_under};
+    use crate::constants::Constants;
     use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Site, Unit, parameter};
     use crate::fit::{Effort, Point, basis, fit};
-    use crate::plant::{PER_JOINT, Plant};
     use crate::scalar::Scalar;
     use crate::simulate::Hypothesis;
 
@@ -170,7 +170,7 @@ mod tests {
         let settings = Settings::default();
         let fitted = |hypothesis: &Hypothesis, e: &[f64]| {
             let at = Point {
-                theta: vec![0.0; PER_JOINT],
+                theta: vec![0.0; SIZE],
                 e: e.to_vec(),
             };
             let effort = Effort::full(settings.steps);
@@ -217,7 +217,7 @@ mod tests {
             at: &Site<'_, D>,
             _memory: &[D],
             f: &mut Forces<'_, D>,
-            _plant: &Plant<D>,
+            _constants: &Constants<D>,
         ) {
             let inside = at.q[at.joint] - e[1];
             if inside.value() > 0.0 {

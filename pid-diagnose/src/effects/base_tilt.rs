@@ -2,8 +2,8 @@
 //!
 //! Source: ISO 9946; W. Khalil, E. Dombre 2002, section 11.6.
 
+use crate::constants::{Constant, Constants};
 use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// The base is not level.
@@ -38,10 +38,13 @@ impl Model for BaseTilt {
     fn info(&self) -> &'static Info {
         &INFO
     }
+    fn needs_bodies(&self) -> bool {
+        true
+    }
 }
 
 impl<D: Scalar> Law<D> for BaseTilt {
-    fn plant(&self, e: &[D], _joint: usize, plant: &mut Plant<D>) {
+    fn constants(&self, e: &[D], _joint: usize, constants: &mut Constants<D>) {
         // g cos a − (ê × g) sin a + ê (ê·g)(1 − cos a) with a ê = (x, y, 0); series in a², 3e-9 at 0.6 rad and regular at zero.
         let (x, y) = (e[0], e[1]);
         let a2 = x * x + y * y;
@@ -52,12 +55,15 @@ impl<D: Scalar> Law<D> for BaseTilt {
         let c = series(1.0, [2.0, 24.0, 720.0, 40_320.0]);
         let s = series(1.0, [6.0, 120.0, 5_040.0, 362_880.0]);
         let k = series(0.5, [24.0, 720.0, 40_320.0, 3_628_800.0]);
-        let g = plant.gravity;
+        let g = [0, 1, 2].map(|i| constants.get(Constant::Gravity(i)));
         let along = (x * g[0] + y * g[1]) * k;
-        plant.gravity = [
+        let turned = [
             g[0] * c - y * g[2] * s + x * along,
             g[1] * c + x * g[2] * s + y * along,
             g[2] * c - (x * g[1] - y * g[0]) * s,
         ];
+        for (i, g) in turned.into_iter().enumerate() {
+            constants.set(Constant::Gravity(i), g);
+        }
     }
 }

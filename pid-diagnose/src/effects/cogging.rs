@@ -7,8 +7,8 @@
 
 use std::f64::consts::TAU;
 
+use crate::constants::Constants;
 use crate::effect::{Forces, Info, Kind, Law, Model, Site, Unit, parameter};
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// Force ripple over the position.
@@ -85,7 +85,7 @@ impl<D: Scalar> Law<D> for Cogging {
         at: &Site<'_, D>,
         _memory: &[D],
         f: &mut Forces<'_, D>,
-        _plant: &Plant<D>,
+        _constants: &Constants<D>,
     ) {
         let phase = e[2] * at.q[at.joint];
         f.value[at.joint] += e[0] * phase.sine() + e[1] * phase.cosine();

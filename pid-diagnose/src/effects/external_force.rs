@@ -3,7 +3,6 @@
 //! Source: A. De Luca, R. Mattone, IEEE ICRA 2005.
 
 use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
-use crate::rigid::V3;
 use crate::scalar::Scalar;
 
 /// Something pushes the tool.
@@ -53,6 +52,9 @@ impl Model for ExternalForce {
     fn info(&self) -> &'static Info {
         &INFO
     }
+    fn needs_bodies(&self) -> bool {
+        true
+    }
     fn edges(&self) -> &'static [usize] {
         &[3, 4, 5, 6, 7, 8]
     }
@@ -72,7 +74,7 @@ impl Model for ExternalForce {
 }
 
 impl<D: Scalar> Law<D> for ExternalForce {
-    fn tip_force(&self, e: &[D], t: f64, dt: f64) -> Option<V3<D>> {
+    fn tip_force(&self, e: &[D], t: f64, dt: f64) -> Option<[D; 3]> {
         let end = t + dt;
         let mut share = D::nil();
         for w in e[3..9].chunks_exact(2) {

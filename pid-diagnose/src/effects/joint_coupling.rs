@@ -2,8 +2,8 @@
 //!
 //! Source: L.-W. Tsai, Robot Analysis, 1999, chapter 7.
 
+use crate::constants::Constants;
 use crate::effect::{Forces, Info, Kind, Law, Model, Site, Unit, parameter};
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// A cable over two joints.
@@ -61,7 +61,7 @@ impl<D: Scalar> Law<D> for JointCoupling {
         at: &Site<'_, D>,
         _memory: &[D],
         f: &mut Forces<'_, D>,
-        _plant: &Plant<D>,
+        _constants: &Constants<D>,
     ) {
         let Some(other) = at.joint.checked_sub(1) else {
             return;

@@ -2,8 +2,8 @@
 //!
 //! Source: M. Gautier, S. Briot, ASME J. Dyn. Syst. Meas. Control 136(5), 2014 (the wrist of the Stäubli TX40).
 
+use crate::constants::Constants;
 use crate::effect::{Forces, Info, Kind, Law, Model, Site, Unit, parameter};
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// The motor of a joint is turned by the joint before it too.
@@ -66,7 +66,7 @@ impl<D: Scalar> Law<D> for MotorCoupling {
         at: &Site<'_, D>,
         _memory: &[D],
         f: &mut Forces<'_, D>,
-        _plant: &Plant<D>,
+        _constants: &Constants<D>,
     ) {
         let Some(other) = at.joint.checked_sub(1) else {
             return;

@@ -2,8 +2,8 @@
 //!
 //! Source: W. Khalil, M. Gautier, P. Lemoine, IEEE ICRA 2007.
 
+use crate::constants::Constants;
 use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// An unmodelled mass at the tool.
@@ -41,13 +41,15 @@ impl Model for Payload {
     fn info(&self) -> &'static Info {
         &INFO
     }
+    fn needs_bodies(&self) -> bool {
+        true
+    }
 }
 
 impl<D: Scalar> Law<D> for Payload {
-    fn plant(&self, e: &[D], _joint: usize, plant: &mut Plant<D>) {
-        let at = plant.tool;
-        if let Some(body) = plant.bodies.last_mut() {
-            crate::rigid::add_point(body, e[0], at);
+    fn constants(&self, e: &[D], _joint: usize, constants: &mut Constants<D>) {
+        if let Some((body, at)) = constants.tool() {
+            constants.add_point_mass(body, e[0], at);
         }
     }
 }

@@ -2,8 +2,8 @@
 //!
 //! Source: P. R. Dahl 1968; C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, IEEE TAC 40(3), 1995, with a constant level.
 
+use crate::constants::{Constant, Constants};
 use crate::effect::{After, Forces, Friction, Info, Kind, Law, Model, Site, Unit, parameter};
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// The joint gives way elastically before it slides.
@@ -82,11 +82,11 @@ impl<D: Scalar> Law<D> for PreslidingHysteresis {
         at: &Site<'_, D>,
         memory: &[D],
         f: &mut Forces<'_, D>,
-        plant: &Plant<D>,
+        constants: &Constants<D>,
     ) {
         // s = z / z_s over a step of constant speed is s E + (1 − E) sgn v, E = exp(−x), x = δ |v|/z_s; its mean is
         // s A + (1 − A) sgn v, A = (1 − E)/x. The speed that multiplies is that of the step, implicitly.
-        let level = plant.coulomb[at.joint];
+        let level = constants.get(Constant::Coulomb(at.joint));
         let travel = e[0].inverse() * at.dt;
         let (decay, mean, lag) = passage(at.v[at.joint].magnitude() * travel);
         let micro = e[1] / at.dt;

@@ -2,8 +2,8 @@
 //!
 //! Source: G. K. Batchelor, An Introduction to Fluid Dynamics, 1967, section 5.11.
 
+use crate::constants::Constants;
 use crate::effect::{Forces, Info, Kind, Law, Model, Site, Unit, parameter};
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// Drag with the square of the speed.
@@ -44,7 +44,7 @@ impl<D: Scalar> Law<D> for QuadraticDrag {
         at: &Site<'_, D>,
         _memory: &[D],
         f: &mut Forces<'_, D>,
-        _plant: &Plant<D>,
+        _constants: &Constants<D>,
     ) {
         f.rate[at.joint] += e[0] * at.speed();
     }

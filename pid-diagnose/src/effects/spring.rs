@@ -2,8 +2,8 @@
 //!
 //! Source: MuJoCo documentation, joint stiffness.
 
+use crate::constants::Constants;
 use crate::effect::{Forces, Info, Kind, Law, Model, Site, Unit, parameter};
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// A spring at the joint.
@@ -54,7 +54,7 @@ impl<D: Scalar> Law<D> for Spring {
         at: &Site<'_, D>,
         _memory: &[D],
         f: &mut Forces<'_, D>,
-        _plant: &Plant<D>,
+        _constants: &Constants<D>,
     ) {
         f.value[at.joint] += e[1] - e[0] * at.q[at.joint];
     }

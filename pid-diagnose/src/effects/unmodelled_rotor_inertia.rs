@@ -2,8 +2,8 @@
 //!
 //! Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002, section 9.4.
 
+use crate::constants::{Constant, Constants};
 use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
-use crate::plant::Plant;
 use crate::scalar::Scalar;
 
 /// The rotor is heavier than stated.
@@ -44,7 +44,7 @@ impl Model for UnmodelledRotorInertia {
 }
 
 impl<D: Scalar> Law<D> for UnmodelledRotorInertia {
-    fn plant(&self, e: &[D], joint: usize, plant: &mut Plant<D>) {
-        plant.rotor[joint] += e[0];
+    fn constants(&self, e: &[D], joint: usize, constants: &mut Constants<D>) {
+        constants.add(Constant::Rotor(joint), e[0]);
     }
 }

@@ -7,12 +7,14 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use pid_interpret::nominal::Nominal;
+
 use super::causes::{Cause, Kind, LISTED, OUTSIDE, Sizes};
+use super::linkage::Surroundings;
 use super::motion::{Motion, Room, reference};
+use super::plant::{PER_JOINT, Plant};
 use super::world::{STEP, World};
-use crate::linkage::Surroundings;
-use crate::nominal::{Nominal, NominalError};
-use crate::plant::{PER_JOINT, Plant};
+use crate::nominal::NominalError;
 
 /// What a study consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,7 +111,7 @@ impl Plan {
         let noise_stated = random.random_range(0..3) > 0;
         let velocity = ["measured", "derived", "absent"][random.random_range(0..3usize)].to_owned();
         let stated = nominal_text(&robot, true, &velocity);
-        let nominal = Nominal::parse(&stated, "nominal.toml".as_ref())?;
+        let nominal = Nominal::parse("nominal.toml", &stated)?;
         let theta: Vec<f64> = (0..n * PER_JOINT)
             .map(|_| random.random_range(-0.9..0.9))
             .collect();
@@ -236,7 +238,7 @@ fn same_place(a: &Cause, kind: &Kind, joint: usize) -> bool {
 
 /// Mass matrix diagonal with rotors, in the middle of the motion.
 fn inertia(nominal: &Nominal, robot: &Robot) -> Vec<f64> {
-    let n = nominal.n();
+    let n = robot.joints.len();
     let plant = Plant::<f64>::new(nominal, &vec![0.0; n * PER_JOINT]);
     let q: Vec<f64> = robot.joints.iter().map(|j| j.room.centre).collect();
     let (m, _) = dynamics(&plant, &q, &vec![0.0; n]);
@@ -353,10 +355,7 @@ fn robot(family: usize, most: usize, random: &mut ChaCha8Rng) -> Result<Robot, N
             .exp(),
     };
     // Rotors, friction and torques in proportion to what the joint moves.
-    let bare = Nominal::parse(
-        &nominal_text(&robot, false, "derived"),
-        "nominal.toml".as_ref(),
-    )?;
+    let bare = Nominal::parse("nominal.toml", &nominal_text(&robot, false, "derived"))?;
     let plant = Plant::<f64>::new(&bare, &vec![0.0; n * PER_JOINT]);
     let q: Vec<f64> = robot.joints.iter().map(|j| j.room.centre).collect();
     let (m, _) = dynamics(&plant, &q, &vec![0.0; n]);

@@ -1,14 +1,17 @@
 //! The withheld-effect study: cases whose cause is known are diagnosed blind, then the causes are opened and the verdicts scored.
 //!
-//! The generator shares with the diagnosis the equations of [`linkage`](crate::linkage) alone; integration (symplectic Euler at
-//! 0.1 ms), friction (impulses), gears, channels and every cause are written a second time in `world`. A case is
+//! The generator shares no physics with the diagnosis: rigid bodies ([`linkage`]), integration (symplectic Euler at 0.1 ms),
+//! friction (impulses), gears, channels and every cause are written a second time here; a test compares the rigid bodies. A case is
 //! `cases/ID/{dataset.toml, nominal.toml, *.csv}`, its cause `truth/ID.json`, its diagnosis `results/ID.json`. What is there
 //! already is not made again, so that an interrupted study goes on where it stopped.
 
 mod causes;
 mod draw;
+pub mod linkage;
 mod motion;
 mod page;
+pub mod plant;
+pub mod rigid;
 mod score;
 mod world;
 

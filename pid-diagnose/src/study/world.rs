@@ -11,9 +11,9 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::causes::{Cause, Kind};
-use crate::linkage::{Linkage, Surroundings};
-use crate::plant::Plant;
-use crate::rigid::add_point;
+use super::linkage::{Linkage, Surroundings};
+use super::plant::Plant;
+use super::rigid::add_point;
 
 /// Integration step, s.
 pub(super) const STEP: f64 = 1e-4;

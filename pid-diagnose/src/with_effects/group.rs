@@ -1,15 +1,16 @@
 //! The effects at one joint: the change of the residual, and its derivatives.
 
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use pid_runtime::dynamics::{At, Dims};
 
 use super::EffectError;
 use super::roles::JointRoles;
 use super::smooth::Smooth;
+use crate::constants::{Constant, Constants};
 use crate::effect::{Commands, Effect, Forces, Friction, Law, Site};
-use crate::plant::Plant;
+use crate::nominal::Nominal;
 use crate::scalar::Scalar;
 
 /// Why equations of motion cannot take an effect.
@@ -119,23 +120,30 @@ fn nothing<'a>(u: &'a [f64]) -> Commands<'a> {
     }
 }
 
-/// A plant of numbers with as many joints as an effect may ask for.
-fn plant() -> Plant<f64> {
-    let body = crate::rigid::Body {
-        mass: 1.0,
-        moment: [0.1; 3],
-        inertia: [0.1; 6],
-    };
-    Plant {
-        hinges: Vec::new(),
-        bodies: vec![body; 2],
-        rotor: vec![0.0; 2],
-        gain: vec![1.0; 2],
-        coulomb: vec![1.0; 2],
-        viscous: vec![1.0; 2],
-        gravity: [0.3, 0.2, -9.0],
-        tool: [0.1, 0.2, 0.3],
-    }
+/// The equation of no effect.
+struct Nothing;
+impl Law<f64> for Nothing {}
+
+/// A robot on which effects are tried.
+static TRIED: LazyLock<Nominal> = LazyLock::new(|| {
+    let text = include_str!("arm.toml");
+    Nominal::parse(text, "arm.toml".as_ref()).expect("invariant: the text is part of the program")
+});
+
+/// Constants of which an effect may change any: those that belong to bodies and gravity, and the rotor of the second joint.
+fn tried(law: &dyn Law<f64>, e: &[f64]) -> (Vec<f64>, f64) {
+    let mut constants = Constants::<f64>::new(&TRIED, &vec![0.0; TRIED.size()]);
+    law.constants(e, 1, &mut constants);
+    let structure = (0..3).map(Constant::Gravity).chain((0..2).flat_map(|b| {
+        let moments = (0..3).map(move |i| Constant::Moment(b, i));
+        let inertias = (0..6).map(move |i| Constant::Inertia(b, i));
+        [Constant::Mass(b)]
+            .into_iter()
+            .chain(moments)
+            .chain(inertias)
+    }));
+    let structure = structure.map(|which| constants.get(which)).collect();
+    (structure, constants.get(Constant::Rotor(1)))
 }
 
 /// What an effect does, found by trying its hooks on numbers.
@@ -162,13 +170,13 @@ pub(super) fn hooks(effect: &dyn Effect) -> Result<Hooks, Obstacle> {
         return Err(Obstacle::Memory);
     }
     let mut found = Hooks::default();
-    let tried = |u: f64, around: &[f64]| law.input(&e, u, &nothing(around), &mut []);
-    if tried(5.0, &[1.0, 2.0, 3.0]) != tried(5.0, &[2.0, -1.0, 4.0]) {
+    let input = |u: f64, around: &[f64]| law.input(&e, u, &nothing(around), &mut []);
+    if input(5.0, &[1.0, 2.0, 3.0]) != input(5.0, &[2.0, -1.0, 4.0]) {
         return Err(Obstacle::Delay);
     }
     found.input = [-4.0, -0.1, 0.1, 0.7, 4.0]
         .iter()
-        .any(|&u| tried(u, &[0.0; 3]) != u);
+        .any(|&u| input(u, &[0.0; 3]) != u);
     let friction = |load: f64, t: f64| {
         let site = Site {
             joint: 1,
@@ -190,7 +198,7 @@ pub(super) fn hooks(effect: &dyn Effect) -> Result<Hooks, Obstacle> {
             value: &mut value,
             rate: &mut rate,
         };
-        law.force(&e, &site, &[], &mut forces, &plant());
+        law.force(&e, &site, &[], &mut forces, &Constants::none(&TRIED));
         ([f.forward, f.backward, f.viscous], value, rate)
     };
     let here = friction(1.0, 0.0);
@@ -200,12 +208,11 @@ pub(super) fn hooks(effect: &dyn Effect) -> Result<Hooks, Obstacle> {
     found.friction = here.0[..2] != [1.0; 2];
     found.viscous = here.0[2] != 1.0;
     found.load = here != friction(2.0, 0.0);
-    let (before, mut after) = (plant(), plant());
-    law.plant(&e, 1, &mut after);
-    if after.bodies != before.bodies || after.gravity != before.gravity {
+    let (before, after) = (tried(&Nothing, &e), tried(law, &e));
+    if after.0 != before.0 {
         return Err(Obstacle::Structure);
     }
-    found.rotor = (after.rotor[1] - before.rotor[1]) / e.first().copied().unwrap_or(1.0);
+    found.rotor = (after.1 - before.1) / e.first().copied().unwrap_or(1.0);
     Ok(found)
 }
 
@@ -374,16 +381,7 @@ impl Group {
         let (mut value, mut rate) = ([zero; 2], [zero; 2]);
         let mut input = x[INPUT];
         let mut rotor = zero;
-        let plant = Plant {
-            hinges: Vec::new(),
-            bodies: Vec::new(),
-            rotor: Vec::new(),
-            gain: Vec::new(),
-            coulomb: Vec::new(),
-            viscous: Vec::new(),
-            gravity: [zero; 3],
-            tool: [0.0; 3],
-        };
+        let constants = Constants::none(&TRIED);
         for m in &self.members {
             let law: &dyn Law<Smooth> = m.effect.smooth();
             let e = &x[m.first..m.first + m.count];
@@ -400,7 +398,7 @@ impl Group {
                 value: &mut value,
                 rate: &mut rate,
             };
-            law.force(e, &site, &[], &mut forces, &plant);
+            law.force(e, &site, &[], &mut forces, &constants);
             law.friction(e, &site, &[], &mut friction);
             input = law.input(e, input, &nothing(&[0.0; 3]), &mut []);
             if m.hooks.rotor != 0.0 {

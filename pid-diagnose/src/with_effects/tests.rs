@@ -7,7 +7,7 @@ use super::*;
 use crate::effect::{Friction, Site};
 use crate::effects::{all, by_id};
 
-const ARM: &str = include_str!("../../tests/arm.toml");
+const ARM: &str = include_str!("arm.toml");
 
 fn arm() -> description::Nominal {
     description::Nominal::parse("arm.toml", ARM).expect("a robot")

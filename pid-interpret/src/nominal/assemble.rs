@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use pid_derive::model::{About, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot};
 
+use super::general::DriveValues;
 use super::{Measurement, Nominal, Ranges, Role, Tolerance};
 
 /// A value and how far it is trusted.
@@ -57,12 +58,14 @@ impl Assembly {
     pub(super) fn finish(mut self, measurement: Measurement) -> Nominal {
         self.robot.order = (0..self.robot.joints.len()).collect();
         Nominal {
+            tool_link: self.robot.links.len().checked_sub(1),
             robot: self.robot,
             tolerances: self.tolerances,
             measurement,
             effects: Vec::new(),
             simulated: None,
             file: PathBuf::new(),
+            drives: None,
         }
     }
 
@@ -71,15 +74,6 @@ impl Assembly {
         let index = self.robot.joints.len();
         let inertial = self.inertial(&values);
         let name = &values.name;
-        let (force_unit, speed_unit) = if values.prismatic {
-            ("N", "m")
-        } else {
-            ("N*m", "rad")
-        };
-        let gain_unit = match values.input_unit == force_unit {
-            true => "1".to_owned(),
-            false => format!("{force_unit}/{}", values.input_unit),
-        };
         let rotor_unit = if values.prismatic { "kg" } else { "kg*m^2" };
         let rotor = self.param(
             format!("rotor_{name}"),
@@ -88,45 +82,22 @@ impl Assembly {
             Role::RotorInertia,
             values.rotor_inertia,
         );
-        let coulomb = self.param(
-            format!("coulomb_{name}"),
-            force_unit,
-            "Coulomb friction.",
-            Role::Coulomb,
-            values.coulomb,
+        let drive = DriveValues {
+            gain: values.gain,
+            coulomb: values.coulomb,
+            viscous: values.viscous,
+            sharpness: values.sharpness,
+            input_unit: values.input_unit.clone(),
+        };
+        let [gain, coulomb, viscous, sharp] = drive_params(
+            &mut self.robot,
+            &mut self.tolerances,
+            index,
+            name,
+            values.prismatic,
+            &drive,
         );
-        let viscous = self.param(
-            format!("viscous_{name}"),
-            &format!("{force_unit}*s/{speed_unit}"),
-            "Viscous friction.",
-            Role::Viscous,
-            values.viscous,
-        );
-        let gain = self.param(
-            format!("gain_{name}"),
-            &gain_unit,
-            "Force or torque at the joint per unit of the input.",
-            Role::Gain,
-            values.gain,
-        );
-        let sharp = self.param(
-            format!("sharp_{name}"),
-            &format!("s/{speed_unit}"),
-            "Sharpness of the transition of Coulomb friction at rest.",
-            Role::Sharpness,
-            Value {
-                nominal: values.sharpness,
-                half_width: 0.0,
-            },
-        );
-
-        // gain u − viscous v − coulomb tanh(sharp v)
-        let (u, v) = (Expr::Input(index), Expr::Velocity(index));
-        let transition = Expr::Call(Func::Tanh, Box::new(product(sharp, v.clone())));
-        let force = difference(
-            difference(product(gain, u), product(viscous, v)),
-            product(coulomb, transition),
-        );
+        let force = drive_force(index, gain, coulomb, viscous, sharp);
         self.robot.inputs.push(Input {
             name: format!("u_{name}"),
             docs: Vec::new(),
@@ -199,26 +170,118 @@ impl Assembly {
 
     /// A parameter of the joint that is being added.
     fn param(&mut self, name: String, unit: &str, doc: &str, role: Role, value: Value) -> Expr {
-        let tolerance = Tolerance {
-            name: name.clone(),
-            joint: self.robot.joints.len(),
+        let joint = self.robot.joints.len();
+        param(
+            &mut self.robot,
+            &mut self.tolerances,
+            joint,
+            (name, unit, doc),
             role,
-            nominal: value.nominal,
-            half_width: value.half_width,
-        };
-        let (lower, upper) = tolerance.range(Ranges::Tolerance);
-        self.tolerances.push(tolerance);
-        self.robot.params.push(Param {
-            name,
-            docs: vec![format!(" {doc}")],
-            unit: unit.to_owned(),
-            nominal: value.nominal,
-            lower,
-            upper,
-            fixed: value.half_width == 0.0,
-        });
-        Expr::Param(self.robot.params.len() - 1)
+            value,
+        )
     }
+}
+
+/// A parameter of a joint: name, unit and what it is.
+fn param(
+    robot: &mut Robot,
+    tolerances: &mut Vec<Tolerance>,
+    joint: usize,
+    (name, unit, doc): (String, &str, &str),
+    role: Role,
+    value: Value,
+) -> Expr {
+    let tolerance = Tolerance {
+        name: name.clone(),
+        joint: Some(joint),
+        role,
+        nominal: value.nominal,
+        half_width: value.half_width,
+    };
+    let (lower, upper) = tolerance.range(Ranges::Tolerance);
+    tolerances.push(tolerance);
+    robot.params.push(Param {
+        name,
+        docs: vec![format!(" {doc}")],
+        unit: unit.to_owned(),
+        nominal: value.nominal,
+        lower,
+        upper,
+        fixed: value.half_width == 0.0,
+    });
+    Expr::Param(robot.params.len() - 1)
+}
+
+/// Parameters of the drive of a coordinate: gain, Coulomb friction, viscous friction, sharpness of the transition at rest.
+pub(super) fn drive_params(
+    robot: &mut Robot,
+    tolerances: &mut Vec<Tolerance>,
+    joint: usize,
+    name: &str,
+    prismatic: bool,
+    values: &DriveValues,
+) -> [Expr; 4] {
+    let (force_unit, speed_unit) = if prismatic {
+        ("N", "m")
+    } else {
+        ("N*m", "rad")
+    };
+    let gain_unit = match values.input_unit == force_unit {
+        true => "1".to_owned(),
+        false => format!("{force_unit}/{}", values.input_unit),
+    };
+    let mut add = |what: &str, unit: &str, doc: &str, role: Role, value: Value| {
+        let texts = (format!("{what}_{name}"), unit, doc);
+        param(robot, tolerances, joint, texts, role, value)
+    };
+    let coulomb = add(
+        "coulomb",
+        force_unit,
+        "Coulomb friction.",
+        Role::Coulomb,
+        values.coulomb,
+    );
+    let viscous = add(
+        "viscous",
+        &format!("{force_unit}*s/{speed_unit}"),
+        "Viscous friction.",
+        Role::Viscous,
+        values.viscous,
+    );
+    let gain = add(
+        "gain",
+        &gain_unit,
+        "Force or torque at the joint per unit of the input.",
+        Role::Gain,
+        values.gain,
+    );
+    let sharp = add(
+        "sharp",
+        &format!("s/{speed_unit}"),
+        "Sharpness of the transition of Coulomb friction at rest.",
+        Role::Sharpness,
+        Value {
+            nominal: values.sharpness,
+            half_width: 0.0,
+        },
+    );
+    [gain, coulomb, viscous, sharp]
+}
+
+/// `gain u − viscous v − coulomb tanh(sharp v)`.
+pub(super) fn drive_force(
+    index: usize,
+    gain: Expr,
+    coulomb: Expr,
+    viscous: Expr,
+    sharp: Expr,
+) -> Expr {
+    let (u, v) = (Expr::Input(index), Expr::Velocity(index));
+    let transition = Expr::Call(Func::Tanh, Box::new(product(sharp, v.clone())));
+    difference(
+        difference(product(gain, u), product(viscous, v)),
+        product(coulomb, transition),
+    )
 }
 
 fn product(x: Expr, y: Expr) -> Expr {

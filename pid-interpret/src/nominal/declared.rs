@@ -1,4 +1,4 @@
-//! The nominal description of a declared robot: the values its bodies and drives have at the nominal parameters, tolerances
+//! The nominal description of a declared chain or tree of driven bodies: the values its bodies and drives have at the nominal parameters, tolerances
 //! from the ranges of the parameters.
 //!
 //! Bodies are those of the derivation ([`Tree`]): links joined rigidly are one body, held joints stand at their value. The
@@ -17,6 +17,7 @@ use pid_symbolic::{Graph, Id, Tape};
 use super::Nominal;
 use super::assemble::{Assembly, JointValues, Value};
 use super::error::{DeclaredError, NominalError};
+use super::general;
 use super::law::{At, Drive, Law};
 use super::measured::{self, Driven};
 
@@ -32,6 +33,9 @@ impl Nominal {
         measurement: Option<&Path>,
     ) -> Result<Self, NominalError> {
         let robot = declaration(model)?;
+        if general::needed(&robot) {
+            return general::nominal(&robot, measurement);
+        }
         let chain = Chain::new(&robot)?;
         let values = chain.values()?;
         let driven = values
@@ -109,20 +113,6 @@ impl<'a> Chain<'a> {
                 what,
             })
         };
-        if robot.lagrangian.is_some() {
-            return structure("is declared by its Lagrangian, which has no bodies".to_owned());
-        }
-        if robot.potential.is_some() {
-            return structure("has a potential of its own".to_owned());
-        }
-        if let Some(motor) = robot.motors.first() {
-            return structure(format!("has a drive `{}` on several joints", motor.name));
-        }
-        if let Some(joint) = (robot.joints.iter())
-            .find(|j| j.coord.is_none() && j.follows.as_ref().is_some_and(|f| !f.terms.is_empty()))
-        {
-            return structure(format!("has a joint `{}` that follows others", joint.name));
-        }
         let mut joints: Vec<&Joint> = robot.joints.iter().filter(|j| j.coord.is_some()).collect();
         joints.sort_by_key(|j| j.coord);
 

@@ -12,6 +12,9 @@
 //! because that is what tolerances are stated for; those of each joint are rotor inertia, Coulomb and viscous friction,
 //! gain, and the sharpness of the transition at rest, which is held.
 //!
+//! A declared robot may be more than that: joints that follow others, drives on several joints, a potential, a Lagrangian. Its
+//! parameters are then the declared ones, beside those of the drives.
+//!
 //! - [`Nominal::robot`]: the structure, ready for [`Model`](crate::Model), ranges as the tolerances say;
 //! - [`Nominal::tolerances`]: what each parameter is and how far it is trusted;
 //! - [`Nominal::measurement`]: noise, resolution, how velocities are read, drive noise.
@@ -19,8 +22,10 @@
 mod assemble;
 mod build;
 mod declared;
+mod drives;
 mod error;
 mod file;
+mod general;
 mod law;
 mod measured;
 mod stated;
@@ -32,6 +37,7 @@ use std::path::{Path, PathBuf};
 use pid_derive::model::Robot;
 
 pub use declared::declaration;
+pub use drives::Drives;
 pub use error::{DeclaredError, NominalError};
 pub use stated::{Effect, EffectParameter, Fault, Simulated, SimulatedJoint, Written, near_miss};
 
@@ -44,6 +50,8 @@ pub struct Nominal {
     effects: Vec<Effect>,
     simulated: Option<Simulated>,
     file: PathBuf,
+    tool_link: Option<usize>,
+    drives: Option<Drives>,
 }
 
 /// Ranges of the parameters of a robot.
@@ -64,8 +72,8 @@ pub enum Ranges {
 pub struct Tolerance {
     /// Name of the parameter, as in the robot and in the same place.
     pub name: String,
-    /// Index of the joint (and of the link it carries), base to tip.
-    pub joint: usize,
+    /// Index of the joint (and of the link it carries), base to tip; `None` for a declared parameter of the whole mechanism.
+    pub joint: Option<usize>,
     /// What it is.
     pub role: Role,
     /// Nominal value, SI.
@@ -94,6 +102,8 @@ pub enum Role {
     Gain,
     /// Sharpness of the transition of Coulomb friction at rest; not a value of the robot, always held.
     Sharpness,
+    /// A parameter of the mechanism as it is declared, whatever it is.
+    Declared,
 }
 
 /// What is known of the records.
@@ -208,6 +218,16 @@ impl Nominal {
         &self.tolerances
     }
 
+    /// The link that carries the tool: the one that the last joint with a coordinate carries, none of a bare Lagrangian.
+    pub fn tool_link(&self) -> Option<usize> {
+        self.tool_link
+    }
+
+    /// Coordinates of the description where they are those of drives on several joints, not of the joints.
+    pub fn drives(&self) -> Option<&Drives> {
+        self.drives.as_ref()
+    }
+
     /// How the robot is measured.
     pub fn measurement(&self) -> &Measurement {
         &self.measurement
@@ -269,6 +289,11 @@ impl Tolerance {
             Role::CenterOfMass(_) | Role::Inertia(_) | Role::Sharpness => {
                 (f64::NEG_INFINITY, f64::INFINITY)
             }
+            // What it is, and so what physics demands of it, only its range says.
+            Role::Declared => (
+                self.nominal - self.half_width,
+                self.nominal + self.half_width,
+            ),
         };
         match ranges {
             Ranges::Physical => (lower, upper),

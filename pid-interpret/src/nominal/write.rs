@@ -21,7 +21,16 @@ struct Values {
 
 impl Nominal {
     /// The text of a file that states this description. Every value stands with a tolerance of its own, in `[joint.tolerance]`.
-    pub fn to_toml(&self) -> String {
+    /// `None` for a mechanism that such a file cannot state: one with followers, drives on several joints, or a potential.
+    pub fn to_toml(&self) -> Option<String> {
+        let joints = self.robot.joints.len();
+        let each = |role| {
+            let own = self.tolerances.iter().filter(|t| t.role == role);
+            own.count() == joints
+        };
+        if self.drives.is_some() || !each(Role::Mass) || !each(Role::Gain) {
+            return None;
+        }
         let mut out = String::new();
         self.write_robot(&mut out);
         for joint in 0..self.robot.joints.len() {
@@ -29,7 +38,7 @@ impl Nominal {
         }
         self.write_effects(&mut out);
         self.write_simulated(&mut out);
-        out
+        Some(out)
     }
 
     fn write_robot(&self, out: &mut String) {
@@ -66,7 +75,7 @@ impl Nominal {
 
     fn values(&self, joint: usize) -> Values {
         let mut values = Values::default();
-        for t in self.tolerances.iter().filter(|t| t.joint == joint) {
+        for t in self.tolerances.iter().filter(|t| t.joint == Some(joint)) {
             let both = [t.nominal, t.half_width];
             match t.role {
                 Role::Mass => values.mass = both,
@@ -77,6 +86,7 @@ impl Nominal {
                 Role::Viscous => values.viscous = both,
                 Role::Gain => values.gain = both,
                 Role::Sharpness => values.sharpness = t.nominal,
+                Role::Declared => {}
             }
         }
         values

@@ -1,21 +1,35 @@
 //! Running a program over numbers and lanes of numbers.
 
+use num_dual::{Dual64, DualNum};
+
 use super::{Code, Op, Run};
 use crate::node::Function;
 
 /// Points evaluated at once by [`Program::eval_lanes`](super::Program::eval_lanes).
 pub const LANES: usize = 4;
 
-/// What a slot holds.
-pub(super) trait Element: Copy {
+/// A number that programs compute with: plain, several side by side, or with derivatives.
+pub trait Element: Copy {
     /// A constant.
     fn splat(x: f64) -> Self;
+    /// −x.
+    fn minus(self) -> Self;
+    /// x + y.
+    fn plus(self, other: Self) -> Self;
+    /// x − y.
+    fn less(self, other: Self) -> Self;
+    /// x y.
+    fn times(self, other: Self) -> Self;
+    /// x / y.
+    fn over(self, other: Self) -> Self;
+    /// xⁿ.
+    fn power(self, n: i32) -> Self;
     /// f(x).
-    fn map(self, f: impl Fn(f64) -> f64) -> Self;
-    /// f(x, y).
-    fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self;
+    fn call(self, f: Function) -> Self;
     /// A work space of zeros.
-    fn zeros(len: usize) -> Box<[Self]>;
+    fn zeros(len: usize) -> Box<[Self]> {
+        vec![Self::splat(0.0); len].into_boxed_slice()
+    }
 }
 
 impl Element for f64 {
@@ -24,12 +38,32 @@ impl Element for f64 {
         x
     }
     #[inline(always)]
-    fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        f(self)
+    fn minus(self) -> Self {
+        -self
     }
     #[inline(always)]
-    fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
-        f(self, other)
+    fn plus(self, other: Self) -> Self {
+        self + other
+    }
+    #[inline(always)]
+    fn less(self, other: Self) -> Self {
+        self - other
+    }
+    #[inline(always)]
+    fn times(self, other: Self) -> Self {
+        self * other
+    }
+    #[inline(always)]
+    fn over(self, other: Self) -> Self {
+        self / other
+    }
+    #[inline(always)]
+    fn power(self, n: i32) -> Self {
+        self.powi(n)
+    }
+    #[inline(always)]
+    fn call(self, f: Function) -> Self {
+        f.apply(self)
     }
     fn zeros(len: usize) -> Box<[Self]> {
         vec![0.0; len].into_boxed_slice()
@@ -42,15 +76,62 @@ impl Element for [f64; LANES] {
         [x; LANES]
     }
     #[inline(always)]
-    fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        std::array::from_fn(|k| f(self[k]))
+    fn minus(self) -> Self {
+        self.map(|x| -x)
     }
     #[inline(always)]
-    fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
-        std::array::from_fn(|k| f(self[k], other[k]))
+    fn plus(self, other: Self) -> Self {
+        std::array::from_fn(|k| self[k] + other[k])
+    }
+    #[inline(always)]
+    fn less(self, other: Self) -> Self {
+        std::array::from_fn(|k| self[k] - other[k])
+    }
+    #[inline(always)]
+    fn times(self, other: Self) -> Self {
+        std::array::from_fn(|k| self[k] * other[k])
+    }
+    #[inline(always)]
+    fn over(self, other: Self) -> Self {
+        std::array::from_fn(|k| self[k] / other[k])
+    }
+    #[inline(always)]
+    fn power(self, n: i32) -> Self {
+        self.map(|x| x.powi(n))
+    }
+    #[inline(always)]
+    fn call(self, f: Function) -> Self {
+        self.map(|x| f.apply(x))
     }
     fn zeros(len: usize) -> Box<[Self]> {
         vec![[0.0; LANES]; len].into_boxed_slice()
+    }
+}
+
+impl Element for Dual64 {
+    fn splat(x: f64) -> Self {
+        Dual64::from(x)
+    }
+    fn minus(self) -> Self {
+        -self
+    }
+    fn plus(self, other: Self) -> Self {
+        self + other
+    }
+    fn less(self, other: Self) -> Self {
+        self - other
+    }
+    fn times(self, other: Self) -> Self {
+        self * other
+    }
+    fn over(self, other: Self) -> Self {
+        self / other
+    }
+    fn power(self, n: i32) -> Self {
+        self.powi(n)
+    }
+    fn call(self, f: Function) -> Self {
+        crate::eval::call(f, self)
     }
 }
 
@@ -62,6 +143,32 @@ pub(super) trait Slot: Copy {
     fn get<T: Copy>(self, work: &Self::Work<T>) -> T;
     /// Writes a slot.
     fn set<T>(self, work: &mut Self::Work<T>, value: T);
+}
+
+/// A slot of at most 2⁸: the whole work space fits the fastest memory, even with derivatives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Tiny(u8);
+
+impl Tiny {
+    /// Number of slots.
+    pub(super) const COUNT: usize = 1 << 8;
+
+    /// The slot with this number, which must be below [`Tiny::COUNT`].
+    pub(super) fn new(slot: u32) -> Self {
+        Self(u8::try_from(slot).expect("the number of slots was compared before"))
+    }
+}
+
+impl Slot for Tiny {
+    type Work<T> = [T; Tiny::COUNT];
+    #[inline(always)]
+    fn get<T: Copy>(self, work: &Self::Work<T>) -> T {
+        work[usize::from(self.0)]
+    }
+    #[inline(always)]
+    fn set<T>(self, work: &mut Self::Work<T>, value: T) {
+        work[usize::from(self.0)] = value;
+    }
 }
 
 /// A slot of at most 2¹⁶. The work space has as many, whatever the program needs: no access has to be checked, and memory
@@ -103,9 +210,10 @@ impl Slot for u32 {
     }
 }
 
-/// Memory of evaluations over `f64` or over lanes; any program may use it, one after the other.
+/// Memory of evaluations over one kind of number; any program may use it, one after the other.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch<T> {
+    tiny: Option<Box<[T; Tiny::COUNT]>>,
     narrow: Option<Box<[T; Narrow::COUNT]>>,
     wide: Box<[T]>,
 }
@@ -114,20 +222,26 @@ impl<T> Scratch<T> {
     /// Empty; memory is taken at the first evaluation.
     pub fn new() -> Self {
         Self {
+            tiny: None,
             narrow: None,
             wide: Box::new([]),
         }
     }
 }
 
-#[allow(private_bounds, reason = "the two elements are f64 and lanes of f64")]
+fn zeros<T: Element, const N: usize>() -> Box<[T; N]> {
+    T::zeros(N)
+        .try_into()
+        .unwrap_or_else(|_| unreachable!("zeros of this length"))
+}
+
 impl<T: Element> Scratch<T> {
+    pub(super) fn tiny(&mut self) -> &mut [T; Tiny::COUNT] {
+        self.tiny.get_or_insert_with(zeros)
+    }
+
     pub(super) fn narrow(&mut self) -> &mut [T; Narrow::COUNT] {
-        self.narrow.get_or_insert_with(|| {
-            T::zeros(Narrow::COUNT)
-                .try_into()
-                .unwrap_or_else(|_| unreachable!("zeros of this length"))
-        })
+        self.narrow.get_or_insert_with(zeros)
     }
 
     pub(super) fn wide(&mut self, len: usize) -> &mut [T] {
@@ -138,7 +252,8 @@ impl<T: Element> Scratch<T> {
     }
 }
 
-/// Runs the instructions and reads the outputs.
+/// Runs the instructions and reads the outputs, compiled for the processor features of the caller.
+#[inline(always)]
 pub(super) fn run<S: Slot, T: Element, const N: usize>(
     runs: &[Run],
     code: &Code<S>,
@@ -150,21 +265,21 @@ pub(super) fn run<S: Slot, T: Element, const N: usize>(
         let (args, after) = rest.split_at(run.count as usize * (run.op.arity() + 1));
         rest = after;
         match run.op {
-            Op::Neg => unary(args, work, |x: T| x.map(|x| -x)),
-            Op::Add => binary(args, work, add),
-            Op::Sub => binary(args, work, sub),
-            Op::Mul => binary(args, work, mul),
-            Op::Div => binary(args, work, |x: T, y| x.zip(y, |x, y| x / y)),
-            Op::MulMul => ternary(args, work, |x, y, z| mul(mul(x, y), z)),
-            Op::MulAdd => ternary(args, work, |x, y, z| add(mul(x, y), z)),
-            Op::MulSub => ternary(args, work, |x, y, z| sub(mul(x, y), z)),
-            Op::SubMul => ternary(args, work, |x, y, z| sub(x, mul(y, z))),
-            Op::MulAddMul => quaternary(args, work, |x, y, z, w| add(mul(x, y), mul(z, w))),
-            Op::MulSubMul => quaternary(args, work, |x, y, z, w| sub(mul(x, y), mul(z, w))),
-            Op::Powi(n) => unary(args, work, |x: T| x.map(|x| x.powi(n))),
-            Op::Call(Function::Sin) => unary(args, work, |x: T| x.map(f64::sin)),
-            Op::Call(Function::Cos) => unary(args, work, |x: T| x.map(f64::cos)),
-            Op::Call(f) => unary(args, work, |x: T| x.map(|x| f.apply(x))),
+            Op::Neg => unary(args, work, |x: T| x.minus()),
+            Op::Add => binary(args, work, |x: T, y| x.plus(y)),
+            Op::Sub => binary(args, work, |x: T, y| x.less(y)),
+            Op::Mul => binary(args, work, |x: T, y| x.times(y)),
+            Op::Div => binary(args, work, |x: T, y| x.over(y)),
+            Op::MulMul => ternary(args, work, |x: T, y, z| x.times(y).times(z)),
+            Op::MulAdd => ternary(args, work, |x: T, y, z| x.times(y).plus(z)),
+            Op::MulSub => ternary(args, work, |x: T, y, z| x.times(y).less(z)),
+            Op::SubMul => ternary(args, work, |x: T, y, z| x.less(y.times(z))),
+            Op::MulAddMul => quaternary(args, work, |x: T, y, z, w| x.times(y).plus(z.times(w))),
+            Op::MulSubMul => quaternary(args, work, |x: T, y, z, w| x.times(y).less(z.times(w))),
+            Op::Powi(n) => unary(args, work, |x: T| x.power(n)),
+            Op::Call(Function::Sin) => unary(args, work, |x: T| x.call(Function::Sin)),
+            Op::Call(Function::Cos) => unary(args, work, |x: T| x.call(Function::Cos)),
+            Op::Call(f) => unary(args, work, |x: T| x.call(f)),
         }
     }
     let mut slots = code.outputs.iter();
@@ -173,21 +288,6 @@ pub(super) fn run<S: Slot, T: Element, const N: usize>(
             *out = slot.get(work);
         }
     }
-}
-
-#[inline(always)]
-fn add<T: Element>(x: T, y: T) -> T {
-    x.zip(y, |x, y| x + y)
-}
-
-#[inline(always)]
-fn sub<T: Element>(x: T, y: T) -> T {
-    x.zip(y, |x, y| x - y)
-}
-
-#[inline(always)]
-fn mul<T: Element>(x: T, y: T) -> T {
-    x.zip(y, |x, y| x * y)
 }
 
 #[inline(always)]

@@ -1,4 +1,5 @@
-//! Outputs of a graph as a program for fast repeated evaluation over `f64`, one point or [`LANES`] points at a time.
+//! Outputs of a graph as a program for fast repeated evaluation over any [`Element`]: `f64`, [`LANES`] points at a time, numbers
+//! with derivatives.
 //!
 //! A [`Tape`](crate::Tape) decides for every operation what to do next; on a processor that decision costs several times
 //! the operation. A program decides once per run of equal operations:
@@ -30,8 +31,8 @@ mod slots;
 
 use std::ops::Range;
 
-use execute::{Element, Narrow};
-pub use execute::{LANES, Scratch};
+pub use execute::{Element, LANES, Scratch};
+use execute::{Narrow, Tiny};
 
 use crate::graph::Graph;
 use crate::node::{Function, Id, Node};
@@ -97,6 +98,8 @@ struct Code<S> {
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Slots {
+    /// Fewer than 2⁸ slots: reads and writes need no check, and everything is near.
+    Tiny(Code<Tiny>),
     /// Fewer than 2¹⁶ slots: reads and writes need no check.
     Narrow(Code<Narrow>),
     /// Any number.
@@ -133,7 +136,13 @@ impl Program {
                 }),
             }
         }
-        let slots = if layout.size <= Narrow::COUNT {
+        let slots = if layout.size <= Tiny::COUNT {
+            let tiny = |slots: &[u32]| slots.iter().map(|&s| Tiny::new(s)).collect();
+            Slots::Tiny(Code {
+                args: tiny(&layout.args),
+                outputs: tiny(&layout.outputs),
+            })
+        } else if layout.size <= Narrow::COUNT {
             let narrow = |slots: &[u32]| slots.iter().map(|&s| Narrow::new(s)).collect();
             Slots::Narrow(Code {
                 args: narrow(&layout.args),
@@ -168,6 +177,7 @@ impl Program {
     /// Number of outputs.
     pub fn outputs(&self) -> usize {
         match &self.slots {
+            Slots::Tiny(code) => code.outputs.len(),
             Slots::Narrow(code) => code.outputs.len(),
             Slots::Wide(code) => code.outputs.len(),
         }
@@ -212,7 +222,12 @@ impl Program {
         self.evaluate(scratch, fill, out);
     }
 
-    fn evaluate<T: Element, const N: usize>(
+    /// The outputs over any [`Element`], compiled for the processor features of the caller.
+    ///
+    /// # Panics
+    /// As [`eval`](Self::eval).
+    #[inline(always)]
+    pub fn evaluate<T: Element, const N: usize>(
         &self,
         scratch: &mut Scratch<T>,
         fill: impl FnOnce(&mut [T]),
@@ -228,6 +243,11 @@ impl Program {
             }
         };
         match &self.slots {
+            Slots::Tiny(code) => {
+                let work = scratch.tiny();
+                load(work);
+                execute::run(&self.runs, code, work, out);
+            }
             Slots::Narrow(code) => {
                 let work = scratch.narrow();
                 load(work);

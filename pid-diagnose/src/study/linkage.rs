@@ -6,7 +6,7 @@
 
 use std::ops::Mul;
 
-use crate::rigid::{Body, Hinge, M3, V3, add, cross, times};
+use super::rigid::{Body, Hinge, M3, V3, add, cross, times};
 use crate::scalar::Scalar;
 
 /// Three components, each by its own expression: `map` is not inlined in the large kernels.

@@ -1,11 +1,12 @@
 //! Rigid links over any [`Scalar`]: where they hang, their inertial parameters, and 3-vectors; the tree of them is
-//! [`linkage`](crate::linkage).
+//! [`linkage`](super::linkage).
 
 use crate::scalar::Scalar;
 
 /// Three components.
 pub type V3<D> = [D; 3];
-pub(crate) type M3<D> = [[D; 3]; 3];
+/// Three rows of three.
+pub type M3<D> = [[D; 3]; 3];
 
 /// Inertial parameters of one link in its own frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
