@@ -12,6 +12,7 @@ mod group;
 mod merge;
 mod roles;
 mod smooth;
+mod structure;
 
 use std::borrow::Cow;
 
@@ -20,6 +21,7 @@ use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
 };
 
+use crate::case::Case;
 use crate::effect::{Effect, Parameter, Term};
 use crate::extended::{Known, range, unit};
 
@@ -28,6 +30,7 @@ pub use group::Obstacle;
 use merge::Merged;
 pub use roles::{JointRoles, roles};
 pub use smooth::Smooth;
+pub use structure::with_masses;
 
 /// An effect that a model cannot take.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -91,6 +94,24 @@ fn sought(p: &Parameter, value: f64, interval: Option<(f64, f64)>) -> (f64, f64)
 }
 
 impl Placed {
+    /// An effect at a joint of a case, from the middle of its starts, in the sizes of the records.
+    pub fn at(term: Term, case: &Case) -> Self {
+        let info = term.effect.info();
+        let start = info.starts.get(info.starts.len() / 2).copied();
+        let ranges = info.parameters.iter().enumerate().map(|(i, p)| {
+            let size = case.unit(p.unit, term.joint);
+            let start = start.and_then(|s| s.get(i)).copied().unwrap_or(p.lower);
+            (start * size, p.lower * size, p.upper * size)
+        });
+        let nominal = &case.nominal.description;
+        let units = info.parameters.iter();
+        Placed {
+            ranges: ranges.collect(),
+            units: units.map(|p| unit(nominal, term.joint, p)).collect(),
+            term,
+        }
+    }
+
     /// The effects of a description.
     ///
     /// # Errors
