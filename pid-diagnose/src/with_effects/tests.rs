@@ -171,7 +171,8 @@ fn derivatives_are_those_of_differences() {
 fn stribeck_is_the_librarys() {
     let model = WithEffects::new(model(), &[placed("stribeck", 1)]).expect("equations");
     let d = model.dims();
-    let z = point(&model, 0.3);
+    let mut z = point(&model, 0.3);
+    z[d.v() + 1] = -0.7;
     let (mut with, mut without) = (vec![0.0; 2], vec![0.0; 2]);
     model.residual(&at(&z, &d), &mut with);
     let inner = self::model();
