@@ -255,7 +255,12 @@ pub(crate) fn by_derivative(g: &mut Graph, symbols: &Symbols, inertial: &[Id]) -
 }
 
 /// Lower triangle of M: ∂(M a + b)/∂a, or the forces of unit accelerations, whichever is cheaper.
-pub(crate) fn mass_matrix(g: &mut Graph, tree: &Tree, symbols: &Symbols, inertial: &[Id]) -> Vec<Id> {
+pub(crate) fn mass_matrix(
+    g: &mut Graph,
+    tree: &Tree,
+    symbols: &Symbols,
+    inertial: &[Id],
+) -> Vec<Id> {
     let by_derivative = by_derivative(g, symbols, inertial);
     let (zero, one) = (g.zero(), g.one());
     let nq = symbols.q.len();

@@ -81,7 +81,9 @@ pub fn links(g: &mut Graph, robot: &Robot, tool: Option<Tool>) -> Links {
     }
     let body_of = (0..nq)
         .map(|j| {
-            (tree.bodies.iter()).position(|b| matches!(&b.rates.0[..], [(i, one)] if *i == j && g.value(*one) == Some(1.0)))
+            (tree.bodies.iter()).position(
+                |b| matches!(&b.rates.0[..], [(i, one)] if *i == j && g.value(*one) == Some(1.0)),
+            )
         })
         .collect();
     regroup(g, &mut tree, &symbols.q);

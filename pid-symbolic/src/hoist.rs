@@ -63,7 +63,9 @@ pub fn hoist(
         let node = g.node(id);
         let mut operands = node.operands();
         let mut next = |g: &mut Graph, new: &mut Vec<Option<Id>>| {
-            let x = operands.next().expect("as many operands as the operation has");
+            let x = operands
+                .next()
+                .expect("as many operands as the operation has");
             image(g, new, x)
         };
         let own = match node {
