@@ -147,13 +147,15 @@ fn closed_loop(id: &str, e: &[f64], (sharpness, substeps): Sight<'_>) {
         .iter()
         .map(|&sharp| identified(&text, sharp, substeps, &dataset))
         .collect();
-    for (k, p) in read().effects()[0].parameters.iter().enumerate() {
-        let (name, mut x, mut own) = found[0][k].clone();
+    for p in &read().effects()[0].parameters {
+        let name = format!("{id}_{}_elbow", p.name);
+        let k = found[0].iter().position(|own| own.0 == name);
+        let k = k.expect("its parameter");
+        let (_, mut x, mut own) = found[0][k].clone();
         if let Some(finer) = found.get(1) {
             // What tanh(v/v₀) lacks at rest is in proportion to v₀.
             (x, own) = (2.0 * finer[k].1 - x, 2.0 * finer[k].2 + own);
         }
-        assert_eq!(name, format!("{id}_{}_elbow", p.name));
         let (low, high) = p.interval.expect("an interval");
         let (low, high) = (low - own, high + own);
         assert!((low..=high).contains(&x), "{name} {x}: {low} … {high}");

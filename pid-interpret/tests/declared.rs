@@ -138,7 +138,7 @@ fn difference(model: &dyn Dynamics, nominal: &Nominal) -> f64 {
 
 fn tolerance(nominal: &Nominal, joint: usize, role: Role) -> &Tolerance {
     (nominal.tolerances().iter())
-        .find(|t| t.joint == joint && t.role == role)
+        .find(|t| t.joint == Some(joint) && t.role == role)
         .unwrap()
 }
 

@@ -194,7 +194,7 @@ pub(super) fn simulated(
         let found = format!("a list of {}", own.len());
         return Err(source.error(&raw.joint, "simulated", "joint", found, mend));
     }
-    let bad = own.iter().any(|j| {
+    let good = own.iter().all(|j| {
         let levels = [
             j.position_noise,
             j.velocity_noise,
@@ -202,10 +202,11 @@ pub(super) fn simulated(
             j.torque,
             j.inertia,
         ];
-        !levels.iter().all(|x| x.is_finite() && *x > 0.0)
-            || !(j.passed_noise.is_finite() && j.passed_noise >= 0.0)
+        levels.iter().all(|x| x.is_finite() && *x > 0.0)
+            && j.passed_noise.is_finite()
+            && j.passed_noise >= 0.0
     });
-    if bad {
+    if !good {
         let mend = "noise levels, torque and inertia are positive; `passed_noise` may be zero";
         return Err(source.error(&raw.joint, "simulated", "joint", "not positive", mend));
     }
