@@ -56,6 +56,7 @@ mod regress;
 mod simulate;
 mod source;
 mod study;
+mod with;
 
 use std::process::ExitCode;
 

@@ -145,6 +145,7 @@ fn simulated(
         refined: 1,
         unread: false,
         passing: vec![vec![0.0]],
+        known: Default::default(),
     };
     let theta = vec![0.0; SIZE];
     for i in 0..case.records.len() {

@@ -8,6 +8,7 @@ use pid_runtime::signal;
 
 use crate::constants::{Constant, Constants};
 use crate::effect::Unit;
+use crate::extended::Known;
 use crate::nominal::{Nominal, NominalError};
 use crate::regular;
 
@@ -159,6 +160,8 @@ pub struct Case {
     /// Torque at joint j that accelerates it as a unit torque at joint i does, `(M⁻¹)_ji / (M⁻¹)_jj`: root mean square over the
     /// motion, zero for i = j.
     pub passing: Vec<Vec<f64>>,
+    /// Effects that the description states: part of every hypothesis, their parameters held.
+    pub known: Known,
 }
 
 impl Case {
@@ -265,11 +268,35 @@ impl Case {
             refined: 1,
             unread: false,
             passing: Vec::new(),
+            known: Known::of(&nominal.description).map_err(NominalError::from)?,
             nominal,
             records,
         };
         case.measure();
+        case.as_simulated();
         Ok(case)
+    }
+
+    /// Levels, sizes and substeps as an earlier diagnosis had them, where the description states them.
+    fn as_simulated(&mut self) {
+        let Some(simulated) = self.nominal.description.simulated() else {
+            return;
+        };
+        for ((noise, scale), own) in self
+            .noise
+            .iter_mut()
+            .zip(&mut self.scale)
+            .zip(&simulated.joints)
+        {
+            noise.q = own.position_noise;
+            noise.v = own.velocity_noise;
+            noise.torque = own.torque_noise;
+            noise.passed = own.passed_noise;
+            scale.torque = own.torque;
+            scale.inertia = own.inertia;
+        }
+        self.refined = simulated.substeps;
+        self.unread = simulated.hidden_states;
     }
 
     /// Number of joints.

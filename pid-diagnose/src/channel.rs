@@ -41,7 +41,8 @@ pub fn consistency(case: &Case) -> Vec<Option<Consistency>> {
             if case.velocity[j] != Velocity::Derived {
                 return None;
             }
-            let plain = mismatch(case, j, hz, 0.0);
+            let known = case.known.parameters("velocity_filter_lag", j);
+            let plain = mismatch(case, j, hz, known.map_or(0.0, |e| e[0]));
             let left = |log: f64| mismatch(case, j, hz, log.exp());
             let lag = golden(STEPS, (SHORTEST.ln(), LONGEST.ln()), left).exp();
             let with_lag = mismatch(case, j, hz, lag);

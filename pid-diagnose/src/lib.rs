@@ -30,7 +30,10 @@
 //!     amplitudes: &[0],
 //!     confusions: &[("spring", "a spring is straight")],
 //!     regime: "far from the middle",
-//!     simulator_field: None,
+//!     equals: &[],
+//!     mujoco: None,
+//!     isaac: None,
+//!     urdf: None,
 //! };
 //!
 //! impl Model for HardeningSpring {
@@ -55,10 +58,12 @@
 mod bench;
 pub mod case;
 pub mod channel;
+pub mod circumstances;
 pub mod constants;
 pub mod diagnose;
 pub mod effect;
 pub mod effects;
+pub mod extended;
 pub mod fit;
 pub mod free;
 pub mod gap;
@@ -82,3 +87,4 @@ pub mod study;
 pub mod thin;
 pub mod timing;
 pub mod windows;
+pub mod with_effects;

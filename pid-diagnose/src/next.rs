@@ -228,7 +228,8 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
     let samples = (LENGTH / h) as usize;
     let constants = Constants::<f64>::new(&case.nominal, &fit.point.theta);
     let feed = constants.clone();
-    let mut machine = Machine::<f64>::new(constants, &fit.hypothesis, fit.point.e.clone());
+    let mut machine =
+        Machine::<f64>::beside(&case.known, constants, &fit.hypothesis, fit.point.e.clone());
     let geared = machine.gears.iter().any(Option::is_some);
     let steps = Substeps::new(h, geared, 1);
     let dt = h / steps.number() as f64;

@@ -387,8 +387,8 @@ fn effect(e: &Named) -> Markup {
                 p { "What tells it from its rivals:" }
                 ul { @for (rival, why) in info.confusions { li { (rival) ": " (why) } } }
             }
-            @if let Some(field) = info.simulator_field {
-                p { "In a simulator: " (field) "." }
+            @for (simulator, field) in info.simulators() {
+                p { "In " (simulator) ": " (field) "." }
             }
         }
     }

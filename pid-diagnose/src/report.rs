@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::case::{Case, CaseError};
 use crate::channel::{Reading, inputs, readings};
 use crate::diagnose::{Diagnosis, Found, Settings, investigate};
+use crate::extended::extended;
 use crate::fit::Fit;
 use crate::locate::{Place, locate, rest};
 use crate::next::{Experiment, separate};
@@ -72,6 +73,8 @@ pub struct Report {
     pub place: Result<Place, String>,
     /// The motion that separates the first two rivals; `None` where none is left or none can be run.
     pub next: Option<Experiment>,
+    /// The nominal description with the effects named and the values found.
+    pub extended: pid_interpret::nominal::Nominal,
 }
 
 impl Report {
@@ -144,7 +147,11 @@ impl Report {
         let dataset = &*nominal.records(dataset);
         let case = Case::new(nominal, dataset)?;
         let mut found = investigate(&case, settings);
-        let place = locate(&found.case, &found.base, dataset).map_err(|e| e.to_string());
+        // Equations of motion without the known effects would miss their forces.
+        let place = match case.known.is_empty() {
+            true => locate(&found.case, &found.base, dataset).map_err(|e| e.to_string()),
+            false => Ok(rest(&found.case, &found.base)),
+        };
         let next = rivals(&found, next).and_then(|(a, b)| separate(&found.case, a, b));
         if let Ok(place) = &place {
             found.diagnosis.missing_force = shares(place);
@@ -159,7 +166,12 @@ impl Report {
             log_odds: e.least(),
         });
         found.diagnosis.seconds = clock.elapsed().as_secs_f64();
-        Ok(Report { found, place, next })
+        Ok(Report {
+            extended: extended(&case, &found),
+            found,
+            place,
+            next,
+        })
     }
 
     /// The verdict.
@@ -167,7 +179,7 @@ impl Report {
         &self.found.diagnosis
     }
 
-    /// Writes `report.html`, `next_experiment.csv` if there is one, and last `diagnosis.json`, so that a folder is complete when
+    /// Writes `report.html`, `extended.toml` if a file can state the robot, `next_experiment.csv` if there is one, and last `diagnosis.json`, so that a folder is complete when
     /// that is there.
     ///
     /// # Errors
@@ -185,6 +197,9 @@ impl Report {
         put("report.html", &crate::page::page(self))?;
         if let Some(next) = &self.next {
             put("next_experiment.csv", &next.to_csv())?;
+        }
+        if let Some(extended) = self.extended.to_toml() {
+            put("extended.toml", &extended)?;
         }
         put("diagnosis.json", &self.diagnosis().to_json())
     }

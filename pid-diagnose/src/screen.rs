@@ -72,9 +72,8 @@ pub fn candidates(
             if effect.needs_partner() && effect.partner(joint).is_none() {
                 continue;
             }
-            if present
-                .terms
-                .iter()
+            let known = &case.known.hypothesis.terms;
+            if (present.terms.iter().chain(known))
                 .any(|t| t.effect.info().id == info.id && (t.joint == joint || !info.has_joint))
             {
                 continue;

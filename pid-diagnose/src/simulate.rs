@@ -1,9 +1,12 @@
 //! One substep of the robot with its effects, over any [`Scalar`]; see [`effect`](crate::effect) for the equation.
 
+use std::borrow::Cow;
+
 use pid_interpret::links;
 
 use crate::constants::{Constant, Constants};
 use crate::effect::{After, Commands, Forces, Friction, Gear, Pick, Site, Term};
+use crate::extended::Known;
 use crate::kernels;
 use crate::scalar::Scalar;
 
@@ -56,7 +59,7 @@ pub struct State<D> {
 pub struct Machine<'h, D: Pick> {
     /// The constants, those of the effects included.
     pub constants: Constants<'h, D>,
-    hypothesis: &'h Hypothesis,
+    hypothesis: Cow<'h, Hypothesis>,
     e: Vec<D>,
     starts: Vec<usize>,
     cells: Vec<usize>,
@@ -90,7 +93,27 @@ pub struct Machine<'h, D: Pick> {
 
 impl<'h, D: Pick> Machine<'h, D> {
     /// From constants at the nominal parameters; `e` are the effects' parameters in SI units.
-    pub fn new(mut constants: Constants<'h, D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+    pub fn new(constants: Constants<'h, D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+        Self::over(constants, Cow::Borrowed(hypothesis), e)
+    }
+
+    /// The same beside effects that are known.
+    pub fn beside(
+        known: &Known,
+        constants: Constants<'h, D>,
+        hypothesis: &'h Hypothesis,
+        e: Vec<D>,
+    ) -> Self {
+        if known.is_empty() {
+            return Self::new(constants, hypothesis, e);
+        }
+        let mut all = known.hypothesis.clone();
+        all.terms.extend(hypothesis.terms.iter().cloned());
+        let held = known.e.iter().map(|&x| D::constant(x));
+        Self::over(constants, Cow::Owned(all), held.chain(e).collect())
+    }
+
+    fn over(mut constants: Constants<'h, D>, hypothesis: Cow<'h, Hypothesis>, e: Vec<D>) -> Self {
         let n = constants.nominal().n();
         let (starts, _) = hypothesis.offsets();
         let mut gears = vec![None; n];
@@ -319,6 +342,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                 load: &state.load,
                 t: t + half,
                 dt,
+                rest: None,
             };
             let own = {
                 let at = self.starts[i];
@@ -365,6 +389,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                     load: &state.load,
                     t: t + half,
                     dt,
+                    rest: None,
                 };
                 law.friction(own, &at, &state.memory[a..b], &mut friction);
             }

@@ -13,7 +13,7 @@ use pid_interpret::nominal::Role as Part;
 const SHARED: f64 = 2.0;
 
 /// Curvature of a fit with 1 where a parameter has no influence, and which these are.
-fn curvature(fit: &Fit) -> (DMatrix<f64>, Vec<bool>) {
+pub(super) fn curvature(fit: &Fit) -> (DMatrix<f64>, Vec<bool>) {
     let mut h = fit.quadratic.h.clone();
     let dead: Vec<bool> = (0..h.nrows()).map(|i| h[(i, i)] <= 0.0).collect();
     for (i, dead) in dead.iter().enumerate() {
@@ -85,7 +85,7 @@ const BLOCK: f64 = 0.35;
 /// Borrowed derivatives would make parameters that only a tolerance separates look well determined; so would the directions of the
 /// fit, which leave out what the nominal structure does not show: a common scale of all forces is nothing to see without the
 /// effect, and beside it all that tolerances leave of its size.
-fn covariances(case: &Case, fit: &Fit) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+pub(super) fn covariances(case: &Case, fit: &Fit) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
     let basis = &every_direction(case);
     let (size, rank) = basis.columns.shape();
     let ne = fit.point.e.len();

@@ -7,6 +7,7 @@
 mod backward;
 mod beyond;
 mod exchange;
+mod intervals;
 mod magnitude;
 mod refit;
 mod remainder;
@@ -26,6 +27,7 @@ use crate::fit::{Fit, value};
 use crate::gap::{Floor, Gap, floor, gap};
 use crate::report::{Next, Share, Signals};
 use crate::thin::{lengthen, thin};
+pub(crate) use intervals::intervals;
 pub use residue::Residue;
 use search::search;
 pub use unnamed::Nameless;

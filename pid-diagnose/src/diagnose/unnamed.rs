@@ -200,7 +200,10 @@ mod tests {
         has_joint: true,
         confusions: &[],
         regime: "",
-        simulator_field: None,
+        equals: &[],
+        mujoco: None,
+        isaac: None,
+        urdf: None,
     };
     impl Model for Stop {
         fn info(&self) -> &'static Info {

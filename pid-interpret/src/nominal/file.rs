@@ -7,13 +7,17 @@ use serde::de::DeserializeOwned;
 use toml::Spanned;
 
 use super::error::NominalError;
+use super::stated::{RawEffect, RawSimulated};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawFile {
     pub(super) robot: RawRobot,
-    pub(super) tolerance: RawTolerance,
+    pub(super) tolerance: Option<RawTolerance>,
     pub(super) joint: Vec<RawJoint>,
+    #[serde(default)]
+    pub(super) effect: Vec<RawEffect>,
+    pub(super) simulated: Option<RawSimulated>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -62,8 +66,23 @@ pub(super) struct RawJoint {
     pub(super) q_resolution: Option<Spanned<f64>>,
     pub(super) q_noise_std: Option<Spanned<f64>>,
     pub(super) dq_noise_std: Option<Spanned<f64>>,
+    pub(super) input_noise_std: Option<Spanned<f64>>,
     pub(super) torque_peak: Option<Spanned<f64>>,
     pub(super) speed_scale: Option<Spanned<f64>>,
+    pub(super) tolerance: Option<RawHalfWidths>,
+}
+
+/// Tolerances of one joint's own values, in their units.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawHalfWidths {
+    pub(super) mass: Spanned<f64>,
+    pub(super) com: Spanned<[f64; 3]>,
+    pub(super) inertia: Spanned<[f64; 6]>,
+    pub(super) rotor_inertia: Spanned<f64>,
+    pub(super) coulomb: Spanned<f64>,
+    pub(super) viscous: Spanned<f64>,
+    pub(super) motor_gain: Spanned<f64>,
 }
 
 /// A `measurement.toml`.
@@ -112,7 +131,7 @@ impl Source<'_> {
         })
     }
 
-    fn line<T>(&self, value: &Spanned<T>) -> usize {
+    pub(super) fn line<T>(&self, value: &Spanned<T>) -> usize {
         let before = self.text.get(..value.span().start).unwrap_or(self.text);
         1 + before.bytes().filter(|&b| b == b'\n').count()
     }
