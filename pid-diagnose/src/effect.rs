@@ -305,6 +305,18 @@ pub trait Law<D: Scalar>: Send + Sync {
     fn start(&self, _e: &[D], _balance: D, _coulomb: D, _u: f64, _memory: &mut [D]) {}
 }
 
+/// What of a robot decides whether two effects are the same map from inputs to readings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Arrangement {
+    /// Number of joints.
+    pub joints: usize,
+    /// Whether all joints turn about parallel axes across gravity.
+    pub one_axis: bool,
+}
+
+/// An effect that no record tells from another one: its identifier and its joint from 0, `None` if it has none.
+pub type Equal = (&'static str, Option<usize>);
+
 /// An effect for use behind a pointer: [`Law`] over every scalar the tool computes with.
 ///
 /// Implemented by [`Model`]'s blanket implementation; see there for how to add an effect.
@@ -321,6 +333,8 @@ pub trait Effect: Send + Sync {
     fn needs_partner(&self) -> bool;
     /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act between them.
     fn edges(&self) -> &'static [usize];
+    /// The effect that is the same map from inputs to readings on a robot, for this one at a joint.
+    fn equal_to(&self, joint: usize, robot: Arrangement) -> Option<Equal>;
     /// Physical magnitudes for the report.
     fn shown(&self, e: &[f64], gain: f64, rated: f64) -> Vec<(&'static str, f64)>;
     /// Over plain numbers.
@@ -357,6 +371,11 @@ pub trait Model: Send + Sync {
     fn edges(&self) -> &'static [usize] {
         &[]
     }
+    /// The effect that is the same map from inputs to readings on a robot, for this one at a joint (from 0); records tell them apart
+    /// on no motion.
+    fn equal_to(&self, _joint: usize, _robot: Arrangement) -> Option<Equal> {
+        None
+    }
     /// Physical magnitudes for the report, from the parameters, the motor gain and the joint's typical input.
     fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
         self.info()
@@ -386,6 +405,9 @@ impl<T: Model + Law<f64> + Law<Wide> + Law<Narrow> + Law<num_dual::Dual64>> Effe
     }
     fn edges(&self) -> &'static [usize] {
         Model::edges(self)
+    }
+    fn equal_to(&self, joint: usize, robot: Arrangement) -> Option<Equal> {
+        Model::equal_to(self, joint, robot)
     }
     fn shown(&self, e: &[f64], gain: f64, rated: f64) -> Vec<(&'static str, f64)> {
         Model::shown(self, e, gain, rated)

@@ -123,7 +123,7 @@ pub fn all_gains(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<Vec<Ga
         .map(|r| {
             let mut g = gains(case, hypothesis, &at.theta, &at.e, r.h);
             if case.unread {
-                hidden::look(case, r, hypothesis, at, &mut g);
+                hidden::estimate(case, r, hypothesis, at, &mut g);
             }
             g
         })

@@ -31,7 +31,7 @@ const DIFFERENCE: f64 = 0.02;
 type Hidden = (usize, usize, f64);
 
 /// [`settle`] for a record under a hypothesis at a point.
-pub(crate) fn look(
+pub(crate) fn estimate(
     case: &Case,
     record: &Record,
     hypothesis: &Hypothesis,

@@ -1,6 +1,6 @@
 //! Which physical effect a model lacks, where it sits, and how far the gap shrinks once it is modelled.
 //!
-//! A [`Case`](case::Case) is a data folder with a nominal description; [`diagnose`](diagnose::diagnose) fits the nominal structure
+//! A [`Case`](case::Case) is a data folder with a nominal description; [`search`](search::search) fits the nominal structure
 //! within its tolerances, screens every effect of the library at every joint, refits the best and gives a verdict.
 //!
 //! # An effect of your own
@@ -10,10 +10,10 @@
 //!
 //! ```
 //! use std::sync::Arc;
-//! use pid_diagnose::diagnose::Settings;
 //! use pid_diagnose::effect::{Forces, Info, Kind, Law, Model, Site, Unit, parameter};
 //! use pid_diagnose::plant::Plant;
 //! use pid_diagnose::scalar::Scalar;
+//! use pid_diagnose::search::Settings;
 //!
 //! /// A spring that grows harder: additional force −K₃ q³.
 //! struct HardeningSpring;
@@ -51,13 +51,16 @@
 //! assert_eq!(settings.effects.len(), 27);
 //! ```
 
+mod arrangement;
 #[cfg(test)]
 mod bench;
 pub mod case;
 pub mod channel;
-pub mod diagnose;
+pub mod criteria;
+pub mod diagnosis;
 pub mod effect;
 pub mod effects;
+pub mod excerpt;
 pub mod fit;
 pub mod free;
 pub mod gap;
@@ -79,8 +82,8 @@ pub mod report;
 pub mod rigid;
 pub mod scalar;
 pub mod screen;
+pub mod search;
 pub mod simulate;
 pub mod study;
-pub mod thin;
 pub mod timing;
 pub mod windows;

@@ -2,7 +2,7 @@
 //!
 //! Source: ISO 9946; W. Khalil, E. Dombre 2002, section 11.6.
 
-use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Arrangement, Equal, Info, Kind, Law, Model, Unit, parameter};
 use crate::plant::Plant;
 use crate::scalar::Scalar;
 
@@ -34,6 +34,9 @@ static INFO: Info = Info {
 impl Model for BaseTilt {
     fn info(&self) -> &'static Info {
         &INFO
+    }
+    fn equal_to(&self, _joint: usize, robot: Arrangement) -> Option<Equal> {
+        robot.one_axis.then_some(("encoder_offset", Some(0)))
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Source: W. Khalil, E. Dombre 2002, section 11.3.
 
-use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Arrangement, Equal, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The encoder zero is wrong.
@@ -36,6 +36,9 @@ static INFO: Info = Info {
 impl Model for EncoderOffset {
     fn info(&self) -> &'static Info {
         &INFO
+    }
+    fn equal_to(&self, joint: usize, robot: Arrangement) -> Option<Equal> {
+        (robot.one_axis && joint == 0).then_some(("base_tilt", None))
     }
 }
 

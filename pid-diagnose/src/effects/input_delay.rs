@@ -2,7 +2,7 @@
 //!
 //! Source: K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 1997, section 2.3.
 
-use crate::effect::{Commands, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Arrangement, Commands, Equal, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The drive acts later.
@@ -33,6 +33,9 @@ static INFO: Info = Info {
 impl Model for InputDelay {
     fn info(&self) -> &'static Info {
         &INFO
+    }
+    fn equal_to(&self, joint: usize, robot: Arrangement) -> Option<Equal> {
+        (robot.joints == 1).then_some(("sensor_delay", Some(joint)))
     }
 }
 

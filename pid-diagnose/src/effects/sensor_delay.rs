@@ -2,7 +2,7 @@
 //!
 //! Source: K. J. Åström, B. Wittenmark 1997, section 2.3.
 
-use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Arrangement, Equal, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The readings come later.
@@ -33,6 +33,9 @@ static INFO: Info = Info {
 impl Model for SensorDelay {
     fn info(&self) -> &'static Info {
         &INFO
+    }
+    fn equal_to(&self, joint: usize, robot: Arrangement) -> Option<Equal> {
+        (robot.joints == 1).then_some(("input_delay", Some(joint)))
     }
 }
 

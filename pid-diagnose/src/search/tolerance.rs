@@ -4,76 +4,61 @@
 //! the records and the nominal structure is fitted with a friction value at the end of its tolerance, both friction values of that
 //! joint may lie anywhere from zero upwards, and everything is looked for once more.
 
+use super::Settings;
+use super::evidence::Evidence;
 use super::magnitude::deviations;
-use super::search::search;
-use super::{Beyond, Found, Magnitude, Named, Settings};
+use super::measure::share;
 use crate::case::Case;
+use crate::diagnosis::{Beyond, Magnitude, Named, Remainder, Verdict};
 use crate::fit::{Effort, Fit, all_gains, basis, fit};
 use crate::plant::{COULOMB, NAMES, PER_JOINT, VISCOUS};
 use crate::simulate::Hypothesis;
 
 /// The friction values of a joint.
 const FRICTION: [usize; 2] = [COULOMB, VISCOUS];
-/// Deviation, in tolerances, from which a value counts as held by its tolerance.
+/// Deviation, in tolerances, from which a value counts as held by its tolerance: the bound is 1.
 const HELD: f64 = 0.999;
-/// Middle of the wider ranges over the nominal value; each range starts at zero.
-const MIDDLES: [f64; 2] = [1.0, 4.0];
-/// Relative decrease of the objective of the nominal structure without which friction is not the reason.
-const WORTH: f64 = 0.02;
 
-/// Looks again with wider ranges of friction where a tolerance holds it; `None` where none does or it is not the reason.
-pub(super) fn wider(case: &Case, settings: &Settings, found: &Found) -> Option<Found> {
-    let wide = widened(case, settings, found)?;
-    let mut wider = search(&wide, settings);
-    wider.diagnosis.refits += found.diagnosis.refits;
-    Some(wider)
-}
-
-/// Says in a diagnosis that was made with wider ranges what lies outside the stated ones; what was before is the nominal structure
+/// The evidence of a search with wider ranges, with what lies outside the stated ones; what was before is the nominal structure
 /// within them.
-pub(super) fn describe(stated: Found, wider: &mut Found) {
-    let beyond = outside(&stated.case, wider);
-    let d = &mut wider.diagnosis;
-    d.gap_before = stated.diagnosis.gap_before;
-    d.gap_intervals.0 = stated.diagnosis.gap_intervals.0;
-    d.gap_joints_before = stated.diagnosis.gap_joints_before;
-    d.misfit.0 = stated.diagnosis.misfit.0;
-    let theta = &mut wider.base.point.theta;
-    theta.clone_from(&stated.base.point.theta);
+pub(super) fn beyond(stated: Evidence, wider: Evidence) -> Evidence {
+    let beyond = outside(&stated.case, &wider);
+    let mut base = wider.base;
+    base.point.theta.clone_from(&stated.base.point.theta);
     let joints = stated.case.nominal.joints.iter();
     for (j, (old, own)) in joints.zip(&wider.case.nominal.joints).enumerate() {
         for k in FRICTION.into_iter().filter(|&k| own.half_widths[k] > 0.0) {
-            let value = old.values[k] + old.half_widths[k] * theta[j * PER_JOINT + k];
-            theta[j * PER_JOINT + k] = (value - own.values[k]) / own.half_widths[k];
+            let theta = &mut base.point.theta[j * PER_JOINT + k];
+            let value = old.values[k] + old.half_widths[k] * *theta;
+            *theta = (value - own.values[k]) / own.half_widths[k];
         }
     }
-    let base = &mut wider.base;
     base.gains = all_gains(&wider.case, &base.hypothesis, &base.point);
-    let squares = [d.gap_before, d.gap_after, d.gap_floor].map(|gap| gap * gap);
-    if let Some(remainder) = &mut d.remainder
-        && squares[0] > squares[2]
-    {
-        let explained = (squares[0] - squares[1]) / (squares[0] - squares[2]);
-        remainder.explained = explained.clamp(0.0, 1.0);
+    let (before, floor) = (stated.before, wider.floor);
+    let after = wider.after.total;
+    let remainder = wider.remainder.map(|left| Remainder {
+        explained: if before.total > floor {
+            share(before.total, after, floor)
+        } else {
+            left.explained
+        },
+        ..left
+    });
+    Evidence {
+        misfit: (stated.misfit.0, wider.misfit.1),
+        base,
+        before,
+        remainder,
+        beyond,
+        ..wider
     }
-    if d.effect == "none"
-        && let Some(first) = beyond.first()
-    {
-        // Nothing is missing beside it: another level of friction is the cause.
-        d.effect = ALONE.to_owned();
-        d.joint = Some(first.joint);
-        d.regime = REGIME.to_owned();
-        d.effects = named(&beyond);
-    }
-    d.beyond_tolerance = beyond;
 }
 
-/// Name of another level of friction where it is the only cause, and where it shows.
-const ALONE: &str = "friction";
-const REGIME: &str = "all motion of the joint";
+/// Where another level of friction shows.
+pub(super) const REGIME: &str = "all motion of the joint";
 
 /// One entry per joint whose friction lies outside its tolerance.
-fn named(beyond: &[Beyond]) -> Vec<Named> {
+pub(super) fn named(beyond: &[Beyond]) -> Vec<Named> {
     let mut out: Vec<Named> = Vec::new();
     for b in beyond {
         let parameter = Magnitude {
@@ -84,7 +69,7 @@ fn named(beyond: &[Beyond]) -> Vec<Named> {
         match out.iter_mut().find(|n| n.joint == Some(b.joint)) {
             Some(n) => n.parameters.push(parameter),
             None => out.push(Named {
-                effect: ALONE.to_owned(),
+                effect: Verdict::FRICTION.to_owned(),
                 joint: Some(b.joint),
                 parameters: vec![parameter],
                 regime: REGIME.to_owned(),
@@ -95,7 +80,7 @@ fn named(beyond: &[Beyond]) -> Vec<Named> {
 }
 
 /// The case with wider ranges of the friction values that a tolerance holds, as wide as the nominal structure needs them.
-fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
+pub(super) fn widened(case: &Case, settings: &Settings, found: &Evidence) -> Option<Case> {
     let nothing = Hypothesis::default();
     let mut wide = case.clone();
     wide.noise.clone_from(&found.case.noise);
@@ -108,7 +93,7 @@ fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
         .collect();
     held.sort_unstable();
     held.dedup();
-    for middle in MIDDLES {
+    for middle in settings.budget.friction_middles {
         if held.is_empty() {
             break;
         }
@@ -127,7 +112,7 @@ fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
             }
         }
         let directions = basis(&wide);
-        let effort = Effort::full(settings.steps);
+        let effort = Effort::full(settings.budget.steps);
         at = fit(&wide, &directions, &nothing, at.point.clone(), effort);
         held = at_an_end(&at)
             .into_iter()
@@ -137,7 +122,7 @@ fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
         held.dedup();
     }
     wide.noise.clone_from(&case.noise);
-    (at.train.objective() < (1.0 - WORTH) * before).then_some(wide)
+    (at.train.objective() < (1.0 - settings.criteria.friction_decrease) * before).then_some(wide)
 }
 
 /// Joints with a friction value at the end of its range, and that deviation.
@@ -160,8 +145,8 @@ fn unit(k: usize, revolute: bool) -> &'static str {
 }
 
 /// The friction values that lie outside what was stated.
-fn outside(case: &Case, wider: &Found) -> Vec<Beyond> {
-    let std = deviations(&wider.case, &wider.fit);
+fn outside(case: &Case, wider: &Evidence) -> Vec<Beyond> {
+    let std = deviations(&wider.case, &wider.criteria, &wider.fit);
     let mut out = Vec::new();
     for (joint, (stated, own)) in case
         .nominal
@@ -193,13 +178,13 @@ fn outside(case: &Case, wider: &Found) -> Vec<Beyond> {
 mod tests {
     use super::*;
     use crate::bench::pendulum;
-    use crate::diagnose::investigate;
+    use crate::diagnosis::Diagnosis;
     use crate::effect::Term;
     use crate::effects;
 
     /// A pendulum with an effect whose description states other friction (Coulomb, viscous; ± 40 %) than it has: 0.1 N·m and
     /// 0.08 N·m·s/rad.
-    fn misjudged(effect: Option<(&str, &[f64])>, stated: [f64; 2]) -> Found {
+    fn misjudged(effect: Option<(&str, &[f64])>, stated: [f64; 2]) -> Diagnosis {
         let terms = effect
             .iter()
             .map(|(id, _)| Term {
@@ -213,13 +198,13 @@ mod tests {
         for (k, value) in FRICTION.into_iter().zip(stated) {
             (joint.values[k], joint.half_widths[k]) = (value, 0.4 * value);
         }
-        investigate(&case, &Settings::default())
+        crate::search::diagnose(&case, &Settings::default())
     }
 
     #[test]
     fn friction_that_is_stated_too_low_is_the_cause() {
-        let d = misjudged(None, [0.1, 0.02]).diagnosis;
-        assert_eq!((d.effect.as_str(), d.joint), ("friction", Some(1)));
+        let d = misjudged(None, [0.1, 0.02]);
+        assert_eq!(d.verdict, Verdict::OutsideTolerance { joint: 1 });
         let [viscous] = &d.beyond_tolerance[..] else {
             panic!("{:?}", d.beyond_tolerance);
         };
@@ -235,8 +220,8 @@ mod tests {
             d.gap_before,
             d.gap_after
         );
-        let described = misjudged(None, [0.1, 0.08]).diagnosis;
-        assert_eq!(described.effect, "none");
+        let described = misjudged(None, [0.1, 0.08]);
+        assert_eq!(described.verdict, Verdict::Nothing);
         assert!(
             d.gap_after < 1.1 * described.gap_after,
             "{} {}",
@@ -257,8 +242,11 @@ mod tests {
 
     #[test]
     fn an_effect_is_found_beside_friction_that_is_stated_too_high() {
-        let d = misjudged(Some(("joint_elasticity", &[0.004, 0.001])), [0.4, 0.08]).diagnosis;
-        assert_eq!((d.effect.as_str(), d.joint), ("joint_elasticity", Some(1)));
+        let d = misjudged(Some(("joint_elasticity", &[0.004, 0.001])), [0.4, 0.08]);
+        assert_eq!(
+            (d.verdict.word(), d.verdict.joint()),
+            ("joint_elasticity", Some(1))
+        );
         assert!(
             (d.effects[0].parameters[0].value - 250.0).abs() < 15.0,
             "{:?}",
@@ -271,8 +259,8 @@ mod tests {
 
     #[test]
     fn friction_within_its_tolerance_is_no_cause() {
-        let d = misjudged(None, [0.12, 0.07]).diagnosis;
-        assert_eq!(d.effect, "none");
+        let d = misjudged(None, [0.12, 0.07]);
+        assert_eq!(d.verdict, Verdict::Nothing);
         assert!(d.beyond_tolerance.is_empty(), "{:?}", d.beyond_tolerance);
     }
 }

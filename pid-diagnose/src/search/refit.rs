@@ -3,24 +3,20 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::{Settings, test_value};
+use super::Settings;
+use super::measure::Reached;
 use crate::case::Case;
+use crate::criteria::Stage;
 use crate::effect::Term;
 use crate::fit::{Basis, Effort, Fit, Point, fit};
 
 /// A refitted candidate.
+#[derive(Debug, Clone)]
 pub(super) struct Refit {
     pub(super) term: Term,
     pub(super) fit: Fit,
     pub(super) score: f64,
 }
-
-/// Steps after which the refits are compared, how many go on, and whether they end at an optimum of their own.
-const STAGES: [(usize, usize, bool); 3] = [(3, usize::MAX, false), (5, 4, false), (8, 2, true)];
-/// Mean squared innovation of the leader above which it is followed to its end.
-const LEFT: f64 = 1.1;
-/// Share of the best gain below which a candidate is not followed further.
-const HOPELESS: f64 = 0.35;
 
 /// Refits the most promising candidates, those that fall behind for a few steps only; best score first.
 pub(super) fn refit(
@@ -32,15 +28,21 @@ pub(super) fn refit(
     tried: usize,
 ) -> Vec<Refit> {
     let mut out: Vec<Refit> = Vec::new();
-    for (stage, &(steps, many, exact)) in STAGES.iter().enumerate() {
+    let budget = &settings.budget;
+    for (stage, &own) in budget.stages.iter().enumerate() {
+        let Stage {
+            steps,
+            candidates,
+            exact,
+        } = own;
         // Everything to its end, where the shortcut is itself what is measured.
         let (many, exact) = if settings.refit_all {
-            (usize::MAX, exact || stage + 1 == STAGES.len())
+            (usize::MAX, exact || stage + 1 == budget.stages.len())
         } else {
-            (many, exact)
+            (candidates, exact)
         };
         let effort = Effort {
-            steps: steps.min(settings.steps),
+            steps: steps.min(budget.steps),
             slopes: Some(slopes),
             exact,
             curvature: true,
@@ -51,7 +53,7 @@ pub(super) fn refit(
                 .take(if settings.refit_all {
                     usize::MAX
                 } else {
-                    settings.refits
+                    budget.refits
                 })
                 .map(|c| {
                     let mut hypothesis = current.hypothesis.clone();
@@ -72,7 +74,7 @@ pub(super) fn refit(
         } else {
             let leading = out.first().map_or(0.0, |r| gain(current, r));
             out.par_iter_mut().take(many).for_each(|r| {
-                if settings.refit_all || gain(current, r) >= HOPELESS * leading {
+                if settings.refit_all || gain(current, r) >= budget.hopeless * leading {
                     r.fit = fit(case, basis, &r.fit.hypothesis, r.fit.point.clone(), effort);
                 }
             });
@@ -81,7 +83,7 @@ pub(super) fn refit(
     }
     // Impacts and sticking make for slow ends; where much is left the leader gets derivatives of its own in every step.
     if let Some(leader) = out.first_mut()
-        && leader.fit.train.total() > LEFT * leader.fit.train.number()
+        && leader.fit.train.total() > settings.criteria.calm * leader.fit.train.number()
         && gain(current, leader) > 0.0
     {
         leader.fit = fit(
@@ -89,7 +91,7 @@ pub(super) fn refit(
             basis,
             &leader.fit.hypothesis,
             leader.fit.point.clone(),
-            Effort::full(settings.steps),
+            Effort::full(budget.steps),
         );
     }
     let Some(least) = out
@@ -101,29 +103,25 @@ pub(super) fn refit(
     };
     let number = current.train.number();
     let scale = (least / number).max(1.0);
+    let over = Reached::new(case, current);
     for r in &mut out {
-        let k = r.term.effect.info().parameters.len();
-        r.score = score((case, current), &r.fit, (k, tried), scale);
+        r.score = score(&Reached::new(case, &r.fit), &over, tried, (scale, number));
     }
     out.sort_by(|a, b| b.score.total_cmp(&a.score));
     out
 }
 
-/// Twice the gain in log-likelihood over a fit, by `k` parameters of one of `tried` candidates, less the penalties for both; `scale`: mean
-/// square that counts as noise.
+/// Gain of a fit (see [`Reached::gain`]) of one of `tried` candidates, less the penalty for their number.
 pub(super) fn score(
-    (case, current): (&Case, &Fit),
-    fit: &Fit,
-    (k, tried): (usize, usize),
-    scale: f64,
+    fit: &Reached,
+    over: &Reached,
+    tried: usize,
+    (scale, number): (f64, f64),
 ) -> f64 {
-    // What it gains where it was not fitted counts alike.
-    let held_out = test_value(case, current) - test_value(case, fit);
-    (current.train.evidence() - fit.train.evidence() + held_out) / scale
-        - k as f64 * current.train.number().ln()
-        - 2.0 * (tried as f64).ln()
+    fit.gain(over, scale, number) - 2.0 * (tried as f64).ln()
 }
 
+/// What a refit gains on the train records.
 fn gain(current: &Fit, refit: &Refit) -> f64 {
     current.train.evidence() - refit.fit.train.evidence()
 }

@@ -12,9 +12,9 @@
 //! of m squares in a window is chi-squared with m degrees of freedom.
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use crate::case::Case;
+use crate::diagnosis::Residue;
 use crate::fit::Fit;
 
 /// Length of a window, s.
@@ -23,23 +23,6 @@ const WINDOW: f64 = 0.04;
 const FEWEST: usize = 10;
 /// Highest frequency, Hz.
 const HIGHEST: f64 = 60.0;
-
-/// Figures of what is left; the largest over joints and channels of their median over records, and over records.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Residue {
-    /// Largest mean square of a window over that of its record.
-    pub burst: f64,
-    /// Largest line of a spectrum over its mean, the median over the records.
-    pub line: f64,
-    /// Sum of squared correlations of neighbours up to ten samples apart, times the number of samples and over ten, the median
-    /// over the records: 1 for white noise.
-    pub memory: f64,
-    /// Root mean square of these correlations.
-    #[serde(default)]
-    pub correlation: f64,
-    /// Mean squared innovation on the test records over that on the train records.
-    pub unseen: f64,
-}
 
 /// Innovations of one joint and channel of a record.
 fn series(case: &Case, fit: &Fit) -> Vec<(usize, bool, f64, Vec<Vec<f64>>)> {
