@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use pid_diagnose::diagnosis::{Diagnosis, Verdict};
-use pid_diagnose::search::Settings;
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::report::Report;
+use pid_diagnose::search::Settings;
 use pid_runtime::data::Dataset;
 
 use crate::error::CliError;

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pid_diagnose::diagnosis::{Diagnosis, Share};
-use pid_diagnose::search::Settings;
 use pid_diagnose::report::Report;
+use pid_diagnose::search::Settings;
 use pid_runtime::dynamics::Hessian;
 use rayon::prelude::*;
 

@@ -32,8 +32,16 @@ fn statistics(criteria: &Criteria) -> Vec<Statistic> {
             criteria.nominal_misfit,
             |d| d.misfit.0,
         ),
-        statistic("largest burst (burst)", criteria.burst, |d| d.residue.burst),
-        statistic("memory (memory)", criteria.memory, |d| d.residue.memory),
+        statistic(
+            "largest burst, 7 s at 500 Hz (allowance)",
+            criteria.allowance * criteria.burst(20.0, 175.0),
+            |d| d.residue.burst,
+        ),
+        statistic(
+            "memory (allowance)",
+            criteria.allowance * criteria.memory(10.0),
+            |d| d.residue.memory,
+        ),
         statistic("correlation (correlation)", criteria.correlation, |d| {
             d.residue.correlation
         }),

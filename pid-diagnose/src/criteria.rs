@@ -3,10 +3,12 @@
 //! Every number of [`Criteria`] says what it is, its unit and where it comes from. Three sources occur:
 //!
 //! * *quantile*: follows from a stated null distribution and [`Criteria::rare`] or [`Criteria::chance`]; the quantiles are computed
-//!   (see [`Criteria::size`], [`Criteria::line`]) and checked by simulation in `tests/criteria.rs`
-//!   (`cargo test -p pid-diagnose --test criteria`);
+//!   (see [`Criteria::size`], [`Criteria::line`], [`Criteria::burst`], [`Criteria::memory`]) and checked by simulation (`cargo test -p pid-diagnose null_distribution`);
 //! * *training seeds*: chosen so that verdicts are right on the drawn cases of `pid study --seed 91201` and `--seed 100301`;
+//!   `cargo run --release -p pid-diagnose --example null -- STUDY` prints what each statistic is where nothing is missing;
 //! * *not derived*: set by hand with those cases, the practice cases and one real arm in view.
+
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
 /// What decides a verdict.
 ///
@@ -59,19 +61,14 @@ pub struct Criteria {
     /// Factor on `unexplained` where innovations are calm and white: free runs from uncertain starts drift. 2: not derived.
     pub calm_factor: f64,
 
-    /// Mean square of a window of 40 ms over that of its record up to which innovations are white. 6: training seeds; its quantile
-    /// under white noise is 2.9 at 500 Hz, and sticking within a step leaves more.
-    pub burst: f64,
-    /// The same beside named effects. 100: contacts leave impacts; not derived.
+    /// Factor on the limits of bursts and memory, and beside named effects of lines: sticking within a step and the error of the
+    /// observer leave more than white noise does. 2: not derived; on the practice cases right verdicts leave bursts up to 1.2 and
+    /// memory up to 1.3 times the quantile, contacts aside, and wrong ones memory from 100 times on.
+    pub allowance: f64,
+    /// Mean square of a window of 40 ms over that of its record that named effects may leave: contacts leave impacts. 100: not
+    /// derived.
     pub effect_burst: f64,
-    /// What the limit of a spectral line grows by beside named effects, in multiples of the mean of the spectrum. 2: contacts leave
-    /// lines; not derived.
-    pub effect_line: f64,
-    /// Mean of ten squared correlations of neighbours times the number of samples, up to which they are independent: 8. Under
-    /// white noise it is a tenth of a chi-squared number of ten degrees of freedom (G. E. P. Box, D. A. Pierce 1970), which is
-    /// beyond 2.7 in 0.27 % of all records; discretisation leaves more. Training seeds.
-    pub memory: f64,
-    /// Root mean square of these correlations below which they have no size. 0.04: not derived.
+    /// Root mean square of the correlations of neighbours below which they have no size: in long records every one is beyond chance. 0.04: not derived.
     pub correlation: f64,
     /// Share of the excess of the squared innovations that named effects may leave for lines, bursts and memory not to count, and
     /// the excess that is that of an imprecise noise level. 0.01: not derived.
@@ -84,6 +81,9 @@ pub struct Criteria {
     pub majority_of_all: f64,
     /// Most effects that are a verdict beside an unknown rest: more imitate what the library lacks. 2: not derived.
     pub together: usize,
+
+    /// Probability beyond which a candidate is a rival that a further motion should separate. 0.01: not derived.
+    pub rival: f64,
 
     /// Relative decrease of the nominal objective by friction outside its tolerance, at least. 0.02: not derived.
     pub friction_decrease: f64,
@@ -121,15 +121,14 @@ impl Default for Criteria {
             nominal_spread: 1.2,
             unexplained: 1.9,
             calm_factor: 2.0,
-            burst: 6.0,
+            allowance: 2.0,
             effect_burst: 100.0,
-            effect_line: 2.0,
-            memory: 8.0,
             correlation: 0.04,
             negligible: 0.01,
             majority: 0.7,
             majority_of_all: 0.8,
             together: 2,
+            rival: 0.01,
             friction_decrease: 0.02,
             shared: 2.0,
             block: 0.35,
@@ -145,27 +144,58 @@ impl Criteria {
     pub fn replaces(&self) -> f64 {
         0.5 * self.margin
     }
+
     /// Size that an effect must reach, in its own standard deviations (A. Wald 1943): an observer with more freedom may predict a
-    /// little better without any effect of a size.
+    /// little better without any effect of a size. A size without effect is normal; two-sided quantile of `rare`, 3.0.
     pub fn size(&self) -> f64 {
-        3.0
+        normal(1.0 - 0.5 * self.rare)
     }
-    /// Size below which a second effect is chance even beside a first one that has a size.
+
+    /// Size below which a second effect is chance even beside a first one that has a size: two-sided quantile of `chance`, 1.96.
     pub fn second_size(&self) -> f64 {
-        2.0
+        normal(1.0 - 0.5 * self.chance)
     }
-    /// Mean decrease over windows, in its standard errors, that is none by chance; one-sided.
+
+    /// Mean decrease over windows, in its standard errors, that is none by chance: one-sided quantile of `chance`, 1.64.
     pub fn decrease(&self) -> f64 {
-        1.645
+        normal(1.0 - self.chance)
     }
+
     /// Probability of a first effect from which its rivals are none.
     pub fn leading(&self) -> f64 {
         1.0 - self.chance
     }
-    /// Largest line of the spectrum of white innovations, over the mean of the spectrum.
-    pub fn line(&self) -> f64 {
-        12.0
+
+    /// Largest line of the spectrum of white innovations at this many frequencies, over the mean of the spectrum. One line exceeds z
+    /// with probability exp(−z) (R. A. Fisher, Proc. R. Soc. A 125, 1929), so the largest of m exceeds ln(m / rare) in a share
+    /// `rare` of all records: 12.0 at the 420 frequencies up to 60 Hz of a record of 7 s.
+    pub fn line(&self, frequencies: f64) -> f64 {
+        (frequencies.max(1.0) / self.rare).ln()
     }
+
+    /// Largest mean square of windows of so many samples of white innovations over that of their record: a chi-squared number of as
+    /// many degrees of freedom each. 2.9 for 175 windows of 20 samples.
+    pub fn burst(&self, samples: f64, windows: f64) -> f64 {
+        mean_of_squares(samples, self.rare / windows.max(1.0))
+    }
+
+    /// Mean of so many squared correlations of neighbours times the number of samples, white innovations: a chi-squared number of as
+    /// many degrees of freedom (G. E. P. Box, D. A. Pierce, JASA 65, 1970). 2.7 for ten.
+    pub fn memory(&self, lags: f64) -> f64 {
+        mean_of_squares(lags, self.rare)
+    }
+}
+
+/// The mean of so many squares of standard normal numbers that is exceeded with a probability; infinite if there are none.
+fn mean_of_squares(number: f64, probability: f64) -> f64 {
+    ChiSquared::new(number).map_or(f64::INFINITY, |chi| {
+        chi.inverse_cdf(1.0 - probability) / number
+    })
+}
+
+/// Quantile of the standard normal distribution; `share` between 0 and 1.
+fn normal(share: f64) -> f64 {
+    Normal::standard().inverse_cdf(share)
 }
 
 /// Steps, draws and starts: more of them cost time and may find a better optimum; none of them judges what is found.
@@ -189,6 +219,13 @@ pub struct Budget {
     pub turns: usize,
     /// Stages of the refits: candidates fall behind from stage to stage.
     pub stages: [Stage; 3],
+    /// Steps of the approach from a start at which an effect is present.
+    pub approach: usize,
+    /// Steps after which starts of one candidate that gain already are compared: contacts have many optima, and the lowest start
+    /// need not lie in the basin of the lowest.
+    pub glance: usize,
+    /// Starts that are followed after that.
+    pub followed: usize,
     /// Share of the best gain below which a candidate is not followed to the next stage.
     pub hopeless: f64,
     /// Factor on the substeps at the end of a fit with contacts or resonances.
@@ -229,6 +266,9 @@ impl Default for Budget {
                 stage(5, 4, false),
                 stage(8, 2, true),
             ],
+            approach: 4,
+            glance: 2,
+            followed: 3,
             hopeless: 0.35,
             finer: 3,
             friction_middles: [1.0, 4.0],

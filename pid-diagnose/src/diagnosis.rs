@@ -278,6 +278,9 @@ pub struct Residue {
     pub burst: f64,
     /// Largest line of a spectrum over its mean, the median over the records.
     pub line: f64,
+    /// What these figures are the largest of; not in the JSON form.
+    #[serde(skip)]
+    pub of: Extent,
     /// Sum of squared correlations of neighbours up to ten samples apart, times the number of samples and over ten, the median
     /// over the records: 1 for white noise.
     pub memory: f64,
@@ -286,6 +289,17 @@ pub struct Residue {
     pub correlation: f64,
     /// Mean squared innovation on the test records over that on the train records.
     pub unseen: f64,
+}
+
+/// Numbers that the figures of [`Residue`] are taken over, those of the record that has most.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Extent {
+    /// Frequencies of a spectrum.
+    pub frequencies: f64,
+    /// Windows of a record.
+    pub windows: f64,
+    /// Samples of a window, the fewest.
+    pub samples: f64,
 }
 
 /// The verdict and what it rests on.

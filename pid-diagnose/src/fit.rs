@@ -17,9 +17,10 @@ use rayon::prelude::*;
 
 use crate::case::{Case, Record, Velocity};
 use crate::effect::{FEW, LANES, Pick};
-use crate::hidden;
+use crate::initial;
 use crate::observer::Gain;
 use crate::plant::PER_JOINT;
+pub use crate::point::Point;
 use crate::predict::{Runner, gains, rows};
 use crate::scalar::{Lanes, Scalar};
 use crate::simulate::Hypothesis;
@@ -30,15 +31,6 @@ pub const PRIOR: f64 = 0.55;
 const ASIDE: usize = 64;
 /// An innovation larger than this many deviations counts as this: a diverging candidate must not give infinities.
 const LARGEST: f64 = 1e4;
-
-/// A point of a fit.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Point {
-    /// Deviations of the nominal parameters.
-    pub theta: Vec<f64>,
-    /// Parameters of the effects, SI.
-    pub e: Vec<f64>,
-}
 
 /// Value of the objective, in its parts.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,7 +115,7 @@ pub fn all_gains(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<Vec<Ga
         .map(|r| {
             let mut g = gains(case, hypothesis, &at.theta, &at.e, r.h);
             if case.unread {
-                hidden::estimate(case, r, hypothesis, at, &mut g);
+                initial::estimate(case, r, hypothesis, at, &mut g);
             }
             g
         })

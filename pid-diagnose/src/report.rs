@@ -24,9 +24,6 @@ pub struct WriteError {
     pub source: std::io::Error,
 }
 
-/// Probability beyond which a candidate counts as a rival that is left.
-const LEFT: f64 = 0.01;
-
 /// Everything a report shows.
 #[derive(Debug)]
 pub struct Report {
@@ -138,28 +135,6 @@ impl Report {
     pub fn diagnosis(&self) -> &Diagnosis {
         &self.diagnosis
     }
-
-    /// Writes `report.html`, `next_experiment.csv` if there is one, and last `diagnosis.json`, so that a folder is complete when
-    /// that is there.
-    ///
-    /// # Errors
-    /// If a file cannot be written.
-    pub fn write(&self, out: &Path) -> Result<(), WriteError> {
-        let at = |path: &Path| {
-            let path = path.to_owned();
-            move |source| WriteError { path, source }
-        };
-        std::fs::create_dir_all(out).map_err(at(out))?;
-        let put = |name: &str, text: &str| {
-            let path = out.join(name);
-            std::fs::write(&path, text).map_err(at(&path))
-        };
-        put("report.html", &crate::page::page(self))?;
-        if let Some(next) = &self.next {
-            put("next_experiment.csv", &next.to_csv())?;
-        }
-        put("diagnosis.json", &self.diagnosis().to_json())
-    }
 }
 
 fn signals(case: &Case, base: &Fit) -> Vec<Signals> {
@@ -196,6 +171,7 @@ fn shares(place: &MissingForce) -> Vec<Share> {
 /// The first two rivals: the likeliest candidate and the likeliest one beside it; the nominal structure where nothing is named.
 fn rivals(found: &Evidence, forced: bool) -> Option<(&Fit, &Fit)> {
     let first = found.rivals.first()?;
+    let rival = found.criteria.rival;
     let probability = |i: usize| {
         let term = found.rivals[i].hypothesis.terms.last()?;
         let info = term.effect.info();
@@ -206,10 +182,10 @@ fn rivals(found: &Evidence, forced: bool) -> Option<(&Fit, &Fit)> {
             .map(|r| r.probability)
     };
     if found.verdict() == Verdict::Nothing {
-        return (forced || probability(0)? > LEFT).then_some((&found.base, first));
+        return (forced || probability(0)? > rival).then_some((&found.base, first));
     }
     // A second effect on top of the first is no rival of it.
     let own = first.hypothesis.terms.len();
     let other = (1..found.rivals.len()).find(|&i| found.rivals[i].hypothesis.terms.len() == own)?;
-    (forced || probability(other)? > LEFT).then_some((first, &found.rivals[other]))
+    (forced || probability(other)? > rival).then_some((first, &found.rivals[other]))
 }

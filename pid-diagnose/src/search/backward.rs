@@ -1,7 +1,7 @@
 //! Backward check of forward selection (M. A. Efroymson 1960): an effect that was taken first may be superfluous beside a later one.
 
-use super::Settings;
 use super::measure::{Reached, noise_scale};
+use super::settings::Settings;
 use crate::case::Case;
 use crate::fit::{Basis, Effort, Fit, fit};
 

@@ -6,7 +6,7 @@ use crate::fit::{Basis, Fit, basis, basis_beside};
 use crate::screen::candidates;
 use crate::windows;
 
-use super::Settings;
+use super::settings::Settings;
 
 /// All candidates on top of a fit, with their starts.
 pub(super) fn listed(

@@ -6,12 +6,11 @@ use super::forward::Selection;
 use super::measure::share;
 use super::nameless::described;
 use super::odds::tempered;
-use super::tolerance;
 use crate::case::Case;
 use crate::criteria::Criteria;
 use crate::diagnosis::{
-    Beyond, Diagnosis, Named, Next, Ranked, Remainder, Residue, SCHEMA_VERSION, Share, Signals,
-    Verdict,
+    Beyond, Diagnosis, Magnitude, Named, Next, Ranked, Remainder, Residue, SCHEMA_VERSION, Share,
+    Signals, Verdict,
 };
 use crate::effect::Arrangement;
 use crate::fit::Fit;
@@ -228,7 +227,7 @@ impl Evidence {
         let (verdict, regime) = match self.beyond.first() {
             Some(b) => (
                 Verdict::OutsideTolerance { joint: b.joint },
-                tolerance::REGIME,
+                FRICTION_REGIME,
             ),
             None => (Verdict::Nothing, "all records"),
         };
@@ -279,7 +278,7 @@ impl Evidence {
             regime,
         } = self.stated();
         let effects = match verdict {
-            Verdict::OutsideTolerance { .. } => tolerance::named(&self.beyond),
+            Verdict::OutsideTolerance { .. } => friction(&self.beyond),
             _ => self.effects.clone(),
         };
         let remainder = self.remainder.clone().map(|left| Remainder {
@@ -314,6 +313,31 @@ impl Evidence {
             seconds: self.started.elapsed().as_secs_f64(),
         }
     }
+}
+
+/// Where another level of friction shows.
+const FRICTION_REGIME: &str = "all motion of the joint";
+
+/// One entry per joint whose friction lies outside its tolerance.
+fn friction(beyond: &[Beyond]) -> Vec<Named> {
+    let mut out: Vec<Named> = Vec::new();
+    for b in beyond {
+        let parameter = Magnitude {
+            name: b.parameter.clone(),
+            value: b.value,
+            std: b.std,
+        };
+        match out.iter_mut().find(|n| n.joint == Some(b.joint)) {
+            Some(n) => n.parameters.push(parameter),
+            None => out.push(Named {
+                effect: Verdict::FRICTION.to_owned(),
+                joint: Some(b.joint),
+                parameters: vec![parameter],
+                regime: FRICTION_REGIME.to_owned(),
+            }),
+        }
+    }
+    out
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! Exchange check of forward selection (A. J. Miller, Subset Selection in Regression, 2002, chapter 3): of two causes the first
 //! was chosen while the second was missing, and may have been taken for another.
 
-use super::Settings;
 use super::candidates::listed;
 use super::measure::{Reached, noise_scale};
 use super::refit::{Refit, refit};
+use super::settings::Settings;
 use crate::case::Case;
 use crate::fit::{Basis, Effort, Fit, Point, fit};
 use crate::screen::screen;
@@ -25,7 +25,7 @@ pub(super) fn exchange(
     (current, without): (&Fit, &Fit),
 ) -> Exchange {
     let list = listed(case, basis, settings, without);
-    let (best, slopes) = screen(case, basis, without, &list);
+    let (best, slopes) = screen(case, basis, without, &list, &settings.budget);
     let tried = refit(case, basis, settings, without, (&best, &slopes), list.len());
     let (scale, number) = (noise_scale(current), current.train.number());
     let present = Reached::new(case, current);

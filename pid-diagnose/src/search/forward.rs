@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 
 use pid_runtime::data::Role;
 
-use super::Settings;
 use super::backward::{superfluous, without_each};
 use super::candidates::{directions, has_state, listed};
 use super::exchange::exchange;
@@ -13,6 +12,7 @@ use super::measure::{Reached, measured, misfit, noise_alone, noise_scale};
 use super::nameless::{Imitated, concerned, free_laws, imitated};
 use super::noise_like::{Leaves, lines_and_bursts};
 use super::refit::{Refit, refit, score};
+use super::settings::Settings;
 use super::whiteness::residue;
 use crate::case::Case;
 use crate::channel;
@@ -153,7 +153,13 @@ impl<'a> Forward<'a> {
         if let Some(short) = self.shortlist.take() {
             list.retain(|(term, _)| short.contains(&term.label()));
         }
-        let (best, slopes) = screen(&self.case, &self.basis, &self.current, &list);
+        let (best, slopes) = screen(
+            &self.case,
+            &self.basis,
+            &self.current,
+            &list,
+            &settings.budget,
+        );
         let mut tried = refit(
             &self.case,
             &self.basis,
@@ -479,7 +485,7 @@ fn sketch(
     base: &Fit,
 ) -> (Option<Fit>, BTreeSet<String>) {
     let list = listed(case, basis, settings, base);
-    let (best, slopes) = screen(case, basis, base, &list);
+    let (best, slopes) = screen(case, basis, base, &list, &settings.budget);
     let short = best
         .iter()
         .take(settings.budget.shortlist)

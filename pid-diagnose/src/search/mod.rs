@@ -18,50 +18,21 @@ mod noise_like;
 mod odds;
 mod partial;
 mod refit;
+mod settings;
 mod tolerance;
 mod whiteness;
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use pid_runtime::data::Role;
 
 use crate::case::Case;
-use crate::criteria::{Budget, Criteria};
 use crate::diagnosis::{Diagnosis, Verdict};
-use crate::effect::Effect;
 use crate::excerpt::{excerpt, restore_tests};
 use crate::fit::{Fit, value};
 pub use evidence::{Evidence, Surroundings};
 use measure::{measured, noise_alone};
-
-/// What may be set.
-#[derive(Clone)]
-pub struct Settings {
-    /// The effects considered; [`effects::all`](crate::effects::all) and the user's own.
-    pub effects: Vec<Arc<dyn Effect>>,
-    /// Whether every candidate is refitted to its end, whatever screening says of it: what screening is measured against.
-    pub refit_all: bool,
-    /// Length of the train records that is fitted, s times the number of joints, and twice that of the test records that it is
-    /// judged by; the parts that decide are taken from longer ones (see [`excerpt`](crate::excerpt)).
-    pub joint_seconds: f64,
-    /// What decides the verdict.
-    pub criteria: Criteria,
-    /// Effort that is spent on it.
-    pub budget: Budget,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            effects: crate::effects::all(),
-            refit_all: false,
-            joint_seconds: 150.0,
-            criteria: Criteria::default(),
-            budget: Budget::default(),
-        }
-    }
-}
+pub use settings::Settings;
 
 /// Diagnoses a case.
 pub fn diagnose(case: &Case, settings: &Settings) -> Diagnosis {

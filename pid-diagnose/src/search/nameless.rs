@@ -7,10 +7,10 @@
 
 use std::sync::Arc;
 
-use super::Settings;
 use super::magnitude::name;
 use super::measure::{Reached, noise_scale};
 use super::refit::{Refit, refit};
+use super::settings::Settings;
 use crate::case::Case;
 use crate::criteria::{Budget, Criteria};
 use crate::diagnosis::Nameless;
@@ -30,7 +30,7 @@ pub(super) fn free_laws(
     let library = FreeLaw::all(case).map(|law| -> Arc<dyn Effect> { Arc::new(law) });
     let mut list = candidates(case, &library, &base.hypothesis);
     list.retain(|(term, _)| joints(term.joint));
-    let (best, slopes) = screen(case, basis, base, &list);
+    let (best, slopes) = screen(case, basis, base, &list, &settings.budget);
     let few = Settings {
         budget: Budget {
             refits: library.len(),

@@ -1,18 +1,21 @@
 //! Whether what a model leaves is noise.
 
+use super::whiteness::LAGS;
 use crate::criteria::Criteria;
 use crate::diagnosis::Residue;
 use crate::gap::Floor;
 
 /// Whether innovations have lines or bursts that noise has not.
 pub(super) fn lines_and_bursts(criteria: &Criteria, left: &Residue) -> bool {
-    !(left.line < criteria.line() && left.burst < criteria.burst)
+    let burst = criteria.allowance * criteria.burst(left.of.samples, left.of.windows);
+    !(left.line < criteria.line(left.of.frequencies) && left.burst < burst)
 }
 
 /// Whether innovations remember their neighbours: the level of the noise was taken from records that hold something else too.
-/// Beyond chance and of a size, since in long records every correlation is beyond chance.
+/// Beyond chance and of a size.
 fn remember(criteria: &Criteria, left: &Residue) -> bool {
-    left.memory > criteria.memory && left.correlation > criteria.correlation
+    left.memory > criteria.allowance * criteria.memory(LAGS as f64)
+        && left.correlation > criteria.correlation
 }
 
 /// What a model leaves.
@@ -72,7 +75,8 @@ impl Leaves {
         let (nominal, misfit) = self.misfit;
         let nearly_all =
             (misfit - 1.0).max(criteria.negligible) < criteria.negligible * (nominal - 1.0);
-        let coloured = self.residue.line > criteria.line() + criteria.effect_line
+        let coloured = self.residue.line
+            > criteria.allowance * criteria.line(self.residue.of.frequencies)
             || self.residue.burst > criteria.effect_burst
             || (!self.stiff && remember(criteria, &self.residue));
         self.gap > allowed || misfit > criteria.largest_misfit || (!nearly_all && coloured)
@@ -82,6 +86,7 @@ impl Leaves {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnosis::Extent;
 
     /// Noise and nothing else.
     const QUIET: Leaves = Leaves {
@@ -94,6 +99,11 @@ mod tests {
         residue: Residue {
             burst: 2.0,
             line: 8.0,
+            of: Extent {
+                frequencies: 420.0,
+                windows: 175.0,
+                samples: 20.0,
+            },
             memory: 1.0,
             correlation: 0.01,
             unseen: 1.0,

@@ -14,7 +14,6 @@
 use pid_runtime::data::Role;
 use rayon::prelude::*;
 
-use super::Settings;
 use super::candidates::{directions, listed};
 use super::evidence::{Evidence, Part, leads};
 use super::magnitude::{name, sizes};
@@ -22,6 +21,7 @@ use super::measure::{measured, share};
 use super::nameless::{described, free_laws, imitated_in_part};
 use super::odds::plain;
 use super::refit::{Refit, refit};
+use super::settings::Settings;
 use crate::case::Case;
 use crate::criteria::Budget;
 use crate::diagnosis::Remainder;
@@ -93,7 +93,7 @@ fn partial(case: &Case, settings: &Settings, nominal: &Fit, floor: f64) -> Parti
     let mut most = criteria.together + 1;
     while taken < most {
         let list = listed(&case, &directions, settings, &current);
-        let (best, slopes) = screen(&case, &directions, &current, &list);
+        let (best, slopes) = screen(&case, &directions, &current, &list, &settings.budget);
         let mut tried = refit(
             &case,
             &directions,

@@ -3,8 +3,8 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::Settings;
 use super::measure::Reached;
+use super::settings::Settings;
 use crate::case::Case;
 use crate::criteria::Stage;
 use crate::effect::Term;

@@ -4,12 +4,12 @@
 //! the records and the nominal structure is fitted with a friction value at the end of its tolerance, both friction values of that
 //! joint may lie anywhere from zero upwards, and everything is looked for once more.
 
-use super::Settings;
 use super::evidence::Evidence;
 use super::magnitude::deviations;
 use super::measure::share;
+use super::settings::Settings;
 use crate::case::Case;
-use crate::diagnosis::{Beyond, Magnitude, Named, Remainder, Verdict};
+use crate::diagnosis::{Beyond, Remainder};
 use crate::fit::{Effort, Fit, all_gains, basis, fit};
 use crate::plant::{COULOMB, NAMES, PER_JOINT, VISCOUS};
 use crate::simulate::Hypothesis;
@@ -52,31 +52,6 @@ pub(super) fn beyond(stated: Evidence, wider: Evidence) -> Evidence {
         beyond,
         ..wider
     }
-}
-
-/// Where another level of friction shows.
-pub(super) const REGIME: &str = "all motion of the joint";
-
-/// One entry per joint whose friction lies outside its tolerance.
-pub(super) fn named(beyond: &[Beyond]) -> Vec<Named> {
-    let mut out: Vec<Named> = Vec::new();
-    for b in beyond {
-        let parameter = Magnitude {
-            name: b.parameter.clone(),
-            value: b.value,
-            std: b.std,
-        };
-        match out.iter_mut().find(|n| n.joint == Some(b.joint)) {
-            Some(n) => n.parameters.push(parameter),
-            None => out.push(Named {
-                effect: Verdict::FRICTION.to_owned(),
-                joint: Some(b.joint),
-                parameters: vec![parameter],
-                regime: REGIME.to_owned(),
-            }),
-        }
-    }
-    out
 }
 
 /// The case with wider ranges of the friction values that a tolerance holds, as wide as the nominal structure needs them.
@@ -178,7 +153,7 @@ fn outside(case: &Case, wider: &Evidence) -> Vec<Beyond> {
 mod tests {
     use super::*;
     use crate::bench::pendulum;
-    use crate::diagnosis::Diagnosis;
+    use crate::diagnosis::{Diagnosis, Verdict};
     use crate::effect::Term;
     use crate::effects;
 

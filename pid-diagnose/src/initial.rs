@@ -1,4 +1,4 @@
-//! States that no sensor reads, at the start of a record.
+//! Initial-state estimation: states that no sensor reads, at the start of a record.
 //!
 //! A link behind a spring may still swing when a record starts, a bristle may be bent: neither position nor velocity of the drive
 //! tells at once. What the first moment of the record tells of them is taken from the innovations ε of the predictor,
@@ -13,8 +13,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::case::{Case, Record};
-use crate::fit::Point;
 use crate::observer::Gain;
+use crate::point::Point;
 use crate::predict::Runner;
 use crate::simulate::Hypothesis;
 
