@@ -49,7 +49,7 @@ pub(crate) fn named(ids: &[&str]) -> Hypothesis {
             joint: 0,
         })
         .collect();
-    Hypothesis { terms }
+    Hypothesis::new(terms)
 }
 
 /// [`pendulum_under`] sines.
@@ -141,8 +141,6 @@ fn simulated(
             stated: true,
         }],
         tip: (10.0, 1.5),
-        refined: 1,
-        unread: false,
         passing: vec![vec![0.0]],
     };
     let theta = vec![0.0; PER_JOINT];

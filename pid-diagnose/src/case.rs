@@ -152,10 +152,6 @@ pub struct Case {
     pub noise: Vec<Noise>,
     /// Typical force on the tool and mass of the last link.
     pub tip: (f64, f64),
-    /// Factor on the number of substeps; 1 unless a fit is finished with finer ones.
-    pub refined: usize,
-    /// Whether fits look for the states at the start that no sensor reads.
-    pub unread: bool,
     /// Torque at joint j that accelerates it as a unit torque at joint i does, `(M⁻¹)_ji / (M⁻¹)_jj`: root mean square over the
     /// motion, zero for i = j.
     pub passing: Vec<Vec<f64>>,
@@ -262,8 +258,6 @@ impl Case {
             scale: Vec::new(),
             noise: Vec::new(),
             tip: (1.0, 1.0),
-            refined: 1,
-            unread: false,
             passing: Vec::new(),
             nominal,
             records,

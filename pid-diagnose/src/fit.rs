@@ -23,7 +23,7 @@ use crate::plant::PER_JOINT;
 pub use crate::point::Point;
 use crate::predict::{Runner, gains, rows};
 use crate::scalar::{Lanes, Scalar};
-use crate::simulate::Hypothesis;
+use crate::simulate::{Hypothesis, Run};
 
 /// Standard deviation of a deviation, in tolerances.
 pub const PRIOR: f64 = 0.55;
@@ -114,7 +114,7 @@ pub fn all_gains(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<Vec<Ga
         .par_iter()
         .map(|r| {
             let mut g = gains(case, hypothesis, &at.theta, &at.e, r.h);
-            if case.unread {
+            if hypothesis.run.initial_states {
                 initial::estimate(case, r, hypothesis, at, &mut g);
             }
             g
@@ -353,11 +353,17 @@ where
 
 /// Directions of θ that the train records determine beyond their tolerance, from the Jacobian at the nominal values.
 pub fn basis(case: &Case) -> Basis {
+    basis_as_run(case, Run::default())
+}
+
+/// The same of the nominal structure run in a way.
+pub(crate) fn basis_as_run(case: &Case, run: Run) -> Basis {
     let at = Point {
         theta: vec![0.0; case.n() * PER_JOINT],
         e: Vec::new(),
     };
-    basis_beside(case, &Hypothesis::default(), &at)
+    let terms = Vec::new();
+    basis_beside(case, &Hypothesis { terms, run }, &at)
 }
 
 /// The same beside effects, at a point: a gear that gives way tells the inertia of its rotor from that of the link behind it.

@@ -137,15 +137,13 @@ mod tests {
 
     #[test]
     fn a_link_that_swings_at_the_start_is_seen_through_its_drive() {
-        let elastic = Hypothesis {
-            terms: vec![Term {
-                effect: crate::effects::all()
-                    .into_iter()
-                    .find(|e| e.info().id == "joint_elasticity")
-                    .expect("elasticity"),
-                joint: 0,
-            }],
-        };
+        let elastic = Hypothesis::new(vec![Term {
+            effect: crate::effects::all()
+                .into_iter()
+                .find(|e| e.info().id == "joint_elasticity")
+                .expect("elasticity"),
+            joint: 0,
+        }]);
         // Compliance of 1/60 rad per N m, nearly undamped.
         let e = [1.0 / 60.0, 1e-4];
         let case = pendulum(&elastic, &e, 2.0, &|state| state.v[0] = 0.8);

@@ -115,8 +115,6 @@ pub(crate) fn left(errors: &[Vec<[Vec<f64>; 2]>]) -> Vec<[Left; 2]> {
 /// Sets the bandwidth to that of the horizon, at levels in proportion to the range and speed of the motion.
 pub(crate) fn follow_slowly(case: &mut Case) {
     let omega = bandwidth(case);
-    case.refined = 1;
-    case.unread = false;
     for j in 0..case.n() {
         let scale = case.scale[j].clone();
         let noise = &mut case.noise[j];

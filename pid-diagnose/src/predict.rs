@@ -139,7 +139,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         Runner {
             case,
             record,
-            substeps: Substeps::new(record.h, geared, case.refined),
+            substeps: Substeps::new(record.h, geared, hypothesis.run.finer),
             machine,
         }
     }

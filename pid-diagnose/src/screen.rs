@@ -190,9 +190,7 @@ impl Reference<'_> {
             let amplitudes = term.effect.info().amplitudes;
             let block = lin.j.columns(column, amplitudes.len()).into_owned();
             column += amplitudes.len();
-            let alone = Hypothesis {
-                terms: vec![term.clone()],
-            };
+            let alone = Hypothesis::new(vec![term.clone()]);
             let bounds = ranges(self.case, &alone);
             let limits: Vec<(f64, f64)> = amplitudes.iter().map(|&a| bounds[a]).collect();
             let (objective, theta, step) = self.minimise(&self.lin.r, &block, &limits);
@@ -267,9 +265,7 @@ impl Reference<'_> {
                 if lin.r.len() != self.lin.r.len() {
                     return None;
                 }
-                let alone = Hypothesis {
-                    terms: vec![term.clone()],
-                };
+                let alone = Hypothesis::new(vec![term.clone()]);
                 let own = &near.point.e[first..];
                 let limits: Vec<(f64, f64)> = ranges(self.case, &alone)
                     .iter()

@@ -265,9 +265,7 @@ mod tests {
         let truth = [0.7, 2.4, 2.9, 4.4, 4.9, 6.5];
         let mut e = vec![-0.5, 0.0, 0.17];
         e.extend(truth);
-        let hypothesis = Hypothesis {
-            terms: vec![term.clone()],
-        };
+        let hypothesis = Hypothesis::new(vec![term.clone()]);
         let case = pendulum(&hypothesis, &e, 7.0, &|_| {});
         let basis = basis(&case);
         let zero = Point {

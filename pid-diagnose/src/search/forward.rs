@@ -19,12 +19,12 @@ use crate::channel;
 use crate::criteria::{Budget, Criteria};
 use crate::diagnosis::{Magnitude, Named, Residue};
 use crate::effect::Term;
-use crate::fit::{Basis, Effort, Fit, Point, basis, fit, value};
+use crate::fit::{Basis, Effort, Fit, Point, basis, basis_as_run, fit, value};
 use crate::gap::{Floor, Gap};
 use crate::noise;
 use crate::plant::PER_JOINT;
 use crate::screen::screen;
-use crate::simulate::Hypothesis;
+use crate::simulate::{Hypothesis, Run};
 
 /// What forward selection ended with.
 #[derive(Debug)]
@@ -322,22 +322,29 @@ impl<'a> Forward<'a> {
             || (misfit(&self.current) < criteria.largest_misfit
                 && lines_and_bursts(criteria, &residue(&self.case, &self.current)));
         if finer {
-            self.case.refined = self.settings.budget.finer;
-            self.case.unread = stiff;
-            let finer = again(&self.case, &self.basis, self.settings, &self.current);
+            let mut finer = self.current.clone();
+            finer.hypothesis.run = Run {
+                finer: self.settings.budget.finer,
+                initial_states: stiff,
+            };
+            let finer = again(&self.case, &self.basis, self.settings, &finer);
             if finer.train.evidence() < self.current.train.evidence() {
                 self.current = finer;
                 if self.accepted.is_empty() {
                     self.base = self.current.clone();
                 }
-            } else {
-                (self.case.refined, self.case.unread) = (1, false);
+                // What it is compared with is run alike.
+                let run = self.current.hypothesis.run;
+                self.base.hypothesis.run = run;
+                for rival in &mut self.ranking {
+                    rival.fit.hypothesis.run = run;
+                }
             }
         }
         let base = &mut self.base;
         base.train = value(
             &self.case,
-            &Hypothesis::default(),
+            &base.hypothesis,
             &base.point,
             &base.gains,
             Role::Train,
@@ -350,7 +357,7 @@ impl<'a> Forward<'a> {
             return None;
         }
         let joints = concerned(&self.accepted);
-        let directions = basis(&self.case);
+        let directions = basis_as_run(&self.case, self.base.hypothesis.run);
         let laws = free_laws(&self.case, &directions, self.settings, &self.base, joints);
         self.refits += laws.len();
         let mut better = laws

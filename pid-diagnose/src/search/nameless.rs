@@ -180,12 +180,10 @@ mod tests {
         }
     }
     fn stop() -> Hypothesis {
-        Hypothesis {
-            terms: vec![Term {
-                effect: Arc::new(Stop),
-                joint: 0,
-            }],
-        }
+        Hypothesis::new(vec![Term {
+            effect: Arc::new(Stop),
+            joint: 0,
+        }])
     }
 
     #[test]
@@ -249,12 +247,10 @@ mod tests {
     #[test]
     fn a_drive_that_fades_is_unknown_and_its_gain_is_shown() {
         let (loss, constant) = (0.3, 2.0);
-        let fade = Hypothesis {
-            terms: vec![Term {
-                effect: Arc::new(Fade),
-                joint: 0,
-            }],
-        };
+        let fade = Hypothesis::new(vec![Term {
+            effect: Arc::new(Fade),
+            joint: 0,
+        }]);
         let case = swung(&fade, &[loss, constant]);
         let d = crate::search::diagnose(&case, &Settings::default());
         assert_eq!(d.verdict, Verdict::Unknown);

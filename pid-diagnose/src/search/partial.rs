@@ -30,6 +30,7 @@ use crate::fit::{Basis, Effort, Fit, basis, fit, ranges};
 use crate::gap::Gap;
 use crate::levels::{errors, follow_slowly, left, settle};
 use crate::screen::screen;
+use crate::simulate::Run;
 
 /// Fewest windows with a scatter of their own.
 const FEW: usize = 4;
@@ -65,6 +66,7 @@ fn partial(case: &Case, settings: &Settings, nominal: &Fit, floor: f64) -> Parti
     let mut case = case.clone();
     follow_slowly(&mut case);
     let mut base = nominal.clone();
+    base.hypothesis.run = Run::default();
     let mut directions = basis(&case);
     for _ in 0..settings.budget.turns {
         base = fit(

@@ -167,7 +167,7 @@ mod tests {
                 joint: 0,
             })
             .collect();
-        let hypothesis = Hypothesis { terms };
+        let hypothesis = Hypothesis::new(terms);
         let mut case = pendulum(&hypothesis, effect.map_or(&[], |e| e.1), 6.0, &|_| {});
         let joint = &mut case.nominal.joints[0];
         for (k, value) in FRICTION.into_iter().zip(stated) {
