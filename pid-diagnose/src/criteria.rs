@@ -82,6 +82,12 @@ pub struct Criteria {
     /// Most effects that are a verdict beside an unknown rest: more imitate what the library lacks. 2: not derived.
     pub together: usize,
 
+    /// Mismatch of a derived velocity and its positions, share of the motion, that rounding of files and drives explains. 0.005: not
+    /// derived.
+    pub reading_mismatch: f64,
+    /// Share of that mismatch that a lag of the reading leaves at most if it is the cause. 0.5: not derived.
+    pub lag_leaves: f64,
+
     /// Probability beyond which a candidate is a rival that a further motion should separate. 0.01: not derived.
     pub rival: f64,
 
@@ -128,6 +134,8 @@ impl Default for Criteria {
             majority: 0.7,
             majority_of_all: 0.8,
             together: 2,
+            reading_mismatch: 5e-3,
+            lag_leaves: 0.5,
             rival: 0.01,
             friction_decrease: 0.02,
             shared: 2.0,

@@ -19,8 +19,10 @@ use pid_runtime::data::Role;
 use crate::case::{Case, Record};
 use crate::fit::{Fit, all_gains};
 
-/// Length of a part, s, at least, and in horizons.
-const PART: (f64, f64) = (4.0, 2.0);
+/// Length of a part at least, s.
+const SHORTEST: f64 = 4.0;
+/// Length of a part, in horizons.
+const HORIZONS: f64 = 2.0;
 /// Features of a joint.
 const FEATURES: usize = 9;
 /// Samples of a part that are looked at.
@@ -53,7 +55,7 @@ fn shorten(case: &Case, role: Role, allowed: f64) -> Vec<Record> {
     if total <= allowed {
         return own().map(|(_, r)| r.clone()).collect();
     }
-    let length = (PART.1 * case.nominal.horizon.unwrap_or(0.0)).max(PART.0);
+    let length = (HORIZONS * case.nominal.horizon.unwrap_or(0.0)).max(SHORTEST);
     let parts: Vec<(usize, usize, usize)> = own()
         .flat_map(|(i, r)| {
             let many = ((r.len() as f64 * r.h / length) as usize).max(1);

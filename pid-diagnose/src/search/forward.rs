@@ -433,7 +433,7 @@ impl Lagging {
         let [constant] = effect.info().parameters else {
             return None;
         };
-        channel::consistency(case)
+        channel::consistency(case, &settings.criteria)
             .into_iter()
             .enumerate()
             .filter_map(|(joint, c)| c.filter(|c| c.lagging).map(|c| (joint, c)))

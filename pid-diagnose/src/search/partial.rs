@@ -59,116 +59,154 @@ struct Partial {
     law: Option<(Refit, f64)>,
 }
 
-/// Tunes the nominal structure and takes the effects that pay; `floor` is the gap that noise alone leaves.
-fn partial(case: &Case, settings: &Settings, nominal: &Fit, floor: f64) -> Partial {
-    let criteria = &settings.criteria;
-    let sensors: Vec<(f64, f64)> = case.noise.iter().map(|n| (n.q, n.v)).collect();
+/// Where the taking of effects stands.
+struct Stand {
+    /// With the levels of the errors of the model at hand.
+    case: Case,
+    directions: Basis,
+    /// The model at hand and its gap.
+    fit: Fit,
+    gap: Gap,
+}
+
+/// The nominal structure under the levels of its own errors; `sensors` are those of the readings.
+fn tuned(case: &Case, settings: &Settings, nominal: &Fit, sensors: &[(f64, f64)]) -> Stand {
     let mut case = case.clone();
     follow_slowly(&mut case);
-    let mut base = nominal.clone();
-    base.hypothesis.run = Run::default();
+    let mut fitted = nominal.clone();
+    fitted.hypothesis.run = Run::default();
     let mut directions = basis(&case);
     for _ in 0..settings.budget.turns {
-        base = fit(
+        fitted = fit(
             &case,
             &directions,
-            &base.hypothesis,
-            base.point.clone(),
+            &fitted.hypothesis,
+            fitted.point.clone(),
             Effort::full(settings.budget.steps),
         );
-        (base, directions) = renewed(&mut case, settings, &base, &sensors);
+        (fitted, directions) = renewed(&mut case, settings, &fitted, sensors);
     }
-    let before = measured(&case, &base);
-    let mut current = base.clone();
-    let mut gap = before.clone();
-    let mut ranking: Vec<Refit> = Vec::new();
-    let (mut taken, mut refits) = (0, 0);
-    let mut alone = before.total;
-    let few = Settings {
+    Stand {
+        gap: measured(&case, &fitted),
+        case,
+        directions,
+        fit: fitted,
+    }
+}
+
+/// One round: the candidates on top of what is taken, best first, and the first of them that pays, with where it leads.
+fn round(
+    now: &Stand,
+    settings: &Settings,
+    sensors: &[(f64, f64)],
+) -> (Vec<Refit>, Option<(usize, Stand)>) {
+    let (criteria, gap) = (&settings.criteria, &now.gap);
+    let list = listed(&now.case, &now.directions, settings, &now.fit);
+    let (best, slopes) = screen(
+        &now.case,
+        &now.directions,
+        &now.fit,
+        &list,
+        &settings.budget,
+    );
+    let many = Settings {
         budget: Budget {
             refits: settings.budget.partial_refits,
             ..settings.budget.clone()
         },
         ..settings.clone()
     };
+    let mut tried = refit(
+        &now.case,
+        &now.directions,
+        &many,
+        &now.fit,
+        (&best, &slopes),
+        list.len(),
+    );
+    let unseen = judge(&now.case, &now.fit, &mut tried, list.len());
+    let gaps: Vec<Gap> = tried
+        .par_iter()
+        .map(|r| measured(&now.case, &r.fit))
+        .collect();
+    let pays = |i: usize| {
+        let (own, held_out) = (&gaps[i], unseen(&tried[i]));
+        let shrinks = own.total < (1.0 - 0.5 * criteria.least_shrink) * gap.total
+            && certainty(gap, own) > criteria.decrease();
+        // What few windows or another joint hide: the slow predictions of motions never fitted are beyond doubt.
+        let beyond_doubt =
+            held_out > criteria.beyond_doubt * criteria.margin && own.total < gap.total;
+        tried[i].score > criteria.margin && held_out > 0.0 && (shrinks || beyond_doubt)
+    };
+    let taken = (0..tried.len()).filter(|&i| pays(i)).find_map(|i| {
+        let mut case = now.case.clone();
+        let (next, directions) = renewed(&mut case, settings, &tried[i].fit, sensors);
+        let after = measured(&case, &next);
+        (after.total < gap.total
+            && !at_an_end(&case, &next)
+            && sizes(&case, criteria, &next).iter().all(|s| *s > 1.0))
+        .then_some((
+            i,
+            Stand {
+                case,
+                directions,
+                fit: next,
+                gap: after,
+            },
+        ))
+    });
+    (tried, taken)
+}
+
+/// Tunes the nominal structure and takes the effects that pay; `floor` is the gap that noise alone leaves.
+fn partial(case: &Case, settings: &Settings, nominal: &Fit, floor: f64) -> Partial {
+    let criteria = &settings.criteria;
+    let sensors: Vec<(f64, f64)> = case.noise.iter().map(|n| (n.q, n.v)).collect();
+    let mut now = tuned(case, settings, nominal, &sensors);
+    let (base, before) = (now.fit.clone(), now.gap.clone());
+    let mut ranking: Vec<Refit> = Vec::new();
+    let (mut taken, mut refits) = (0, 0);
+    let mut first = before.total;
     // As many as can be a verdict are named; a further one denies them that.
     let mut most = criteria.together + 1;
     while taken < most {
-        let list = listed(&case, &directions, settings, &current);
-        let (best, slopes) = screen(&case, &directions, &current, &list, &settings.budget);
-        let mut tried = refit(
-            &case,
-            &directions,
-            &few,
-            &current,
-            (&best, &slopes),
-            list.len(),
-        );
+        let (mut tried, pays) = round(&now, settings, &sensors);
         refits += tried.len();
-        let unseen = judge(&case, &current, &mut tried, list.len());
-        let gaps: Vec<Gap> = tried.par_iter().map(|r| measured(&case, &r.fit)).collect();
-        let pays = (0..tried.len()).filter(|&i| {
-            let (own, held_out) = (&gaps[i], unseen(&tried[i]));
-            let shrinks = own.total < (1.0 - 0.5 * criteria.least_shrink) * gap.total
-                && certainty(&gap, own) > criteria.decrease();
-            // What few windows or another joint hide: the slow predictions of motions never fitted are beyond doubt.
-            let beyond_doubt =
-                held_out > criteria.beyond_doubt * criteria.margin && own.total < gap.total;
-            tried[i].score > criteria.margin && held_out > 0.0 && (shrinks || beyond_doubt)
-        });
-        let taken_now = pays.into_iter().find_map(|i| {
-            let mut case = case.clone();
-            let (next, directions) = renewed(&mut case, settings, &tried[i].fit, &sensors);
-            let after = measured(&case, &next);
-            (after.total < gap.total
-                && !at_an_end(&case, &next)
-                && sizes(&case, criteria, &next).iter().all(|s| *s > 1.0))
-            .then_some((i, case, next, directions, after))
-        });
-        let Some((i, itself, next, ways, after)) = taken_now else {
+        let Some((i, next)) = pays else {
             if taken == 0 {
                 ranking = tried;
             }
             break;
         };
-        let first = tried.remove(i);
+        let best = tried.remove(i);
         if taken == 0 {
             ranking = tried;
-            alone = after.total;
+            first = next.gap.total;
         }
-        ranking.insert(taken, first);
+        ranking.insert(taken, best);
         taken += 1;
-        (case, current, directions, gap) = (itself, next, ways, after);
-        if taken == 1
-            && !leads(
-                criteria,
-                share(before.total, alone, floor),
-                plain(&ranking, 1)[0].probability,
-            )
-        {
+        now = next;
+        let explained = share(before.total, first, floor);
+        if taken == 1 && !leads(criteria, explained, plain(&ranking, 1)[0].probability) {
             most = criteria.together;
         }
     }
-    let laws = free_laws(&case, &directions, settings, &base, |_| true);
+    let laws = free_laws(&now.case, &now.directions, settings, &base, |_| true);
     refits += laws.len();
     let law = laws.into_iter().next().and_then(|law| {
-        let gained = gained(&case, &sums_of(&case, &current), &law.fit);
-        let better = imitated_in_part(
-            criteria,
-            (&current, &law),
-            gained.train + gained.test,
-            gained.number,
-        );
-        let gap = better.then(|| measured(&case, &law.fit).total)?;
-        Some((law, gap))
+        let gained = gained(&now.case, &sums_of(&now.case, &now.fit), &law.fit);
+        let all = gained.train + gained.test;
+        imitated_in_part(criteria, (&now.fit, &law), all, gained.number)
+            .then(|| measured(&now.case, &law.fit).total)
+            .map(|gap| (law, gap))
     });
     Partial {
-        case,
+        case: now.case,
         base,
         before,
-        fit: current,
-        after: gap,
-        first: alone,
+        fit: now.fit,
+        after: now.gap,
+        first,
         ranking,
         taken,
         refits,

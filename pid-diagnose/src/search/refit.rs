@@ -9,6 +9,7 @@ use crate::case::Case;
 use crate::criteria::Stage;
 use crate::effect::Term;
 use crate::fit::{Basis, Effort, Fit, Point, fit};
+use crate::screen::Candidate;
 
 /// A refitted candidate.
 #[derive(Debug, Clone)]
@@ -24,7 +25,7 @@ pub(super) fn refit(
     basis: &Basis,
     settings: &Settings,
     current: &Fit,
-    (best, slopes): (&[crate::screen::Candidate], &DMatrix<f64>),
+    (best, slopes): (&[Candidate], &DMatrix<f64>),
     tried: usize,
 ) -> Vec<Refit> {
     let mut out: Vec<Refit> = Vec::new();
@@ -48,28 +49,14 @@ pub(super) fn refit(
             curvature: true,
         };
         if stage == 0 {
+            let many = match settings.refit_all {
+                true => usize::MAX,
+                false => budget.refits,
+            };
             out = best
                 .par_iter()
-                .take(if settings.refit_all {
-                    usize::MAX
-                } else {
-                    budget.refits
-                })
-                .map(|c| {
-                    let mut hypothesis = current.hypothesis.clone();
-                    hypothesis.terms.push(c.term.clone());
-                    let mut e = current.point.e.clone();
-                    e.extend_from_slice(&c.start);
-                    let start = Point {
-                        theta: c.theta.iter().map(|t| t.clamp(-1.0, 1.0)).collect(),
-                        e,
-                    };
-                    Refit {
-                        term: c.term.clone(),
-                        fit: fit(case, basis, &hypothesis, start, effort),
-                        score: 0.0,
-                    }
-                })
+                .take(many)
+                .map(|c| started(case, basis, current, c, effort))
                 .collect();
         } else {
             let leading = out.first().map_or(0.0, |r| gain(current, r));
@@ -109,6 +96,30 @@ pub(super) fn refit(
     }
     out.sort_by(|a, b| b.score.total_cmp(&a.score));
     out
+}
+
+/// The first steps of a candidate beside the effects of a fit.
+fn started(
+    case: &Case,
+    basis: &Basis,
+    current: &Fit,
+    candidate: &Candidate,
+    effort: Effort<'_>,
+) -> Refit {
+    let mut hypothesis = current.hypothesis.clone();
+    hypothesis.terms.push(candidate.term.clone());
+    let mut e = current.point.e.clone();
+    e.extend_from_slice(&candidate.start);
+    let theta = candidate.theta.iter().map(|t| t.clamp(-1.0, 1.0));
+    let start = Point {
+        theta: theta.collect(),
+        e,
+    };
+    Refit {
+        term: candidate.term.clone(),
+        fit: fit(case, basis, &hypothesis, start, effort),
+        score: 0.0,
+    }
 }
 
 /// Gain of a fit (see [`Reached::gain`]) of one of `tried` candidates, less the penalty for their number.
