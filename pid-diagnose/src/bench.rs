@@ -50,7 +50,7 @@ pub(crate) fn named(ids: &[&str]) -> Hypothesis {
             joint: 0,
         })
         .collect();
-    Hypothesis { terms }
+    Hypothesis::new(terms)
 }
 
 /// [`pendulum_under`] sines.
@@ -142,8 +142,6 @@ fn simulated(
             stated: true,
         }],
         tip: (10.0, 1.5),
-        refined: 1,
-        unread: false,
         passing: vec![vec![0.0]],
         known: Default::default(),
     };

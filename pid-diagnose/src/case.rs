@@ -11,6 +11,7 @@ use crate::effect::Unit;
 use crate::extended::Known;
 use crate::nominal::{Nominal, NominalError};
 use crate::regular;
+use crate::simulate::{Hypothesis, Run};
 
 /// A folder that cannot be diagnosed.
 #[derive(Debug, thiserror::Error)]
@@ -153,10 +154,6 @@ pub struct Case {
     pub noise: Vec<Noise>,
     /// Typical force on the tool and mass of the last link.
     pub tip: (f64, f64),
-    /// Factor on the number of substeps; 1 unless a fit is finished with finer ones.
-    pub refined: usize,
-    /// Whether fits look for the states at the start that no sensor reads.
-    pub unread: bool,
     /// Torque at joint j that accelerates it as a unit torque at joint i does, `(M⁻¹)_ji / (M⁻¹)_jj`: root mean square over the
     /// motion, zero for i = j.
     pub passing: Vec<Vec<f64>>,
@@ -265,8 +262,6 @@ impl Case {
             scale: Vec::new(),
             noise: Vec::new(),
             tip: (1.0, 1.0),
-            refined: 1,
-            unread: false,
             passing: Vec::new(),
             known: Known::of(&nominal.description).map_err(NominalError::from)?,
             nominal,
@@ -295,8 +290,15 @@ impl Case {
             scale.torque = own.torque;
             scale.inertia = own.inertia;
         }
-        self.refined = simulated.substeps;
-        self.unread = simulated.hidden_states;
+        self.known.hypothesis.run = Run {
+            finer: simulated.substeps,
+            initial_states: simulated.hidden_states,
+        };
+    }
+
+    /// How a hypothesis is run: at least as the effects that are known are.
+    pub fn run(&self, hypothesis: &Hypothesis) -> Run {
+        hypothesis.run.beside(self.known.hypothesis.run)
     }
 
     /// Number of joints.

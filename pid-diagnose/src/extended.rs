@@ -9,11 +9,11 @@ use pid_interpret::nominal::{
 use pid_runtime::data::{Dataset, Role};
 
 use crate::case::{Case, CaseError};
-use crate::diagnose::{Found, intervals};
 use crate::effect::{Effect, Info, Parameter, Term, Unit};
 use crate::effects;
 use crate::gap::{Gap, gap};
 use crate::nominal::Nominal;
+use crate::search::{Evidence, intervals};
 use crate::simulate::Hypothesis;
 
 /// Effects that are taken as known: part of every hypothesis, their parameters held.
@@ -213,12 +213,12 @@ pub fn stated(
 
 /// The nominal description of a diagnosed case with the values and effects that the diagnosis found. `case` is the one that was
 /// diagnosed, its records in the roles of the data set.
-pub fn extended(case: &Case, found: &Found) -> description::Nominal {
+pub fn extended(case: &Case, found: &Evidence) -> description::Nominal {
     let (own, fit) = (&found.case, &found.fit);
     let nominal = &own.nominal.description;
     let values = own.nominal.parameters(&fit.point.theta);
     let mut effects = nominal.effects().to_vec();
-    let intervals = intervals(own, fit);
+    let intervals = intervals(own, &found.criteria, fit);
     let mut at = 0;
     for term in &fit.hypothesis.terms {
         let to = at + term.effect.info().parameters.len();
@@ -238,6 +238,7 @@ pub fn extended(case: &Case, found: &Found) -> description::Nominal {
         };
         of(case, Role::Test) && of(own, Role::Train)
     };
+    let run = own.run(&fit.hypothesis);
     let simulated = Simulated {
         joints: joints
             .map(|(noise, scale)| SimulatedJoint {
@@ -249,8 +250,8 @@ pub fn extended(case: &Case, found: &Found) -> description::Nominal {
                 inertia: scale.inertia,
             })
             .collect(),
-        substeps: own.refined,
-        hidden_states: own.unread,
+        substeps: run.finer,
+        hidden_states: run.initial_states,
         fitted_records: {
             let names = case.records.iter().map(|r| r.name.clone());
             names.filter(fitted).collect()

@@ -17,11 +17,12 @@ use rayon::prelude::*;
 
 use crate::case::{Case, Record, Velocity};
 use crate::effect::{FEW, LANES, Pick};
-use crate::hidden;
+use crate::initial;
 use crate::observer::Gain;
+pub use crate::point::Point;
 use crate::predict::{Runner, gains, rows};
 use crate::scalar::{Lanes, Scalar};
-use crate::simulate::Hypothesis;
+use crate::simulate::{Hypothesis, Run};
 
 /// Standard deviation of a deviation, in tolerances.
 pub const PRIOR: f64 = 0.55;
@@ -29,15 +30,6 @@ pub const PRIOR: f64 = 0.55;
 const ASIDE: usize = 64;
 /// An innovation larger than this many deviations counts as this: a diverging candidate must not give infinities.
 const LARGEST: f64 = 1e4;
-
-/// A point of a fit.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Point {
-    /// Deviations of the nominal parameters.
-    pub theta: Vec<f64>,
-    /// Parameters of the effects, SI.
-    pub e: Vec<f64>,
-}
 
 /// Value of the objective, in its parts.
 #[derive(Debug, Clone, PartialEq)]
@@ -121,8 +113,8 @@ pub fn all_gains(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<Vec<Ga
         .par_iter()
         .map(|r| {
             let mut g = gains(case, hypothesis, &at.theta, &at.e, r.h);
-            if case.unread {
-                hidden::look(case, r, hypothesis, at, &mut g);
+            if case.run(hypothesis).initial_states {
+                initial::estimate(case, r, hypothesis, at, &mut g);
             }
             g
         })
@@ -360,11 +352,17 @@ where
 
 /// Directions of θ that the train records determine beyond their tolerance, from the Jacobian at the nominal values.
 pub fn basis(case: &Case) -> Basis {
+    basis_as_run(case, Run::default())
+}
+
+/// The same of the nominal structure run in a way.
+pub(crate) fn basis_as_run(case: &Case, run: Run) -> Basis {
     let at = Point {
         theta: vec![0.0; case.nominal.size()],
         e: Vec::new(),
     };
-    basis_beside(case, &Hypothesis::default(), &at)
+    let terms = Vec::new();
+    basis_beside(case, &Hypothesis { terms, run }, &at)
 }
 
 /// The same beside effects, at a point: a gear that gives way tells the inertia of its rotor from that of the link behind it.

@@ -4,11 +4,15 @@
 //! under the recorded inputs. Per joint the root mean square error of position and of velocity (as the drive would report it) is
 //! divided by the standard deviation of the read channel in that record; the gap is the root mean square over joints, channels
 //! and records.
+//!
+//! This is not the free-run error of [`pid_runtime::gap::metrics`]: that one is in SI units, of any model, and starts from recorded
+//! states. Here windows start from the state of the predictor, since hypotheses have states that no sensor reads, and errors are
+//! relative to the motion, so that joints and channels can be summed up.
 
 use pid_runtime::data::Role;
 
 use crate::case::{Case, Record, Velocity, smoothed};
-use crate::hidden;
+use crate::initial;
 use crate::nominal::EncoderSide;
 use crate::predict::{Runner, gains};
 use crate::simulate::{Hypothesis, State};
@@ -53,7 +57,7 @@ fn windows(
     let mut path = vec![(Vec::new(), Vec::new()); case.n()];
     let on_link = case.nominal.encoder_side == EncoderSide::Joint;
     let mut runner = Runner::<f64>::new(case, record, hypothesis, theta, e);
-    hidden::settle(&mut runner, &mut g);
+    initial::settle(&mut runner, &mut g);
     runner.predict_over(
         0..record.len(),
         &g,
@@ -370,10 +374,10 @@ fn deviation(x: &[f64]) -> f64 {
 }
 
 /// Normal numbers by Box and Muller on splitmix64, for the figures that need a repeatable draw.
-struct Normal(u64);
+pub(crate) struct Normal(u64);
 
 impl Normal {
-    fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Normal(seed)
     }
     fn uniform(&mut self) -> f64 {
@@ -383,7 +387,7 @@ impl Normal {
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
     }
-    fn next(&mut self) -> f64 {
+    pub(crate) fn next(&mut self) -> f64 {
         let (a, b) = (1.0 - self.uniform(), self.uniform());
         (-2.0 * a.ln()).sqrt() * (2.0 * std::f64::consts::PI * b).cos()
     }

@@ -2,10 +2,10 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::diagnose::{Diagnosis, Named, Nameless, Remainder};
+use crate::diagnosis::{Diagnosis, Named, Nameless, Remainder, Verdict};
 use crate::effects;
 use crate::free::Form;
-use crate::locate::{Axis, Place, classes};
+use crate::locate::{Axis, MissingForce, classes};
 use crate::next::Experiment;
 use crate::plot;
 use crate::report::Report;
@@ -103,7 +103,7 @@ fn located(report: &Report) -> Markup {
             tr { th { "joint" } th class="n" { "rms" } @for a in Axis::ALL { th class="n" { (a.words()) } } }
             @for (j, p) in place.joints.iter().enumerate() {
                 tr {
-                    td { (report.found.case.nominal.joints[j].name) }
+                    td { (report.evidence.case.nominal.joints[j].name) }
                     td class="n" { (format!("{:.4} {}", p.rms, unit(report, j))) }
                     @for x in p.explained { td class="n" { (format!("{x:.2}")) } }
                 }
@@ -111,7 +111,7 @@ fn located(report: &Report) -> Markup {
         }
         p class="quiet" { "Figures under a quantity: how far the missing force is a function of it and of the direction of motion (1: entirely)." }
         @for (j, p) in place.joints.iter().enumerate() {
-            @let name = &report.found.case.nominal.joints[j].name;
+            @let name = &report.evidence.case.nominal.joints[j].name;
             h3 { "Joint " (name) }
             div class="plots" {
                 @for c in &p.curves {
@@ -135,7 +135,7 @@ fn located(report: &Report) -> Markup {
 
 /// When inputs act and readings show.
 fn signals(report: &Report) -> Markup {
-    let name = |j: usize| &report.found.case.nominal.joints[j - 1].name;
+    let name = |j: usize| &report.evidence.case.nominal.joints[j - 1].name;
     let all = &report.diagnosis().signals;
     html! {
         h2 { "Signal paths" }
@@ -190,7 +190,7 @@ fn shift(found: Option<&Alignment>, absent: &str) -> Markup {
 }
 
 fn unit(report: &Report, j: usize) -> &'static str {
-    if report.found.case.nominal.joints[j].revolute {
+    if report.evidence.case.nominal.joints[j].revolute {
         "N m"
     } else {
         "N"
@@ -198,7 +198,7 @@ fn unit(report: &Report, j: usize) -> &'static str {
 }
 
 fn axis_name(report: &Report, j: usize, axis: Axis) -> String {
-    let revolute = report.found.case.nominal.joints[j].revolute;
+    let revolute = report.evidence.case.nominal.joints[j].revolute;
     let unit = match (axis, revolute) {
         (Axis::Velocity, true) => "rad/s",
         (Axis::Velocity, false) => "m/s",
@@ -211,13 +211,13 @@ fn axis_name(report: &Report, j: usize, axis: Axis) -> String {
     format!("{}, {unit}", axis.words())
 }
 
-fn share_rows(report: &Report, place: &Place) -> Vec<(String, f64, String)> {
+fn share_rows(report: &Report, place: &MissingForce) -> Vec<(String, f64, String)> {
     place
         .shares()
         .iter()
         .enumerate()
         .map(|(j, s)| {
-            let name = report.found.case.nominal.joints[j].name.clone();
+            let name = report.evidence.case.nominal.joints[j].name.clone();
             (name, *s, format!("{:.0} %", 100.0 * s))
         })
         .collect()
@@ -248,13 +248,15 @@ fn place(effect: &str, joint: Option<usize>) -> String {
 }
 
 fn verdict(d: &Diagnosis) -> String {
-    match d.effect.as_str() {
-        "friction" => format!(
+    match &d.verdict {
+        Verdict::OutsideTolerance { .. } => format!(
             "No effect is missing, but friction lies outside its stated tolerance: {}.",
             all(d)
         ),
-        "none" => "No effect is missing beyond parameters within their tolerances.".to_owned(),
-        "unknown" if law(d).is_some() => law(d).map_or_else(String::new, |l| {
+        Verdict::Nothing => {
+            "No effect is missing beyond parameters within their tolerances.".to_owned()
+        }
+        Verdict::Unknown if law(d).is_some() => law(d).map_or_else(String::new, |l| {
             let all = match d.effects.len() {
                 0 => String::new(),
                 1 => format!(" {} only imitates it.", all(d)),
@@ -263,17 +265,17 @@ fn verdict(d: &Diagnosis) -> String {
             let (words, share) = (l.words(), 100.0 * l.explained);
             format!("No effect of the library, but {words}: {share:.0} % of the squared gap.{all}")
         }),
-        "unknown" if d.effects.is_empty() => {
+        Verdict::Unknown if d.effects.is_empty() => {
             "Something is missing, but no effect of the library explains it.".to_owned()
         }
-        "unknown" => format!(
+        Verdict::Unknown => format!(
             "Something is missing that no effect of the library explains; {} of it goes with {}.",
             d.remainder
                 .as_ref()
                 .map_or_else(String::new, |r| format!("{:.0} %", 100.0 * r.explained)),
             all(d)
         ),
-        _ => match &d.remainder {
+        Verdict::Effect { .. } => match &d.remainder {
             Some(r) => format!(
                 "{}: {:.0} % of the squared gap; the rest is unknown.",
                 all(d),
@@ -301,7 +303,7 @@ fn law(d: &Diagnosis) -> Option<&Nameless> {
 /// A cause without a name.
 fn nameless(report: &Report, law: &Nameless) -> Markup {
     let j = law.joint - 1;
-    let name = &report.found.case.nominal.joints[j].name;
+    let name = &report.evidence.case.nominal.joints[j].name;
     let (what, shape, names) = match law.form {
         Form::ForceOverPosition => (
             format!("a force that depends on the position of joint {name} alone"),

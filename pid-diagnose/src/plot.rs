@@ -2,7 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use crate::diagnose::Nameless;
+use crate::diagnosis::Nameless;
 use crate::locate::{Class, Curve, Sample};
 use crate::timing::Alignment;
 

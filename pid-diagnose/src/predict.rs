@@ -147,7 +147,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         Runner {
             case,
             record,
-            substeps: Substeps::new(record.h, geared, case.refined),
+            substeps: Substeps::new(record.h, geared, case.run(hypothesis).finer),
             machine,
         }
     }

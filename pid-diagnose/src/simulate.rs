@@ -10,14 +10,52 @@ use crate::extended::Known;
 use crate::kernels;
 use crate::scalar::Scalar;
 
-/// A hypothesis: the effects present beside the nominal structure.
+/// A hypothesis: the effects present beside the nominal structure, and how it is run.
 #[derive(Debug, Clone, Default)]
 pub struct Hypothesis {
     /// The effects, in order.
     pub terms: Vec<Term>,
+    /// How it is run.
+    pub run: Run,
+}
+
+/// How a hypothesis is run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Run {
+    /// Factor on the number of substeps; 1 unless a fit is finished with finer ones.
+    pub finer: usize,
+    /// Whether the states at the start that no sensor reads are estimated.
+    pub initial_states: bool,
+}
+
+impl Default for Run {
+    fn default() -> Self {
+        Run {
+            finer: 1,
+            initial_states: false,
+        }
+    }
+}
+
+impl Run {
+    /// As fine as either of two asks for.
+    pub fn beside(self, other: Run) -> Run {
+        Run {
+            finer: self.finer.max(other.finer),
+            initial_states: self.initial_states || other.initial_states,
+        }
+    }
 }
 
 impl Hypothesis {
+    /// Of effects, run as usual.
+    pub fn new(terms: Vec<Term>) -> Self {
+        Hypothesis {
+            terms,
+            run: Run::default(),
+        }
+    }
+
     /// Position of the first parameter of each term, and their number.
     pub fn offsets(&self) -> (Vec<usize>, usize) {
         let mut next = 0;
@@ -677,9 +715,7 @@ mod tests {
             .into_iter()
             .find(|x| x.info().id == effect)
             .unwrap();
-        let hypothesis = Hypothesis {
-            terms: vec![Term { effect, joint: 1 }],
-        };
+        let hypothesis = Hypothesis::new(vec![Term { effect, joint: 1 }]);
         let constants = Constants::new(&nominal, &vec![0.0; nominal.size()]);
         let mut machine = Machine::<f64>::new(constants, &hypothesis, e.to_vec());
         let steps = Substeps::new(H, true, refined);

@@ -3,14 +3,14 @@
 use std::ops::ControlFlow;
 
 use pid_diagnose::case::Case;
-use pid_diagnose::diagnose::Settings;
 use pid_diagnose::effect::Term;
 use pid_diagnose::effects::by_id;
 use pid_diagnose::extended::free_run_gap;
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::predict::Runner;
 use pid_diagnose::report::Report;
-use pid_diagnose::simulate::Hypothesis;
+use pid_diagnose::search::Settings;
+use pid_diagnose::simulate::{Hypothesis, Run};
 use pid_diagnose::with_effects::{Placed, WithEffects};
 use pid_interpret::Model;
 use pid_interpret::nominal as description;
@@ -95,12 +95,15 @@ fn records(id: &str, e: &[f64]) -> Dataset {
         experiments,
         warnings: Vec::new(),
     };
-    let mut case = Case::new(arm(), &dataset).expect("a case");
-    // The machine knows no steps: those of the records are an eighth of those of the diagnosis.
-    case.refined = 8;
+    let case = Case::new(arm(), &dataset).expect("a case");
     let effect = by_id(id).expect("an effect");
     let hypothesis = Hypothesis {
         terms: vec![Term { effect, joint: 1 }],
+        // The machine knows no steps: those of the records are an eighth of those of the diagnosis.
+        run: Run {
+            finer: 8,
+            initial_states: false,
+        },
     };
     let theta = vec![0.0; case.nominal.size()];
     let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
@@ -130,7 +133,11 @@ fn closed_loop(id: &str, e: &[f64], (sharpness, substeps): Sight<'_>) {
     let settings = Settings::default();
     let report = Report::new(arm(), &dataset, &settings, false).expect("a diagnosis");
     let d = report.diagnosis();
-    assert_eq!((d.effect.as_str(), d.joint), (id, Some(2)), "{d:?}");
+    assert_eq!(
+        (d.verdict.word(), d.verdict.joint()),
+        (id, Some(2)),
+        "{d:?}"
+    );
 
     let text = report.extended.to_toml().expect("a tree");
     let read = || description::Nominal::parse("extended.toml", &text).expect(&text);
@@ -140,7 +147,7 @@ fn closed_loop(id: &str, e: &[f64], (sharpness, substeps): Sight<'_>) {
 
     let again = Report::new(Nominal::new(read()), &dataset, &settings, false).expect("a case");
     let d = again.diagnosis();
-    assert_eq!((d.effect.as_str(), d.effects.len()), ("none", 0), "{d:?}");
+    assert_eq!((d.verdict.word(), d.effects.len()), ("none", 0), "{d:?}");
 
     // Both estimates scatter about the truth: their intervals overlap.
     let found: Vec<Vec<(String, f64, f64)>> = sharpness

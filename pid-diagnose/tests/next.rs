@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use pid_diagnose::case::Case;
-use pid_diagnose::diagnose::{Settings, investigate};
 use pid_diagnose::next::{limits, separate};
+use pid_diagnose::search::{Settings, search};
 
 fn case(name: &str) -> Option<Case> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../shared/blind/{name}"));
@@ -18,7 +18,7 @@ fn case(name: &str) -> Option<Case> {
 #[test]
 fn the_motion_stays_within_what_was_seen_and_favours_the_truth() {
     let Some(case) = case("p08") else { return };
-    let found = investigate(&case, &Settings::default());
+    let found = search(&case, &Settings::default());
     let (a, b) = (&found.fit, &found.base);
     let e = separate(&found.case, a, b).expect("a motion");
     let limit = limits(&found.case)[0];
@@ -42,7 +42,7 @@ fn the_motion_stays_within_what_was_seen_and_favours_the_truth() {
 #[test]
 fn a_model_is_not_separated_from_itself() {
     let Some(case) = case("p03") else { return };
-    let found = investigate(&case, &Settings::default());
+    let found = search(&case, &Settings::default());
     let e = separate(&found.case, &found.base, &found.base).expect("a motion");
     assert!(e.least() < 0.5, "{:?}", e.log_odds);
 }

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use pid_diagnose::case::Case;
-use pid_diagnose::diagnose::{Settings, investigate};
 use pid_diagnose::nominal::Nominal;
+use pid_diagnose::search::{Settings, search};
 use pid_runtime::data::Dataset;
 
 /// The case with and without its stated noise figures.
@@ -38,8 +38,8 @@ fn drive_noise_is_found_whether_an_effect_is_there_or_not() {
             return;
         };
         assert!(stated.noise[0].stated && !silent.noise[0].stated);
-        let found = investigate(&silent, &Settings::default());
-        assert_eq!(found.diagnosis.effect, effect, "{name}");
+        let found = search(&silent, &Settings::default());
+        assert_eq!(found.verdict().word(), effect, "{name}");
         let ratio = found.case.noise[0].torque / stated.noise[0].torque;
         assert!((0.75..1.33).contains(&ratio), "{name}: {ratio}");
     }

@@ -1,6 +1,7 @@
 //! The withheld-effect study: the same plan gives the same cases, what is there is not made again, scores count as they say.
 
-use pid_diagnose::diagnose::Settings;
+use pid_diagnose::diagnosis::Verdict;
+use pid_diagnose::search::Settings;
 use pid_diagnose::study::{Cause, Kind, Outcome, Plan, run, summary};
 
 fn folder(name: &str) -> std::path::PathBuf {
@@ -23,7 +24,7 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
     let first = run(&plan, &Settings::default(), &out, &|_, _| {}).expect("a study");
     for o in &first {
         assert!(o.truth.causes.is_empty());
-        assert_eq!(o.diagnosis.effect, "none", "{}", o.id);
+        assert_eq!(o.diagnosis.verdict, Verdict::Nothing, "{}", o.id);
         if o.truth.noise_stated {
             assert!(
                 (o.diagnosis.misfit.0 - 1.0).abs() < 0.1,
@@ -45,7 +46,10 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
     let s = summary(&first);
     assert_eq!((s.false_alarms.hits, s.false_alarms.of), (0, 2));
     let mut wrong: Vec<Outcome> = first.clone();
-    wrong[0].diagnosis.effect = "payload".to_owned();
+    wrong[0].diagnosis.verdict = Verdict::Effect {
+        id: "payload".to_owned(),
+        joint: None,
+    };
     wrong[0].diagnosis.confidence = 1.0;
     wrong[1].diagnosis.confidence = 1.0;
     let s = summary(&wrong);
@@ -59,8 +63,10 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
             joint: 1,
         }];
         o.truth.one_axis = one_axis;
-        o.diagnosis.effect = "encoder_offset".to_owned();
-        o.diagnosis.joint = Some(joint);
+        o.diagnosis.verdict = Verdict::Effect {
+            id: "encoder_offset".to_owned(),
+            joint: Some(joint),
+        };
         let s = summary(&[o]);
         s.effect.values().map(|e| e.hits).sum::<usize>()
     };

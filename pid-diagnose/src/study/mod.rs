@@ -26,7 +26,8 @@ pub use draw::{Plan, Truth};
 pub use score::{Bin, Interval, Share, Summary, summary};
 
 use crate::case::{Case, CaseError};
-use crate::diagnose::{Diagnosis, Settings, diagnose};
+use crate::diagnosis::Diagnosis;
+use crate::search::{Settings, diagnose};
 
 /// A study that cannot go on.
 #[derive(Debug, thiserror::Error)]

@@ -116,9 +116,11 @@ fn row(o: &Outcome) -> Markup {
         .collect::<Vec<_>>()
         .join(" + ");
     let d = &o.diagnosis;
+    let word = d.verdict.word();
     let said = d
-        .joint
-        .map_or_else(|| d.effect.clone(), |j| format!("{} at {j}", d.effect));
+        .verdict
+        .joint()
+        .map_or_else(|| word.to_owned(), |j| format!("{word} at {j}"));
     html! {
         tr class=(if right(o) { "" } else { "wrong" }) {
             td { (o.id) }

@@ -1,52 +1,70 @@
 //! Forward selection of effects with a backward and an exchange check (M. A. Efroymson 1960), within the tolerances of a case.
 
 use std::collections::BTreeSet;
-use std::time::Instant;
 
 use pid_runtime::data::Role;
 
 use super::backward::{superfluous, without_each};
+use super::candidates::{directions, has_state, listed};
 use super::exchange::exchange;
-use super::magnitude::{size_in_deviations, sizes};
+use super::magnitude::{name, size_in_deviations, sizes};
+use super::measure::{Reached, measured, misfit, noise_alone, noise_scale};
+use super::nameless::{Imitated, concerned, free_laws, imitated};
+use super::noise_like::{Leaves, lines_and_bursts};
 use super::refit::{Refit, refit, score};
-use super::residue::residue;
-use super::unnamed::{Imitated, concerned, free_laws, imitated};
-use super::verdict::{self, Parts, lagging_velocity};
-use super::{Found, Settings, measured, noise_alone, test_value};
+use super::settings::Settings;
+use super::whiteness::residue;
 use crate::case::Case;
-use crate::effect::{Kind, Term};
-use crate::fit::{Basis, Effort, Fit, Point, basis, basis_beside, fit, value};
-use crate::gap::Gap;
+use crate::channel;
+use crate::criteria::{Budget, Criteria};
+use crate::diagnosis::{Magnitude, Named, Residue};
+use crate::effect::Term;
+use crate::fit::{Basis, Effort, Fit, Point, basis, basis_as_run, fit, value};
+use crate::gap::{Floor, Gap};
 use crate::noise;
-use crate::screen::{candidates, screen};
-use crate::simulate::Hypothesis;
-use crate::windows;
+use crate::screen::screen;
+use crate::simulate::{Hypothesis, Run};
 
-/// Relative decrease of the objective with which an effect is kept for a further round although the gap does not shrink yet.
-const PROVISIONAL: f64 = 0.1;
-/// Score, in margins, with which it is kept where the noise levels are not stated.
-const STRONG: f64 = 20.0;
-/// Gain on motions never fitted, in margins, with which an effect is taken if only the gap does not grow.
-pub(super) const BEYOND_DOUBT: f64 = 10.0;
-/// Gap over floor below which nothing is left to look for.
-pub(super) const NEAR: f64 = 1.4;
-/// Share by which a second effect must shrink the gap to be told by free runs alone: a slow one may leave the innovations white.
-const DRIFT: f64 = 0.3;
-/// Mean squared innovation below which no further effect is looked for.
-const EXPLAINED: f64 = 1.1;
+/// What forward selection ended with.
+#[derive(Debug)]
+pub(super) struct Selection {
+    /// The case; noise levels that were not stated as they were found.
+    pub(super) case: Case,
+    /// The nominal structure within its tolerances, and its gap.
+    pub(super) base: Fit,
+    pub(super) before: Gap,
+    /// With the effects accepted and what the velocity channel adds, and its gap.
+    pub(super) fit: Fit,
+    pub(super) after: Gap,
+    /// The gap that noise alone leaves.
+    pub(super) floor: Floor,
+    /// Candidates of the first round, best first; a second effect stands after the first.
+    pub(super) ranking: Vec<Refit>,
+    pub(super) accepted: Vec<Term>,
+    pub(super) lagging: Option<Lagging>,
+    /// A law without a name that describes the records better than the effects accepted.
+    pub(super) imitated: Option<Imitated>,
+    /// The effects of [`Selection::fit`] with their magnitudes.
+    pub(super) effects: Vec<Named>,
+    /// Mean squared innovation, of the nominal structure and of the effects accepted.
+    pub(super) misfit: (f64, f64),
+    pub(super) residue: Residue,
+    /// Whether something is left that neither noise nor the effects explain.
+    pub(super) unexplained: bool,
+    pub(super) refits: usize,
+}
 
-/// Searches a case for the effects that explain it, and gives the verdict.
-pub(super) fn search(case: &Case, settings: &Settings) -> Found {
-    let clock = Instant::now();
+/// Searches a case for the effects that explain it.
+pub(super) fn select(case: &Case, settings: &Settings) -> Selection {
     let mut forward = Forward::start(case, settings);
-    for round in 0..settings.most {
+    for round in 0..settings.budget.most {
         if !forward.round(round) {
             break;
         }
     }
     forward.check();
     forward.finish();
-    forward.found(clock)
+    forward.selection()
 }
 
 /// What forward selection has found so far.
@@ -85,15 +103,21 @@ impl<'a> Forward<'a> {
             theta: vec![0.0; case.nominal.size()],
             e: Vec::new(),
         };
-        let mut base = fit(&case, &basis, &nothing, start, Effort::full(settings.steps));
+        let mut base = fit(
+            &case,
+            &basis,
+            &nothing,
+            start,
+            Effort::full(settings.budget.steps),
+        );
         let mut shortlist = None;
         if noise::settle(&mut case, &base) {
-            base = again(&case, &basis, &base);
+            base = again(&case, &basis, settings, &base);
             // What the nominal structure leaves is not all noise.
             let (better, short) = sketch(&case, &basis, settings, &base);
             if let Some(better) = better {
                 noise::settle(&mut case, &better);
-                base = again(&case, &basis, &base);
+                base = again(&case, &basis, settings, &base);
                 if !settings.refit_all {
                     shortlist = Some(short);
                 }
@@ -128,7 +152,13 @@ impl<'a> Forward<'a> {
         if let Some(short) = self.shortlist.take() {
             list.retain(|(term, _)| short.contains(&term.label()));
         }
-        let (best, slopes) = screen(&self.case, &self.basis, &self.current, &list);
+        let (best, slopes) = screen(
+            &self.case,
+            &self.basis,
+            &self.current,
+            &list,
+            &settings.budget,
+        );
         let mut tried = refit(
             &self.case,
             &self.basis,
@@ -157,37 +187,40 @@ impl<'a> Forward<'a> {
         }
         // Nothing is left to look for where the innovations are as large as the noise, and free runs too.
         let floor = noise_alone(&self.case, &self.current).typical;
-        self.drifts = self.gap.total > NEAR * floor;
-        self.drifts || self.current.train.total() >= EXPLAINED * self.current.train.number()
+        let criteria = &settings.criteria;
+        self.drifts = self.gap.total > criteria.near * floor;
+        self.drifts || self.current.train.total() >= criteria.calm * self.current.train.number()
     }
 
     /// Whether the best candidate of a round gains more than chance and multiplicity allow, with the gap `after`.
     fn pays(&self, first: &Refit, after: &Gap, round: usize) -> bool {
-        let (settings, current) = (self.settings, &self.current);
-        let held_out = test_value(&self.case, current) - test_value(&self.case, &first.fit);
+        let (criteria, current) = (&self.settings.criteria, &self.current);
+        let held_out =
+            Reached::new(&self.case, &first.fit).held_out(&Reached::new(&self.case, current));
         let relative =
             (current.train.evidence() - first.fit.train.evidence()) / current.train.objective();
         let (least, shrink) = match round {
-            0 => (0.002, settings.least_shrink),
-            _ => (0.03, 2.0 * settings.least_shrink),
+            0 => (criteria.least_decrease, criteria.least_shrink),
+            _ => (criteria.least_second_decrease, 2.0 * criteria.least_shrink),
         };
         let shrinks = after.total < (1.0 - shrink) * self.gap.total;
-        let enough =
-            relative > least || (self.drifts && after.total < (1.0 - DRIFT) * self.gap.total);
+        let enough = relative > least
+            || (self.drifts && after.total < (1.0 - criteria.drift_shrink) * self.gap.total);
         // One of two effects may hide behind the other in free runs: it is kept until the last round shows what both give.
         // Noise levels that were settled on one effect hide part of what the other does: there the score decides.
         let open = self.case.noise.iter().any(|n| !n.stated);
-        let strong = relative > PROVISIONAL || (open && first.score > STRONG * settings.margin);
-        let provisional = strong && round + 1 < settings.most;
+        let large = relative > criteria.large_decrease;
+        let strong = large || (open && first.score > 2.0 * criteria.beyond_doubt * criteria.margin);
+        let provisional = strong && round + 1 < self.settings.budget.most;
         // Free runs scatter; predictions of motions never fitted are then beyond doubt.
-        let beyond_doubt = relative > PROVISIONAL
-            && held_out > BEYOND_DOUBT * settings.margin
+        let beyond_doubt = large
+            && held_out > criteria.beyond_doubt * criteria.margin
             && after.total < self.gap.total;
-        first.score > settings.margin
+        first.score > criteria.margin
             && held_out > 0.0
             && enough
             && (shrinks || provisional || beyond_doubt)
-            && size_in_deviations(&first.fit) > settings.least_size
+            && size_in_deviations(criteria, &first.fit) > criteria.size()
     }
 
     /// Goes on with a candidate.
@@ -195,19 +228,19 @@ impl<'a> Forward<'a> {
         self.accepted.push(first.term.clone());
         self.current = first.fit.clone();
         self.gap = after;
-        if state(&first.term) {
+        if has_state(&first.term) {
             self.basis = directions(&self.case, &self.current);
             self.current = fit(
                 &self.case,
                 &self.basis,
                 &self.current.hypothesis,
                 self.current.point.clone(),
-                Effort::full(self.settings.steps),
+                Effort::full(self.settings.budget.steps),
             );
             self.gap = measured(&self.case, &self.current);
         }
         if noise::settle(&mut self.case, &self.current) {
-            self.current = again(&self.case, &self.basis, &self.current);
+            self.current = again(&self.case, &self.basis, self.settings, &self.current);
             self.gap = measured(&self.case, &self.current);
         }
         if self.accepted.len() == 1 {
@@ -242,13 +275,16 @@ impl<'a> Forward<'a> {
         }
         if self.accepted.len() > 1
             && let Some(first) = self.alone.take()
-            && without_size(&sizes(&self.case, &self.current), settings)
+            && without_size(
+                &sizes(&self.case, &settings.criteria, &self.current),
+                &settings.criteria,
+            )
         {
             self.go_on_with(first);
             self.accepted.truncate(1);
             self.ranking.remove(1);
         }
-        if self.gap.total > (1.0 - settings.least_shrink) * self.before.total {
+        if self.gap.total > (1.0 - settings.criteria.least_shrink) * self.before.total {
             self.current = self.base.clone();
             self.accepted.clear();
         }
@@ -259,13 +295,12 @@ impl<'a> Forward<'a> {
         let [only] = &self.accepted[..] else {
             return;
         };
-        let (label, k) = (only.label(), only.effect.info().parameters.len());
-        let scale = (self.current.train.objective() / self.current.train.number()).max(1.0);
+        let label = only.label();
         let own = score(
-            (&self.case, &self.base),
-            &self.current,
-            (k, self.candidates),
-            scale,
+            &Reached::new(&self.case, &self.current),
+            &Reached::new(&self.case, &self.base),
+            self.candidates,
+            (noise_scale(&self.current), self.base.train.number()),
         );
         if let Some(r) = self.ranking.iter_mut().find(|r| r.term.label() == label) {
             r.score = own;
@@ -280,28 +315,35 @@ impl<'a> Forward<'a> {
     /// Contacts, resonances and bristles are stiff, and sticking within a step leaves an error of its own: the end of the fit has
     /// finer substeps, if the likelihood agrees.
     fn finish(&mut self) {
-        let stiff = self.accepted.iter().any(state);
-        let misfit = self.current.train.total() / self.current.train.number();
+        let criteria = &self.settings.criteria;
+        let stiff = self.accepted.iter().any(has_state);
         let finer = stiff
-            || (misfit < self.settings.largest_misfit
-                && !verdict::white(&residue(&self.case, &self.current)));
+            || (misfit(&self.current) < criteria.largest_misfit
+                && lines_and_bursts(criteria, &residue(&self.case, &self.current)));
         if finer {
-            self.case.refined = FINER;
-            self.case.unread = stiff;
-            let finer = again(&self.case, &self.basis, &self.current);
+            let mut finer = self.current.clone();
+            finer.hypothesis.run = Run {
+                finer: self.settings.budget.finer,
+                initial_states: stiff,
+            };
+            let finer = again(&self.case, &self.basis, self.settings, &finer);
             if finer.train.evidence() < self.current.train.evidence() {
                 self.current = finer;
                 if self.accepted.is_empty() {
                     self.base = self.current.clone();
                 }
-            } else {
-                (self.case.refined, self.case.unread) = (1, false);
+                // What it is compared with is run alike.
+                let run = self.current.hypothesis.run;
+                self.base.hypothesis.run = run;
+                for rival in &mut self.ranking {
+                    rival.fit.hypothesis.run = run;
+                }
             }
         }
         let base = &mut self.base;
         base.train = value(
             &self.case,
-            &Hypothesis::default(),
+            &base.hypothesis,
             &base.point,
             &base.gains,
             Role::Train,
@@ -314,104 +356,131 @@ impl<'a> Forward<'a> {
             return None;
         }
         let joints = concerned(&self.accepted);
-        let directions = basis(&self.case);
+        let directions = basis_as_run(&self.case, self.base.hypothesis.run);
         let laws = free_laws(&self.case, &directions, self.settings, &self.base, joints);
         self.refits += laws.len();
         let mut better = laws
             .into_iter()
-            .filter(|l| imitated(&self.case, &self.current, l));
+            .filter(|l| imitated(&self.case, &self.settings.criteria, &self.current, l));
         better.next().map(|refit| Imitated {
             gap: measured(&self.case, &refit.fit).total,
             refit,
         })
     }
 
-    fn found(mut self, clock: Instant) -> Found {
+    /// What is left, and whether it is noise.
+    fn selection(mut self) -> Selection {
         let imitated = self.imitated();
-        let parts = Parts {
-            case: &self.case,
-            settings: self.settings,
-            base: &self.base,
-            before: &self.before,
-            ranking: &self.ranking,
-            accepted: &self.accepted,
-            lagging: lagging_velocity(&self.case, self.settings),
-            imitated,
-            refits: self.refits,
-            clock,
+        let criteria = &self.settings.criteria;
+        let lagging = Lagging::find(&self.case, self.settings);
+        let misfit = (misfit(&self.base), misfit(&self.current));
+        let residue = residue(&self.case, &self.current);
+        let mut effects = name(&self.case, criteria, &self.current);
+        let mut fit = self.current;
+        if let Some(lag) = &lagging {
+            fit.hypothesis.terms.push(lag.term.clone());
+            fit.point.e.push(lag.constant.value);
+            effects.insert(0, lag.named());
+        }
+        let after = measured(&self.case, &fit);
+        let floor = noise_alone(&self.case, &fit);
+        let leaves = Leaves {
+            gap: after.total,
+            floor,
+            misfit,
+            residue,
+            stated: self.case.noise.iter().all(|n| n.stated),
+            stiff: self.accepted.iter().any(Term::splits_joint),
         };
-        let (diagnosis, fit) = parts.verdict(self.current);
-        Found {
-            diagnosis,
-            base: self.base,
-            fit,
-            rivals: self.ranking.into_iter().map(|r| r.fit).collect(),
+        Selection {
+            unexplained: imitated.is_some() || leaves.unexplained(!effects.is_empty(), criteria),
             case: self.case,
+            base: self.base,
+            before: self.before,
+            fit,
+            after,
+            floor,
+            ranking: self.ranking,
+            accepted: self.accepted,
+            lagging,
+            imitated,
+            effects,
+            misfit,
+            residue,
+            refits: self.refits,
         }
     }
 }
 
-fn state(term: &Term) -> bool {
-    term.effect.info().kind == Kind::State
+/// A derived velocity that does not follow from its positions as stated.
+#[derive(Debug)]
+pub(super) struct Lagging {
+    pub(super) term: Term,
+    constant: Magnitude,
+    /// Mismatch of reading and positions without the lag over that with it.
+    pub(super) ratio: f64,
 }
 
-/// Size, in its own deviations, below which a second effect is chance even beside a first one that has a size.
-const CHANCE: f64 = 2.0;
+impl Lagging {
+    /// The joint whose reading is furthest from its positions, if there is one, with the effect of the library that is a lag of the
+    /// reading and nothing else.
+    fn find(case: &Case, settings: &Settings) -> Option<Self> {
+        let effect = settings
+            .effects
+            .iter()
+            .find(|e| e.info().parameters.len() == 1 && e.plain().velocity_lag(&[1.0]).is_some())?;
+        let [constant] = effect.info().parameters else {
+            return None;
+        };
+        channel::consistency(case, &settings.criteria)
+            .into_iter()
+            .enumerate()
+            .filter_map(|(joint, c)| c.filter(|c| c.lagging).map(|c| (joint, c)))
+            .max_by(|a, b| a.1.mismatch.total_cmp(&b.1.mismatch))
+            .map(|(joint, c)| Lagging {
+                term: Term {
+                    effect: effect.clone(),
+                    joint,
+                },
+                constant: Magnitude {
+                    name: constant.name.to_owned(),
+                    value: c.lag,
+                    std: c.lag_std,
+                },
+                ratio: c.mismatch / c.with_lag.max(1e-12),
+            })
+    }
+
+    fn named(&self) -> Named {
+        let info = self.term.effect.info();
+        Named {
+            effect: info.id.to_owned(),
+            joint: self.term.shown_joint(),
+            parameters: vec![self.constant.clone()],
+            regime: info.regime.to_owned(),
+        }
+    }
+}
 
 /// Whether the second of two effects is none, by the [`sizes`] of both beside each other: two that are both small imitate together
 /// what the library lacks, and a second one may take up what the smooth form of a contact leaves.
-fn without_size(sizes: &[f64], settings: &Settings) -> bool {
+fn without_size(sizes: &[f64], criteria: &Criteria) -> bool {
     let [first, second, ..] = *sizes else {
         return false;
     };
-    second < CHANCE || first.max(second) < settings.least_size
+    second < criteria.second_size() || first.max(second) < criteria.size()
 }
-
-/// All candidates on top of a fit, with their starts.
-pub(super) fn listed(
-    case: &Case,
-    basis: &Basis,
-    settings: &Settings,
-    current: &Fit,
-) -> Vec<(Term, Vec<Vec<f64>>)> {
-    let mut list = candidates(case, &settings.effects, &current.hypothesis);
-    for (term, starts) in &mut list {
-        starts.extend(windows::starts(case, basis, current, term));
-    }
-    list
-}
-
-/// Factor on the substeps at the end of a fit with states.
-const FINER: usize = 3;
-
-/// Steps that follow a change of the noise levels.
-pub(super) const TOUCH: usize = 4;
 
 /// The same hypothesis under the noise levels as they are now.
-fn again(case: &Case, basis: &Basis, at: &Fit) -> Fit {
+fn again(case: &Case, basis: &Basis, settings: &Settings, at: &Fit) -> Fit {
     fit(
         case,
         basis,
         &at.hypothesis,
         at.point.clone(),
-        Effort::full(TOUCH),
+        Effort::full(settings.budget.touch),
     )
 }
-
-/// Directions of the nominal parameters that the records determine: a gear that gives way shows more of them.
-pub(super) fn directions(case: &Case, fit: &Fit) -> Basis {
-    if fit.hypothesis.terms.iter().any(state) {
-        basis_beside(case, &fit.hypothesis, &fit.point)
-    } else {
-        basis(case)
-    }
-}
-
-/// Candidates of a sketch.
-const SKETCHED: usize = 4;
-
-/// Candidates that a sketch leaves for the first round.
-const SHORT: usize = 12;
 
 /// The most likely of the best candidates after a few steps, `None` if none gains beyond its penalty; and those that are worth
 /// screening again under the noise levels that follow from it.
@@ -422,15 +491,24 @@ fn sketch(
     base: &Fit,
 ) -> (Option<Fit>, BTreeSet<String>) {
     let list = listed(case, basis, settings, base);
-    let (best, slopes) = screen(case, basis, base, &list);
-    let short = best.iter().take(SHORT).map(|c| c.term.label()).collect();
+    let (best, slopes) = screen(case, basis, base, &list, &settings.budget);
+    let short = best
+        .iter()
+        .take(settings.budget.shortlist)
+        .map(|c| c.term.label())
+        .collect();
     let few = Settings {
-        refits: SKETCHED,
+        budget: Budget {
+            refits: settings.budget.sketched,
+            ..settings.budget.clone()
+        },
         ..settings.clone()
     };
     let tried = refit(case, basis, &few, base, (&best, &slopes), list.len());
     let first = tried.into_iter().next();
-    let better = first.filter(|f| f.score > settings.margin).map(|f| f.fit);
+    let better = first
+        .filter(|f| f.score > settings.criteria.margin)
+        .map(|f| f.fit);
     (better, short)
 }
 
@@ -440,7 +518,7 @@ mod tests {
 
     #[test]
     fn a_second_effect_needs_a_size_of_its_own() {
-        let none = |sizes: &[f64]| without_size(sizes, &Settings::default());
+        let none = |sizes: &[f64]| without_size(sizes, &Criteria::default());
         // Beside a backlash, what its smooth form leaves.
         assert!(none(&[40.0, 1.6]));
         // Two that imitate a third together.

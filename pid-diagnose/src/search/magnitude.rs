@@ -3,14 +3,13 @@
 use nalgebra::{DMatrix, DVector};
 use pid_runtime::data::Role;
 
-use super::{Magnitude, Named};
+use super::measure::misfit;
 use crate::case::{Case, Velocity};
+use crate::criteria::Criteria;
+use crate::diagnosis::{Magnitude, Named};
 use crate::fit::{Basis, Fit, PRIOR, Quadratic};
 use crate::predict::rows;
 use pid_interpret::nominal::Role as Part;
-
-/// Factor on variances from the curvature: neighbouring innovations share information.
-const SHARED: f64 = 2.0;
 
 /// Curvature of a fit with 1 where a parameter has no influence, and which these are.
 pub(super) fn curvature(fit: &Fit) -> (DMatrix<f64>, Vec<bool>) {
@@ -28,12 +27,12 @@ pub(super) fn curvature(fit: &Fit) -> (DMatrix<f64>, Vec<bool>) {
 ///
 /// An effect with an absent point is judged at the nominal parameters found: where a tolerance alone separates the two, its
 /// likelihood speaks for it and not its size. One without such a point brings freedom of its own and must be determined beside them.
-pub(super) fn size_in_deviations(fit: &Fit) -> f64 {
+pub(super) fn size_in_deviations(criteria: &Criteria, fit: &Fit) -> f64 {
     let Some(term) = fit.hypothesis.terms.last() else {
         return 0.0;
     };
     let info = term.effect.info();
-    let misfit = (fit.train.total() / fit.train.number()).max(1.0);
+    let scale = misfit(fit).max(1.0);
     let (mut h, mut dead) = curvature(fit);
     let mut size = fit.point.theta.len();
     let absent: [usize; 1] = [0];
@@ -49,7 +48,7 @@ pub(super) fn size_in_deviations(fit: &Fit) -> f64 {
     let Some(factor) = h.cholesky() else {
         return 0.0;
     };
-    let covariance = factor.inverse() * (misfit * SHARED);
+    let covariance = factor.inverse() * (scale * criteria.shared);
     own.iter()
         .filter(|&&a| !dead[size + first + a])
         .map(|&a| {
@@ -71,9 +70,6 @@ fn every_direction(case: &Case) -> Basis {
     Basis { columns }
 }
 
-/// Length of a block of innovations taken as independent of the others, s.
-const BLOCK: f64 = 0.35;
-
 /// Covariances of (θ, e) at a fit, with derivatives of its own: from the curvature, widened where the misfit is larger than the
 /// noise, and from the scores of blocks of time ("sandwich": P. J. Huber, 5th Berkeley Symposium, 1967; blocks of dependent rows:
 /// K.-Y. Liang, S. L. Zeger, Biometrika 73, 1986),
@@ -85,7 +81,11 @@ const BLOCK: f64 = 0.35;
 /// Borrowed derivatives would make parameters that only a tolerance separates look well determined; so would the directions of the
 /// fit, which leave out what the nominal structure does not show: a common scale of all forces is nothing to see without the
 /// effect, and beside it all that tolerances leave of its size.
-pub(super) fn covariances(case: &Case, fit: &Fit) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+pub(super) fn covariances(
+    case: &Case,
+    criteria: &Criteria,
+    fit: &Fit,
+) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
     let basis = &every_direction(case);
     let (size, rank) = basis.columns.shape();
     let ne = fit.point.e.len();
@@ -105,7 +105,7 @@ pub(super) fn covariances(case: &Case, fit: &Fit) -> Option<(DMatrix<f64>, DMatr
         .sum();
     for record in case.records.iter().filter(|r| r.role == Role::Train) {
         let end = at + rows(record) * channels;
-        let block = ((BLOCK / record.h) as usize).max(1) * channels;
+        let block = ((criteria.block / record.h) as usize).max(1) * channels;
         while at < end.min(lin.r.len()) {
             let m = block.min(end - at);
             scores.push(lin.j.rows(at, m).transpose() * lin.r.rows(at, m));
@@ -130,14 +130,14 @@ pub(super) fn covariances(case: &Case, fit: &Fit) -> Option<(DMatrix<f64>, DMatr
     for i in 0..size {
         middle[(i, i)] += 1.0 / (PRIOR * PRIOR);
     }
-    let misfit = (fit.train.total() / fit.train.number()).max(1.0);
+    let scale = misfit(fit).max(1.0);
     let sandwich = &inverse * middle * &inverse;
-    Some((inverse * (misfit * SHARED), sandwich))
+    Some((inverse * (scale * criteria.shared), sandwich))
 }
 
 /// Standard deviations of the deviations θ, in tolerances, the larger of the two that [`covariances`] gives.
-pub(super) fn deviations(case: &Case, fit: &Fit) -> Option<Vec<f64>> {
-    let (curved, blocks) = covariances(case, fit)?;
+pub(super) fn deviations(case: &Case, criteria: &Criteria, fit: &Fit) -> Option<Vec<f64>> {
+    let (curved, blocks) = covariances(case, criteria, fit)?;
     let variance = |i: usize| curved[(i, i)].max(blocks[(i, i)]).max(0.0);
     Some(
         (0..fit.point.theta.len())
@@ -149,8 +149,8 @@ pub(super) fn deviations(case: &Case, fit: &Fit) -> Option<Vec<f64>> {
 /// How many of its own standard deviations the amplitudes of each effect of a fit reach, `√(eᵀ C⁻¹ e / m)` over its m amplitudes
 /// (A. Wald 1943), C the larger of the two [`covariances`]; an effect without an absent point is judged by its first parameter.
 /// Phases, rests and edges tell where an effect is, not that there is one.
-pub(super) fn sizes(case: &Case, fit: &Fit) -> Vec<f64> {
-    let Some((curved, blocks)) = covariances(case, fit) else {
+pub(super) fn sizes(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<f64> {
+    let Some((curved, blocks)) = covariances(case, criteria, fit) else {
         return vec![0.0; fit.hypothesis.terms.len()];
     };
     let size = fit.point.theta.len();
@@ -187,11 +187,11 @@ pub(super) fn sizes(case: &Case, fit: &Fit) -> Vec<f64> {
 }
 
 /// The effects of a fit with their magnitudes and standard deviations, the larger of the two that [`covariances`] gives.
-pub(super) fn name(case: &Case, fit: &Fit) -> Vec<Named> {
+pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
     let size = fit.point.theta.len();
     // A parameter without any influence is not determined; the others are.
     let (_, dead) = curvature(fit);
-    let both = covariances(case, fit);
+    let both = covariances(case, criteria, fit);
     let mut at = 0;
     fit.hypothesis
         .terms
@@ -294,7 +294,7 @@ mod tests {
         };
         let found = fit(&case, &basis(&case), &pushed, at, Effort::full(14));
         assert!((found.point.e[0] - 0.6).abs() < 0.06, "{:?}", found.point.e);
-        let size = sizes(&case, &found)[0];
+        let size = sizes(&case, &Criteria::default(), &found)[0];
         assert!(size > 3.0, "{size}");
     }
 }

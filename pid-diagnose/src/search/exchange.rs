@@ -1,15 +1,13 @@
 //! Exchange check of forward selection (A. J. Miller, Subset Selection in Regression, 2002, chapter 3): of two causes the first
 //! was chosen while the second was missing, and may have been taken for another.
 
+use super::candidates::listed;
+use super::measure::{Reached, noise_scale};
 use super::refit::{Refit, refit};
-use super::search::listed;
-use super::{Settings, test_value};
+use super::settings::Settings;
 use crate::case::Case;
 use crate::fit::{Basis, Effort, Fit, Point, fit};
 use crate::screen::screen;
-
-/// Twice the gain in log-likelihood, penalties counted, without which the first effect stays.
-const BETTER: f64 = 6.0;
 
 /// Candidates for the place of the first effect.
 pub(super) struct Exchange {
@@ -27,15 +25,13 @@ pub(super) fn exchange(
     (current, without): (&Fit, &Fit),
 ) -> Exchange {
     let list = listed(case, basis, settings, without);
-    let (best, slopes) = screen(case, basis, without, &list);
+    let (best, slopes) = screen(case, basis, without, &list, &settings.budget);
     let tried = refit(case, basis, settings, without, (&best, &slopes), list.len());
-    let number = current.train.number();
-    let scale = (current.train.objective() / number).max(1.0);
-    let cost = |fit: &Fit| {
-        (fit.train.evidence() + test_value(case, fit)) / scale
-            + fit.point.e.len() as f64 * number.ln()
+    let (scale, number) = (noise_scale(current), current.train.number());
+    let present = Reached::new(case, current);
+    let better = |fit: &Fit| {
+        Reached::new(case, fit).gain(&present, scale, number) > settings.criteria.replaces()
     };
-    let better = |fit: &Fit| cost(fit) < cost(current) - BETTER;
     let first = current.hypothesis.terms[0].label();
     let fit = tried
         .first()
@@ -63,7 +59,7 @@ fn leading(case: &Case, basis: &Basis, settings: &Settings, at: &Fit) -> Fit {
         basis,
         &hypothesis,
         point,
-        Effort::full(settings.steps),
+        Effort::full(settings.budget.steps),
     )
 }
 
@@ -71,8 +67,8 @@ fn leading(case: &Case, basis: &Basis, settings: &Settings, at: &Fit) -> Fit {
 mod tests {
     use super::*;
     use crate::bench::{SIZE, named, pendulum};
-    use crate::diagnose::backward::without_each;
     use crate::fit::basis;
+    use crate::search::backward::without_each;
 
     fn exchanged(hidden: (&[&str], &[f64]), taken: (&[&str], &[f64])) -> Option<(Fit, Vec<Refit>)> {
         let case = pendulum(&named(hidden.0), hidden.1, 6.0, &|_| {});
@@ -87,7 +83,7 @@ mod tests {
             &directions,
             &named(taken.0),
             at,
-            Effort::full(settings.steps),
+            Effort::full(settings.budget.steps),
         );
         let without = without_each(&case, &directions, &settings, &current);
         let found = exchange(&case, &directions, &settings, (&current, &without[0]));

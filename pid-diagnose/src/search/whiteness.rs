@@ -12,34 +12,19 @@
 //! of m squares in a window is chi-squared with m degrees of freedom.
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use crate::case::Case;
+use crate::diagnosis::{Extent, Residue};
 use crate::fit::Fit;
 
 /// Length of a window, s.
 const WINDOW: f64 = 0.04;
 /// Fewest samples of a window.
 const FEWEST: usize = 10;
+/// Correlations of neighbours, up to so many samples apart.
+pub(super) const LAGS: usize = 10;
 /// Highest frequency, Hz.
 const HIGHEST: f64 = 60.0;
-
-/// Figures of what is left; the largest over joints and channels of their median over records, and over records.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Residue {
-    /// Largest mean square of a window over that of its record.
-    pub burst: f64,
-    /// Largest line of a spectrum over its mean, the median over the records.
-    pub line: f64,
-    /// Sum of squared correlations of neighbours up to ten samples apart, times the number of samples and over ten, the median
-    /// over the records: 1 for white noise.
-    pub memory: f64,
-    /// Root mean square of these correlations.
-    #[serde(default)]
-    pub correlation: f64,
-    /// Mean squared innovation on the test records over that on the train records.
-    pub unseen: f64,
-}
 
 /// Innovations of one joint and channel of a record.
 fn series(case: &Case, fit: &Fit) -> Vec<(usize, bool, f64, Vec<Vec<f64>>)> {
@@ -78,6 +63,7 @@ pub(super) fn residue(case: &Case, fit: &Fit) -> Residue {
             level[usize::from(*train)].1 += x.len() as f64;
             out.burst = out.burst.max(burst(x, *h, mean));
             lines.push(line(x, *h, mean));
+            out.of = extended(out.of, x.len(), *h);
             let memory = memory(x, square);
             memories.push(memory);
             correlations.push((memory / x.len() as f64).sqrt());
@@ -93,18 +79,41 @@ pub(super) fn residue(case: &Case, fit: &Fit) -> Residue {
     out
 }
 
+/// With a series of n samples.
+fn extended(of: Extent, n: usize, h: f64) -> Extent {
+    let samples = window(h);
+    Extent {
+        frequencies: of.frequencies.max(frequencies(n, h) as f64),
+        windows: of.windows.max((n / samples) as f64),
+        samples: if of.samples > 0.0 {
+            of.samples.min(samples as f64)
+        } else {
+            samples as f64
+        },
+    }
+}
+
+/// Samples of a window.
+fn window(h: f64) -> usize {
+    ((WINDOW / h) as usize).max(FEWEST)
+}
+
 fn burst(x: &[f64], h: f64, mean: f64) -> f64 {
-    let m = ((WINDOW / h) as usize).max(FEWEST);
+    let m = window(h);
     x.chunks_exact(m)
         .map(|w| w.iter().map(|x| x * x).sum::<f64>() / m as f64 / mean)
         .fold(0.0, f64::max)
 }
 
+/// Number of frequencies of a series of n samples that are looked at, from 1/(n h) on.
+fn frequencies(n: usize, h: f64) -> usize {
+    let step = 1.0 / (n as f64 * h);
+    ((HIGHEST.min(0.4 / h) / step) as usize).saturating_sub(1)
+}
+
 fn line(x: &[f64], h: f64, mean: f64) -> f64 {
     let n = x.len();
-    let step = 1.0 / (n as f64 * h);
-    let many = ((HIGHEST.min(0.4 / h)) / step) as usize;
-    (1..many)
+    (1..=frequencies(n, h))
         .map(|i| {
             // G. Goertzel, Amer. Math. Monthly 65, 1958.
             let w = std::f64::consts::TAU * i as f64 / n as f64;
@@ -120,15 +129,14 @@ fn line(x: &[f64], h: f64, mean: f64) -> f64 {
 }
 
 fn memory(x: &[f64], square: f64) -> f64 {
-    let lags = 10;
-    (1..=lags)
+    (1..=LAGS)
         .map(|l| {
             let r: f64 = x.iter().zip(&x[l..]).map(|(a, b)| a * b).sum::<f64>() / square;
             r * r
         })
         .sum::<f64>()
         * x.len() as f64
-        / lags as f64
+        / LAGS as f64
 }
 
 fn median(x: &mut [f64]) -> f64 {
@@ -138,7 +146,9 @@ fn median(x: &mut [f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{burst, line, memory};
+    use super::{LAGS, burst, frequencies, line, memory, window};
+    use crate::criteria::Criteria;
+    use crate::gap::Normal;
 
     fn noise(n: usize) -> Vec<f64> {
         let mut state = 7_u64;
@@ -188,5 +198,87 @@ mod tests {
         }
         let square: f64 = x.iter().map(|x| x * x).sum();
         assert!(burst(&x, 1e-3, square / 4000.0) > 5.0);
+    }
+
+    /// Share of series of n samples of white noise with a property; fixed seed.
+    fn share_of(series: usize, n: usize, property: impl Fn(&[f64]) -> bool) -> f64 {
+        let mut random = Normal::new(0x1e57);
+        let hits = (0..series).filter(|_| {
+            let x: Vec<f64> = (0..n).map(|_| random.next()).collect();
+            property(&x)
+        });
+        hits.count() as f64 / series as f64
+    }
+
+    /// Whether a share of `series` independent ones is that of a probability, within four standard deviations.
+    fn agrees(share: f64, probability: f64, series: usize) -> bool {
+        let std = (probability * (1.0 - probability) / series as f64).sqrt();
+        (share - probability).abs() < 4.0 * std
+    }
+
+    fn squares(x: &[f64]) -> f64 {
+        x.iter().map(|x| x * x).sum()
+    }
+
+    /// The quantiles of [`Criteria`] are those of simulated white noise, at a probability that 2000 series can tell.
+    #[test]
+    fn null_distribution_of_lines_and_memory() {
+        let (many, h) = (2000, 2e-3);
+        let often = Criteria {
+            rare: 0.05,
+            ..Criteria::default()
+        };
+        let limit = often.line(frequencies(500, h) as f64);
+        let lines = share_of(many, 500, |x| line(x, h, squares(x) / 500.0) > limit);
+        assert!(agrees(lines, 0.05, many), "{lines}");
+        let limit = often.memory(LAGS as f64);
+        let memories = share_of(many, 500, |x| memory(x, squares(x)) > limit);
+        assert!(agrees(memories, 0.05, many), "{memories}");
+    }
+
+    /// The windows of a record are divided by its own mean square: a little less than independent chi-squared numbers.
+    #[test]
+    fn null_distribution_of_bursts() {
+        let (many, n, h) = (3000, 3500, 2e-3);
+        let often = Criteria {
+            rare: 0.05,
+            ..Criteria::default()
+        };
+        let limit = often.burst(window(h) as f64, (n / window(h)) as f64);
+        let bursts = share_of(many, n, |x| burst(x, h, squares(x) / n as f64) > limit);
+        assert!((0.03..0.06).contains(&bursts), "{bursts}");
+    }
+
+    /// A size is the amplitude of least squares over its standard deviation.
+    #[test]
+    fn null_distribution_of_sizes() {
+        let many = 20_000;
+        let criteria = Criteria::default();
+        let sine: Vec<f64> = (0..500).map(|k| (0.1 * k as f64).sin()).collect();
+        let size = |x: &[f64]| {
+            let product: f64 = x.iter().zip(&sine).map(|(a, b)| a * b).sum();
+            product / squares(&sine).sqrt()
+        };
+        let beyond = |limit: f64| share_of(many, 500, |x| size(x).abs() > limit);
+        let above = |limit: f64| share_of(many, 500, |x| size(x) > limit);
+        let (rare, chance) = (criteria.rare, criteria.chance);
+        assert!(agrees(beyond(criteria.size()), rare, many));
+        assert!(agrees(beyond(criteria.second_size()), chance, many));
+        assert!(agrees(above(criteria.decrease()), chance, many));
+    }
+
+    /// What the documentation of [`Criteria`] says of its quantiles for a record of 7 s at 500 Hz.
+    #[test]
+    fn null_distribution_in_figures() {
+        let criteria = Criteria::default();
+        let (n, h) = (3500, 2e-3);
+        let near = |x: f64, stated: f64| (x - stated).abs() < 0.05;
+        assert!(near(criteria.size(), 3.0) && near(criteria.second_size(), 1.96));
+        assert!(near(criteria.decrease(), 1.64));
+        assert!(near(criteria.line(frequencies(n, h) as f64), 12.0));
+        assert!(near(criteria.memory(LAGS as f64), 2.7));
+        let samples = window(h);
+        assert_eq!((samples, n / samples), (20, 175));
+        assert!(near(criteria.burst(20.0, 175.0), 2.9));
     }
 }

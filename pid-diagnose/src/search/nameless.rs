@@ -7,19 +7,17 @@
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
 use super::magnitude::name;
+use super::measure::{Reached, noise_scale};
 use super::refit::{Refit, refit};
-use super::{Settings, test_value};
+use super::settings::Settings;
 use crate::case::Case;
+use crate::criteria::{Budget, Criteria};
+use crate::diagnosis::Nameless;
 use crate::effect::{Effect, Term};
 use crate::fit::{Basis, Fit};
-use crate::free::{Form, FreeLaw};
+use crate::free::FreeLaw;
 use crate::screen::{candidates, screen};
-
-/// Twice the gain in log-likelihood over what is named, penalties counted, from which a free law is the better description.
-const BETTER: f64 = 6.0;
 
 /// Refits of the free laws that promise most, in place of all effects, on top of the nominal structure; best first.
 pub(super) fn free_laws(
@@ -32,9 +30,12 @@ pub(super) fn free_laws(
     let library = FreeLaw::all(case).map(|law| -> Arc<dyn Effect> { Arc::new(law) });
     let mut list = candidates(case, &library, &base.hypothesis);
     list.retain(|(term, _)| joints(term.joint));
-    let (best, slopes) = screen(case, basis, base, &list);
+    let (best, slopes) = screen(case, basis, base, &list, &settings.budget);
     let few = Settings {
-        refits: library.len(),
+        budget: Budget {
+            refits: library.len(),
+            ..settings.budget.clone()
+        },
         ..settings.clone()
     };
     refit(case, basis, &few, base, (&best, &slopes), list.len())
@@ -51,24 +52,26 @@ pub(super) fn concerned(terms: &[Term]) -> impl Fn(usize) -> bool + use<> {
 
 /// Whether a free law describes the records better than the effects named: only the likelihood and the number of
 /// parameters decide, on all records.
-pub(super) fn imitated(case: &Case, named: &Fit, law: &Refit) -> bool {
-    let number = named.train.number();
-    let scale = (named.train.objective() / number).max(1.0);
-    let cost = |fit: &Fit| {
-        (fit.train.evidence() + test_value(case, fit)) / scale
-            + fit.point.e.len() as f64 * number.ln()
-    };
-    cost(&law.fit) < cost(named) - BETTER
+pub(super) fn imitated(case: &Case, criteria: &Criteria, named: &Fit, law: &Refit) -> bool {
+    let (scale, number) = (noise_scale(named), named.train.number());
+    let present = Reached::new(case, named);
+    Reached::new(case, &law.fit).gain(&present, scale, number) > criteria.replaces()
 }
 
 /// The same for models whose own errors are counted in place of noise; `gain`: Σ N′ ln(S/S₁) over the records of all roles, with
 /// the number N′ of independent samples.
-pub(super) fn imitated_in_part(named: &Fit, law: &Refit, gain: f64, number: f64) -> bool {
+pub(super) fn imitated_in_part(
+    criteria: &Criteria,
+    (named, law): (&Fit, &Refit),
+    gain: f64,
+    number: f64,
+) -> bool {
     let more = law.fit.point.e.len() as f64 - named.point.e.len() as f64;
-    gain - more * number.max(2.0).ln() > BETTER
+    gain - more * number.max(2.0).ln() > criteria.replaces()
 }
 
 /// What describes the records better than the effects that imitate it.
+#[derive(Debug, Clone)]
 pub(super) struct Imitated {
     /// The free law.
     pub(super) refit: Refit,
@@ -76,72 +79,24 @@ pub(super) struct Imitated {
     pub(super) gap: f64,
 }
 
-/// A cause without a name.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Nameless {
-    /// What it is of, and over what.
-    pub form: Form,
-    /// Joint from 1.
-    pub joint: usize,
-    /// Positions or times, SI.
-    pub at: Vec<f64>,
-    /// Forces or relative changes of the gain there, straight between them, SI.
-    pub values: Vec<f64>,
-    /// Standard deviations; `None` where the records do not determine a value.
-    pub stds: Vec<Option<f64>>,
-    /// Share of the squared gap beyond the floor that it explains on the test records.
-    pub explained: f64,
-}
-
-impl Nameless {
-    /// As fitted; `None` for what is no free law.
-    pub(super) fn new(case: &Case, refit: &Refit, explained: f64) -> Option<Self> {
-        let joint = refit.term.joint;
-        let law = FreeLaw::by_id(case, refit.term.effect.info().id)?;
-        let values = name(case, &refit.fit).pop()?.parameters;
-        Some(Nameless {
-            form: law.form,
-            joint: joint + 1,
-            at: law.knots(joint).collect(),
-            values: values.iter().map(|m| m.value).collect(),
-            stds: values.iter().map(|m| m.std).collect(),
-            explained,
-        })
-    }
-
-    /// Where it bends most, for certain: where the change of its slope is the largest number of its deviations.
-    pub fn bend(&self) -> Option<f64> {
-        let bent = |i: usize| {
-            let [a, b, c] = [0, 1, 2].map(|k| self.stds[i + k]);
-            let f = &self.values[i..i + 3];
-            let std = (a?.powi(2) + 4.0 * b?.powi(2) + c?.powi(2)).sqrt();
-            Some((i + 1, (f[2] - 2.0 * f[1] + f[0]).abs() / std.max(1e-300)))
-        };
-        (0..self.values.len().saturating_sub(2))
-            .filter_map(bent)
-            .max_by(|a, b| a.1.total_cmp(&b.1))
-            .map(|(i, _)| self.at[i])
-    }
-
-    /// In words: what, of which joint, and where it bends or how far it goes.
-    pub fn words(&self) -> String {
-        let joint = self.joint;
-        match self.form {
-            Form::ForceOverPosition => {
-                let bend = self
-                    .bend()
-                    .map_or_else(String::new, |q| format!(", bending most at {q:.3}"));
-                format!("a force over the position of joint {joint}{bend}")
-            }
-            Form::GainOverTime => {
-                let change = self.values.last().zip(self.values.first());
-                let percent = change.map_or(0.0, |(last, first)| 100.0 * (last - first));
-                format!(
-                    "a gain of the drive of joint {joint} that changes by {percent:+.0} % within a record"
-                )
-            }
-        }
-    }
+/// A free law as fitted; `None` for what is no free law.
+pub(super) fn described(
+    case: &Case,
+    criteria: &Criteria,
+    refit: &Refit,
+    explained: f64,
+) -> Option<Nameless> {
+    let joint = refit.term.joint;
+    let law = FreeLaw::by_id(case, refit.term.effect.info().id)?;
+    let values = name(case, criteria, &refit.fit).pop()?.parameters;
+    Some(Nameless {
+        form: law.form,
+        joint: joint + 1,
+        at: law.knots(joint).collect(),
+        values: values.iter().map(|m| m.value).collect(),
+        stds: values.iter().map(|m| m.std).collect(),
+        explained,
+    })
 }
 
 #[cfg(test)]
@@ -149,8 +104,10 @@ mod tests {
     use super::*;
     use crate::bench::{SIZE, named, pendulum_under};
     use crate::constants::Constants;
+    use crate::diagnosis::Verdict;
     use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Site, Unit, parameter};
     use crate::fit::{Effort, Point, basis, fit};
+    use crate::free::Form;
     use crate::scalar::Scalar;
     use crate::simulate::Hypothesis;
 
@@ -173,7 +130,7 @@ mod tests {
                 theta: vec![0.0; SIZE],
                 e: e.to_vec(),
             };
-            let effort = Effort::full(settings.steps);
+            let effort = Effort::full(settings.budget.steps);
             fit(&case, &directions, hypothesis, at, effort)
         };
         let base = fitted(&Hypothesis::default(), &[]);
@@ -226,12 +183,10 @@ mod tests {
         }
     }
     fn stop() -> Hypothesis {
-        Hypothesis {
-            terms: vec![Term {
-                effect: Arc::new(Stop),
-                joint: 0,
-            }],
-        }
+        Hypothesis::new(vec![Term {
+            effect: Arc::new(Stop),
+            joint: 0,
+        }])
     }
 
     #[test]
@@ -239,8 +194,8 @@ mod tests {
         let (k, from) = (3.0, 0.3);
         let spring = named(&["spring"]);
         let (case, effects, law) = beside(&stop(), &[k, from], (&spring, &[0.1, 0.0]));
-        assert!(imitated(&case, &effects, &law));
-        let force = Nameless::new(&case, &law, 1.0).expect("a free law");
+        assert!(imitated(&case, &Criteria::default(), &effects, &law));
+        let force = described(&case, &Criteria::default(), &law, 1.0).expect("a free law");
         let width = force.at[1] - force.at[0];
         let bend = force.bend().expect("a stop bends");
         assert!((bend - from).abs() < width, "{bend}: {force:?}");
@@ -255,8 +210,8 @@ mod tests {
     fn a_stop_is_unknown_and_its_force_is_shown() {
         let (k, from) = (3.0, 0.3);
         let case = swung(&stop(), &[k, from]);
-        let d = crate::diagnose::investigate(&case, &Settings::default()).diagnosis;
-        assert_eq!((d.effect.as_str(), d.joint), ("unknown", None));
+        let d = crate::search::diagnose(&case, &Settings::default());
+        assert_eq!(d.verdict, Verdict::Unknown);
         let law = d.remainder.and_then(|r| r.nameless);
         let law = law.expect("a force over the position");
         assert_eq!(law.joint, 1);
@@ -295,15 +250,13 @@ mod tests {
     #[test]
     fn a_drive_that_fades_is_unknown_and_its_gain_is_shown() {
         let (loss, constant) = (0.3, 2.0);
-        let fade = Hypothesis {
-            terms: vec![Term {
-                effect: Arc::new(Fade),
-                joint: 0,
-            }],
-        };
+        let fade = Hypothesis::new(vec![Term {
+            effect: Arc::new(Fade),
+            joint: 0,
+        }]);
         let case = swung(&fade, &[loss, constant]);
-        let d = crate::diagnose::investigate(&case, &Settings::default()).diagnosis;
-        assert_eq!((d.effect.as_str(), d.joint), ("unknown", None));
+        let d = crate::search::diagnose(&case, &Settings::default());
+        assert_eq!(d.verdict, Verdict::Unknown);
         let law = d.remainder.and_then(|r| r.nameless);
         let law = law.expect("a gain over the time");
         assert_eq!((law.form, law.joint), (Form::GainOverTime, 1));
@@ -320,7 +273,10 @@ mod tests {
         for (cause, e) in [("spring", &[0.9, 0.2][..]), ("current_offset", &[0.1][..])] {
             let cause = named(&[cause]);
             let (case, effects, law) = beside(&cause, e, (&cause, e));
-            assert!(!imitated(&case, &effects, &law), "{cause:?}");
+            assert!(
+                !imitated(&case, &Criteria::default(), &effects, &law),
+                "{cause:?}"
+            );
         }
     }
 }

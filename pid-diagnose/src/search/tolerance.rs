@@ -6,41 +6,27 @@
 
 use pid_interpret::nominal::Role;
 
+use super::evidence::Evidence;
 use super::magnitude::deviations;
-use super::search::search;
-use super::{Beyond, Found, Magnitude, Named, Settings};
+use super::measure::share;
+use super::settings::Settings;
 use crate::case::Case;
+use crate::diagnosis::{Beyond, Remainder};
 use crate::fit::{Effort, Fit, all_gains, basis, fit};
 use crate::nominal::role_name;
 use crate::simulate::Hypothesis;
 
 /// The friction values of a joint.
 const FRICTION: [Role; 2] = [Role::Coulomb, Role::Viscous];
-/// Deviation, in tolerances, from which a value counts as held by its tolerance.
+/// Deviation, in tolerances, from which a value counts as held by its tolerance: the bound is 1.
 const HELD: f64 = 0.999;
-/// Middle of the wider ranges over the nominal value; each range starts at zero.
-const MIDDLES: [f64; 2] = [1.0, 4.0];
-/// Relative decrease of the objective of the nominal structure without which friction is not the reason.
-const WORTH: f64 = 0.02;
 
-/// Looks again with wider ranges of friction where a tolerance holds it; `None` where none does or it is not the reason.
-pub(super) fn wider(case: &Case, settings: &Settings, found: &Found) -> Option<Found> {
-    let wide = widened(case, settings, found)?;
-    let mut wider = search(&wide, settings);
-    wider.diagnosis.refits += found.diagnosis.refits;
-    Some(wider)
-}
-
-/// Says in a diagnosis that was made with wider ranges what lies outside the stated ones; what was before is the nominal structure
+/// The evidence of a search with wider ranges, with what lies outside the stated ones; what was before is the nominal structure
 /// within them.
-pub(super) fn describe(stated: Found, wider: &mut Found) {
-    let beyond = outside(&stated.case, wider);
-    let d = &mut wider.diagnosis;
-    d.gap_before = stated.diagnosis.gap_before;
-    d.gap_intervals.0 = stated.diagnosis.gap_intervals.0;
-    d.gap_joints_before = stated.diagnosis.gap_joints_before;
-    d.misfit.0 = stated.diagnosis.misfit.0;
-    let theta = &mut wider.base.point.theta;
+pub(super) fn beyond(stated: Evidence, wider: Evidence) -> Evidence {
+    let beyond = outside(&stated.case, &wider);
+    let mut base = wider.base;
+    let theta = &mut base.point.theta;
     theta.clone_from(&stated.base.point.theta);
     let values = stated.case.nominal.values.iter();
     for (k, (old, own)) in values.zip(&wider.case.nominal.values).enumerate() {
@@ -49,55 +35,29 @@ pub(super) fn describe(stated: Found, wider: &mut Found) {
             theta[k] = (value - own.nominal) / own.half_width;
         }
     }
-    let base = &mut wider.base;
     base.gains = all_gains(&wider.case, &base.hypothesis, &base.point);
-    let squares = [d.gap_before, d.gap_after, d.gap_floor].map(|gap| gap * gap);
-    if let Some(remainder) = &mut d.remainder
-        && squares[0] > squares[2]
-    {
-        let explained = (squares[0] - squares[1]) / (squares[0] - squares[2]);
-        remainder.explained = explained.clamp(0.0, 1.0);
+    let (before, floor) = (stated.before, wider.floor);
+    let after = wider.after.total;
+    let remainder = wider.remainder.map(|left| Remainder {
+        explained: if before.total > floor {
+            share(before.total, after, floor)
+        } else {
+            left.explained
+        },
+        ..left
+    });
+    Evidence {
+        misfit: (stated.misfit.0, wider.misfit.1),
+        base,
+        before,
+        remainder,
+        beyond,
+        ..wider
     }
-    if d.effect == "none"
-        && let Some(first) = beyond.first()
-    {
-        // Nothing is missing beside it: another level of friction is the cause.
-        d.effect = ALONE.to_owned();
-        d.joint = Some(first.joint);
-        d.regime = REGIME.to_owned();
-        d.effects = named(&beyond);
-    }
-    d.beyond_tolerance = beyond;
-}
-
-/// Name of another level of friction where it is the only cause, and where it shows.
-const ALONE: &str = "friction";
-const REGIME: &str = "all motion of the joint";
-
-/// One entry per joint whose friction lies outside its tolerance.
-fn named(beyond: &[Beyond]) -> Vec<Named> {
-    let mut out: Vec<Named> = Vec::new();
-    for b in beyond {
-        let parameter = Magnitude {
-            name: b.parameter.clone(),
-            value: b.value,
-            std: b.std,
-        };
-        match out.iter_mut().find(|n| n.joint == Some(b.joint)) {
-            Some(n) => n.parameters.push(parameter),
-            None => out.push(Named {
-                effect: ALONE.to_owned(),
-                joint: Some(b.joint),
-                parameters: vec![parameter],
-                regime: REGIME.to_owned(),
-            }),
-        }
-    }
-    out
 }
 
 /// The case with wider ranges of the friction values that a tolerance holds, as wide as the nominal structure needs them.
-fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
+pub(super) fn widened(case: &Case, settings: &Settings, found: &Evidence) -> Option<Case> {
     let nothing = Hypothesis::default();
     let mut wide = case.clone();
     wide.noise.clone_from(&found.case.noise);
@@ -110,7 +70,7 @@ fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
         .collect();
     held.sort_unstable();
     held.dedup();
-    for middle in MIDDLES {
+    for middle in settings.budget.friction_middles {
         if held.is_empty() {
             break;
         }
@@ -131,7 +91,7 @@ fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
             }
         }
         let directions = basis(&wide);
-        let effort = Effort::full(settings.steps);
+        let effort = Effort::full(settings.budget.steps);
         at = fit(&wide, &directions, &nothing, at.point.clone(), effort);
         held = at_an_end(&wide, &at)
             .into_iter()
@@ -141,7 +101,7 @@ fn widened(case: &Case, settings: &Settings, found: &Found) -> Option<Case> {
         held.dedup();
     }
     wide.noise.clone_from(&case.noise);
-    (at.train.objective() < (1.0 - WORTH) * before).then_some(wide)
+    (at.train.objective() < (1.0 - settings.criteria.friction_decrease) * before).then_some(wide)
 }
 
 /// Joints with a friction value at the end of its range, and that deviation.
@@ -167,8 +127,8 @@ fn unit(role: Role, revolute: bool) -> &'static str {
 }
 
 /// The friction values that lie outside what was stated.
-fn outside(case: &Case, wider: &Found) -> Vec<Beyond> {
-    let std = deviations(&wider.case, &wider.fit);
+fn outside(case: &Case, wider: &Evidence) -> Vec<Beyond> {
+    let std = deviations(&wider.case, &wider.criteria, &wider.fit);
     let mut out = Vec::new();
     for joint in 0..case.n() {
         for role in FRICTION {
@@ -200,13 +160,13 @@ fn outside(case: &Case, wider: &Found) -> Vec<Beyond> {
 mod tests {
     use super::*;
     use crate::bench::pendulum;
-    use crate::diagnose::investigate;
+    use crate::diagnosis::{Diagnosis, Verdict};
     use crate::effect::Term;
     use crate::effects;
 
     /// A pendulum with an effect whose description states other friction (Coulomb, viscous; ± 40 %) than it has: 0.1 N·m and
     /// 0.08 N·m·s/rad.
-    fn misjudged(effect: Option<(&str, &[f64])>, stated: [f64; 2]) -> Found {
+    fn misjudged(effect: Option<(&str, &[f64])>, stated: [f64; 2]) -> Diagnosis {
         let terms = effect
             .iter()
             .map(|(id, _)| Term {
@@ -214,20 +174,20 @@ mod tests {
                 joint: 0,
             })
             .collect();
-        let hypothesis = Hypothesis { terms };
+        let hypothesis = Hypothesis::new(terms);
         let mut case = pendulum(&hypothesis, effect.map_or(&[], |e| e.1), 6.0, &|_| {});
         for (role, value) in FRICTION.into_iter().zip(stated) {
             let place = case.nominal.place(0, role).expect("a friction");
             let own = &mut case.nominal.values[place];
             (own.nominal, own.half_width) = (value, 0.4 * value);
         }
-        investigate(&case, &Settings::default())
+        crate::search::diagnose(&case, &Settings::default())
     }
 
     #[test]
     fn friction_that_is_stated_too_low_is_the_cause() {
-        let d = misjudged(None, [0.1, 0.02]).diagnosis;
-        assert_eq!((d.effect.as_str(), d.joint), ("friction", Some(1)));
+        let d = misjudged(None, [0.1, 0.02]);
+        assert_eq!(d.verdict, Verdict::OutsideTolerance { joint: 1 });
         let [viscous] = &d.beyond_tolerance[..] else {
             panic!("{:?}", d.beyond_tolerance);
         };
@@ -243,8 +203,8 @@ mod tests {
             d.gap_before,
             d.gap_after
         );
-        let described = misjudged(None, [0.1, 0.08]).diagnosis;
-        assert_eq!(described.effect, "none");
+        let described = misjudged(None, [0.1, 0.08]);
+        assert_eq!(described.verdict, Verdict::Nothing);
         assert!(
             d.gap_after < 1.1 * described.gap_after,
             "{} {}",
@@ -265,8 +225,11 @@ mod tests {
 
     #[test]
     fn an_effect_is_found_beside_friction_that_is_stated_too_high() {
-        let d = misjudged(Some(("joint_elasticity", &[0.004, 0.001])), [0.4, 0.08]).diagnosis;
-        assert_eq!((d.effect.as_str(), d.joint), ("joint_elasticity", Some(1)));
+        let d = misjudged(Some(("joint_elasticity", &[0.004, 0.001])), [0.4, 0.08]);
+        assert_eq!(
+            (d.verdict.word(), d.verdict.joint()),
+            ("joint_elasticity", Some(1))
+        );
         assert!(
             (d.effects[0].parameters[0].value - 250.0).abs() < 15.0,
             "{:?}",
@@ -279,8 +242,8 @@ mod tests {
 
     #[test]
     fn friction_within_its_tolerance_is_no_cause() {
-        let d = misjudged(None, [0.12, 0.07]).diagnosis;
-        assert_eq!(d.effect, "none");
+        let d = misjudged(None, [0.12, 0.07]);
+        assert_eq!(d.verdict, Verdict::Nothing);
         assert!(d.beyond_tolerance.is_empty(), "{:?}", d.beyond_tolerance);
     }
 }

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! each feature over its root mean square in all records of a role, N samples of a part. Neighbouring parts stay together. Test
-//! records are cut alike, to half that length, while effects are looked for; [`lengthen`] puts them back, so that the gap is that
+//! records are cut alike, to half that length, while effects are looked for; [`restore_tests`] puts them back, so that the gap is that
 //! of all of them.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -19,8 +19,10 @@ use pid_runtime::data::Role;
 use crate::case::{Case, Record};
 use crate::fit::{Fit, all_gains};
 
-/// Length of a part, s, at least, and in horizons.
-const PART: (f64, f64) = (4.0, 2.0);
+/// Length of a part at least, s.
+const SHORTEST: f64 = 4.0;
+/// Length of a part, in horizons.
+const HORIZONS: f64 = 2.0;
 /// Features of a joint.
 const FEATURES: usize = 9;
 /// Samples of a part that are looked at.
@@ -31,7 +33,7 @@ const TESTS: f64 = 0.5;
 
 /// The case with train records of `joint_seconds` over the number of joints in all and test records of half that; those of a role
 /// that are not longer stay as they are.
-pub fn thin(case: &Case, joint_seconds: f64) -> Case {
+pub fn excerpt(case: &Case, joint_seconds: f64) -> Case {
     let allowed = joint_seconds / case.n() as f64;
     let mut out = case.clone();
     out.records = [(Role::Train, allowed), (Role::Test, TESTS * allowed)]
@@ -53,7 +55,7 @@ fn shorten(case: &Case, role: Role, allowed: f64) -> Vec<Record> {
     if total <= allowed {
         return own().map(|(_, r)| r.clone()).collect();
     }
-    let length = (PART.1 * case.nominal.horizon.unwrap_or(0.0)).max(PART.0);
+    let length = (HORIZONS * case.nominal.horizon.unwrap_or(0.0)).max(SHORTEST);
     let parts: Vec<(usize, usize, usize)> = own()
         .flat_map(|(i, r)| {
             let many = ((r.len() as f64 * r.h / length) as usize).max(1);
@@ -80,7 +82,7 @@ fn shorten(case: &Case, role: Role, allowed: f64) -> Vec<Record> {
 
 /// Puts the whole test records back into a case that was cut, and into its fits; `false` if they were whole. A test record of which
 /// a part was fitted stays out.
-pub fn lengthen<'a>(
+pub fn restore_tests<'a>(
     whole: &Case,
     case: &mut Case,
     fits: impl Iterator<Item = &'a mut Fit>,
@@ -211,8 +213,12 @@ mod tests {
             case.records[0].u[0][k] = 0.0;
         }
         let whole = case.clone();
-        assert_eq!(thin(&case, 48.0).records.len(), 3, "as long as is allowed");
-        let mut cut = thin(&case, 20.0);
+        assert_eq!(
+            excerpt(&case, 48.0).records.len(),
+            3,
+            "as long as is allowed"
+        );
+        let mut cut = excerpt(&case, 20.0);
         let (mut train, mut test) = (0.0, 0.0);
         for r in &cut.records {
             let source = whole
@@ -234,12 +240,15 @@ mod tests {
         }
         assert!((16.0..=20.0).contains(&train), "{train}");
         assert!((6.0..=10.0).contains(&test), "{test}");
-        assert!(lengthen(&whole, &mut cut, std::iter::empty()));
+        assert!(restore_tests(&whole, &mut cut, std::iter::empty()));
         let tests = |case: &Case| -> Vec<Record> {
             let own = case.records.iter().filter(|r| r.role == Role::Test);
             own.cloned().collect()
         };
         assert_eq!(tests(&cut), tests(&whole));
-        assert!(!lengthen(&whole, &mut cut, std::iter::empty()), "whole");
+        assert!(
+            !restore_tests(&whole, &mut cut, std::iter::empty()),
+            "whole"
+        );
     }
 }

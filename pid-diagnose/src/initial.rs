@@ -1,4 +1,4 @@
-//! States that no sensor reads, at the start of a record.
+//! Initial-state estimation: states that no sensor reads, at the start of a record.
 //!
 //! A link behind a spring may still swing when a record starts, a bristle may be bent: neither position nor velocity of the drive
 //! tells at once. What the first moment of the record tells of them is taken from the innovations ε of the predictor,
@@ -13,8 +13,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::case::{Case, Record};
-use crate::fit::Point;
 use crate::observer::Gain;
+use crate::point::Point;
 use crate::predict::Runner;
 use crate::simulate::Hypothesis;
 
@@ -31,7 +31,7 @@ const DIFFERENCE: f64 = 0.02;
 type Hidden = (usize, usize, f64);
 
 /// [`settle`] for a record under a hypothesis at a point.
-pub(crate) fn look(
+pub(crate) fn estimate(
     case: &Case,
     record: &Record,
     hypothesis: &Hypothesis,
@@ -136,15 +136,13 @@ mod tests {
 
     #[test]
     fn a_link_that_swings_at_the_start_is_seen_through_its_drive() {
-        let elastic = Hypothesis {
-            terms: vec![Term {
-                effect: crate::effects::all()
-                    .into_iter()
-                    .find(|e| e.info().id == "joint_elasticity")
-                    .expect("elasticity"),
-                joint: 0,
-            }],
-        };
+        let elastic = Hypothesis::new(vec![Term {
+            effect: crate::effects::all()
+                .into_iter()
+                .find(|e| e.info().id == "joint_elasticity")
+                .expect("elasticity"),
+            joint: 0,
+        }]);
         // Compliance of 1/60 rad per N m, nearly undamped.
         let e = [1.0 / 60.0, 1e-4];
         let case = pendulum(&elastic, &e, 2.0, &|state| state.v[0] = 0.8);

@@ -1,6 +1,7 @@
 //! Backward check of forward selection (M. A. Efroymson 1960): an effect that was taken first may be superfluous beside a later one.
 
-use super::{Settings, test_value};
+use super::measure::{Reached, noise_scale};
+use super::settings::Settings;
 use crate::case::Case;
 use crate::fit::{Basis, Effort, Fit, fit};
 
@@ -23,7 +24,7 @@ pub(super) fn without_each(
                 basis,
                 &hypothesis,
                 point,
-                Effort::full(settings.steps),
+                Effort::full(settings.budget.steps),
             )
         })
         .collect()
@@ -37,18 +38,12 @@ pub(super) fn superfluous(
     current: &Fit,
     without: &[Fit],
 ) -> Option<usize> {
-    let number = current.train.number();
-    let scale = (current.train.objective() / number).max(1.0);
-    let unseen = test_value(case, current);
-    let cost = |without: &Fit| {
-        let k = current.point.e.len() - without.point.e.len();
-        (without.train.evidence() - current.train.evidence() + test_value(case, without) - unseen)
-            / scale
-            - k as f64 * number.ln()
-    };
+    let (scale, number) = (noise_scale(current), current.train.number());
+    let whole = Reached::new(case, current);
+    let cost = |without: &Fit| whole.gain(&Reached::new(case, without), scale, number);
     (0..without.len())
         .map(|i| (i, cost(&without[i])))
-        .filter(|(_, cost)| *cost < settings.margin)
+        .filter(|(_, cost)| *cost < settings.criteria.margin)
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .map(|(i, _)| i)
 }
@@ -76,7 +71,7 @@ mod tests {
             &directions,
             &named(both),
             at,
-            Effort::full(settings.steps),
+            Effort::full(settings.budget.steps),
         );
         let mut without = without_each(&case, &directions, &settings, &current);
         let dropped = superfluous(&case, &settings, &current, &without)?;

@@ -2,6 +2,7 @@
 
 use super::magnitude::{covariances, curvature};
 use crate::case::Case;
+use crate::criteria::Criteria;
 use crate::extended::range;
 use crate::fit::Fit;
 
@@ -9,10 +10,10 @@ use crate::fit::Fit;
 const SIDES: f64 = 1.96;
 
 /// Intervals of 95 % of the effects' parameters of a fit, within their ranges; `None` for what the records do not determine.
-pub(crate) fn intervals(case: &Case, fit: &Fit) -> Vec<Option<(f64, f64)>> {
+pub(crate) fn intervals(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Option<(f64, f64)>> {
     let size = fit.point.theta.len();
     let (_, dead) = curvature(fit);
-    let both = covariances(case, fit);
+    let both = covariances(case, criteria, fit);
     let parameters = fit.hypothesis.terms.iter();
     let parameters = parameters.flat_map(|t| t.effect.info().parameters);
     (fit.point.e.iter().zip(parameters).enumerate())
