@@ -144,6 +144,7 @@ fn simulated(
         tip: (10.0, 1.5),
         passing: vec![vec![0.0]],
         known: Default::default(),
+        outliers: Vec::new(),
     };
     let theta = vec![0.0; SIZE];
     for i in 0..case.records.len() {

@@ -9,7 +9,7 @@ use pid_runtime::signal;
 use crate::constants::{Constant, Constants};
 use crate::effect::Unit;
 use crate::extended::Known;
-use crate::nominal::{Nominal, NominalError};
+use crate::nominal::{Joint, Nominal, NominalError};
 use crate::regular;
 use crate::simulate::{Hypothesis, Run};
 
@@ -159,6 +159,86 @@ pub struct Case {
     pub passing: Vec<Vec<f64>>,
     /// Effects that the description states: part of every hypothesis, their parameters held.
     pub known: Known,
+    /// Readings that were taken for errors of the recording and left out.
+    pub outliers: Vec<Outlier>,
+}
+
+/// A channel of a joint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Channel {
+    /// Position.
+    Position,
+    /// Velocity.
+    Velocity,
+    /// Input.
+    Input,
+}
+
+/// A reading that was taken for an error of the recording ([`signal::outliers`]).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outlier {
+    /// Record.
+    pub record: String,
+    /// Joint.
+    pub joint: String,
+    /// Channel.
+    pub channel: Channel,
+    /// Its time stamp, s.
+    pub t: f64,
+}
+
+/// Share of the largest input that counts as the least deviation of an input: a commanded pulse of a few percent is no error.
+const LEAST_INPUT: f64 = 0.01;
+
+/// Deviation of a channel below which no reading is noticed: a step of the encoder or the stated noise of the reading.
+fn least_deviation(channel: Channel, joint: &Joint, x: &[f64]) -> f64 {
+    match channel {
+        Channel::Position => joint
+            .resolution
+            .unwrap_or(0.0)
+            .max(joint.position_noise.unwrap_or(0.0)),
+        Channel::Velocity => joint.velocity_noise.unwrap_or(0.0),
+        Channel::Input => {
+            let largest = x.iter().filter(|x| x.is_finite());
+            LEAST_INPUT * largest.fold(0.0, |m: f64, x| m.max(x.abs()))
+        }
+    }
+}
+
+/// One line for each channel with left-out readings: record, joint, channel, number and times.
+pub fn outlier_warnings(outliers: &[Outlier]) -> Vec<String> {
+    let mut lines = Vec::new();
+    let mut rest = outliers;
+    while let Some(first) = rest.first() {
+        let same = |o: &&Outlier| {
+            (&o.record, &o.joint, o.channel) == (&first.record, &first.joint, first.channel)
+        };
+        let count = rest.iter().take_while(same).count();
+        let (own, others) = rest.split_at(count);
+        rest = others;
+        let word = match first.channel {
+            Channel::Position => "position",
+            Channel::Velocity => "velocity",
+            Channel::Input => "input",
+        };
+        let mut times: Vec<String> = own.iter().take(5).map(|o| format!("{:.3}", o.t)).collect();
+        if count > times.len() {
+            times.push("…".to_owned());
+        }
+        let (readings, are) = if count == 1 {
+            ("reading", "leaves")
+        } else {
+            ("readings", "leave")
+        };
+        lines.push(format!(
+            "record `{}`, joint `{}`: {count} {word} {readings} {are} the motion around {} for a sample or two and count as missing, at t = {} s",
+            first.record,
+            first.joint,
+            if count == 1 { "it" } else { "them" },
+            times.join(", ")
+        ));
+    }
+    lines
 }
 
 impl Case {
@@ -199,7 +279,7 @@ impl Case {
                 VelocityKind::Absent => Velocity::Absent,
             })
             .collect();
-        let mut records = Vec::new();
+        let (mut records, mut outliers) = (Vec::new(), Vec::new());
         for e in &dataset.experiments {
             if e.len() < SHORTEST {
                 return Err(CaseError::Short {
@@ -225,24 +305,45 @@ impl Case {
             let input = |mut u: Vec<f64>| {
                 signal::fill_missing(&e.t, &mut u);
                 match &equal {
-                    Some(at) if linear => regular::readings(&e.t, &u, at),
+                    Some(at) if linear => regular::lines(&e.t, &u, at),
                     Some(at) => regular::held(&e.t, &u, at),
                     None => u,
                 }
+            };
+            let mut gated = |channel: Channel, j: usize, mut x: Vec<f64>| {
+                let least = least_deviation(channel, &nominal.joints[j], &x);
+                for k in signal::outliers(&e.t, &x, least) {
+                    x[k] = f64::NAN;
+                    outliers.push(Outlier {
+                        record: e.name.clone(),
+                        joint: nominal.joints[j].name.clone(),
+                        channel,
+                        t: e.t[k],
+                    });
+                }
+                x
             };
             let mut record = Record {
                 name: e.name.clone(),
                 role: e.role,
                 h,
                 begin: 0.0,
-                q: (0..n).map(|j| reading(column(&e.q, j))).collect(),
+                q: (0..n)
+                    .map(|j| reading(gated(Channel::Position, j, column(&e.q, j))))
+                    .collect(),
                 v: (0..n)
-                    .map(|j| {
-                        e.v.as_deref()
-                            .map_or_else(|| vec![f64::NAN; t.len()], |v| reading(column(v, j)))
+                    .map(|j| match e.v.as_deref().map(|v| column(v, j)) {
+                        // A derived velocity repeats the error of its position.
+                        Some(v) if velocity[j] == Velocity::Measured => {
+                            reading(gated(Channel::Velocity, j, v))
+                        }
+                        Some(v) => reading(v),
+                        None => vec![f64::NAN; t.len()],
                     })
                     .collect(),
-                u: (0..n).map(|j| input(column(&e.u, j))).collect(),
+                u: (0..n)
+                    .map(|j| input(gated(Channel::Input, j, column(&e.u, j))))
+                    .collect(),
                 smooth_q: Vec::new(),
                 smooth_v: Vec::new(),
             };
@@ -264,6 +365,7 @@ impl Case {
             tip: (1.0, 1.0),
             passing: Vec::new(),
             known: Known::of(&nominal.description).map_err(NominalError::from)?,
+            outliers,
             nominal,
             records,
         };

@@ -102,8 +102,14 @@ fn free_run(
     let lag: Vec<f64> = (0..n)
         .map(|j| runner.velocity_fade(j).unwrap_or(0.0))
         .collect();
-    let mut previous: Vec<f64> = (0..n).map(|j| record.q[j][k]).collect();
-    let mut filtered: Vec<f64> = (0..n).map(|j| record.v[j][k]).collect();
+    // A reading that is missing where a window starts is the smoothed one.
+    let or = |x: f64, smooth: f64| if x.is_finite() { x } else { smooth };
+    let mut previous: Vec<f64> = (0..n)
+        .map(|j| or(record.q[j][k], record.smooth_q[j][k]))
+        .collect();
+    let mut filtered: Vec<f64> = (0..n)
+        .map(|j| or(record.v[j][k], record.smooth_v[j][k]))
+        .collect();
     let mut shown = filtered.clone();
     let mut out = vec![(0.0, 0.0); n * length];
     runner.free(start, k, length, &mut |i, j, q, v| {

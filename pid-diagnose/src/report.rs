@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use pid_runtime::data::Dataset;
 use pid_runtime::dynamics::Dynamics;
 
-use crate::case::{Case, CaseError};
+use crate::case::{Case, CaseError, outlier_warnings};
 use crate::channel::{inputs, readings};
 use crate::diagnosis::{Diagnosis, Next, Share, Signals, Verdict};
 use crate::extended::extended;
@@ -125,7 +125,10 @@ impl Report {
             missing_force: place.as_ref().map_or_else(|_| Vec::new(), shares),
             left_force: left.unwrap_or_default(),
             signals: signals(&case, &evidence.base),
-            warnings: dataset.warnings.iter().map(ToString::to_string).collect(),
+            warnings: {
+                let read = dataset.warnings.iter().map(ToString::to_string);
+                read.chain(outlier_warnings(&case.outliers)).collect()
+            },
             next: next.as_ref().map(|e| Next {
                 rivals: e.rivals.clone(),
                 log_odds: e.least(),

@@ -6,12 +6,14 @@
 mod butterworth;
 mod derivative;
 mod noise;
+mod outliers;
 mod resample;
 mod state;
 
 pub use butterworth::{Biquad, Butterworth, FilterError};
 pub use derivative::central_differences;
 pub use noise::{choose_cutoff, noise_level, noise_level_without_jumps};
+pub use outliers::outliers;
 pub use resample::{Interpolation, decimate, fill_missing, resample, uniform_times};
 pub use state::{SignalError, StateEstimate, acting_inputs, low_pass_channels, state_from_data};
 
