@@ -7,11 +7,11 @@ use crate::mend;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
     /// Name of the file.
-    pub file: String,
+    pub file: Box<str>,
     /// Line, from 1.
-    pub line: usize,
+    pub line: u32,
     /// Column in characters, from 1.
-    pub column: usize,
+    pub column: u32,
 }
 
 impl Place {
@@ -20,11 +20,16 @@ impl Place {
         let before = text.get(..byte.min(text.len())).unwrap_or(text);
         let start = before.rfind('\n').map_or(0, |at| at + 1);
         Self {
-            file: file.to_owned(),
-            line: 1 + before.bytes().filter(|&b| b == b'\n').count(),
-            column: 1 + before[start..].chars().count(),
+            file: file.into(),
+            line: count(before.bytes().filter(|&b| b == b'\n').count()),
+            column: count(before[start..].chars().count()),
         }
     }
+}
+
+/// A count from 0 as a number from 1.
+fn count(before: usize) -> u32 {
+    u32::try_from(before).unwrap_or(u32::MAX).saturating_add(1)
 }
 
 impl fmt::Display for Place {
@@ -62,7 +67,7 @@ impl Mistake {
 
 /// The line with carets below the span, as far as the span goes on this line.
 fn shown(text: &str, place: &Place, span: &Range<usize>) -> String {
-    let Some(line) = text.lines().nth(place.line - 1) else {
+    let Some(line) = text.lines().nth(place.line as usize - 1) else {
         return String::new();
     };
     let marked = text
@@ -74,7 +79,7 @@ fn shown(text: &str, place: &Place, span: &Range<usize>) -> String {
     // A tab stays a tab, so that the carets stand below their part.
     let indent: String = line
         .chars()
-        .take(place.column - 1)
+        .take(place.column as usize - 1)
         .map(|c| if c == '\t' { '\t' } else { ' ' })
         .collect();
     format!(
