@@ -5,6 +5,7 @@ use std::path::Path;
 
 use pid_runtime::dynamics::ParamInfo;
 use pid_runtime::report::{Report, ReportError};
+use pid_toml::{Mistake, Source, Spanned};
 
 /// A file of parameters that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -17,10 +18,8 @@ pub(crate) enum ParameterFileError {
     #[error("{file}: {error}")]
     Report { file: String, error: ReportError },
     /// Not lines of name and value.
-    #[error(
-        "{file}: {message}\n  help: write one line `name = value` per parameter, or give a fit.json"
-    )]
-    Toml { file: String, message: String },
+    #[error("{0}\n  the form: one line `name = value` per parameter, or a fit.json")]
+    Toml(Mistake),
     /// A name that the model does not have.
     #[error("{file}: the model has no parameter `{name}`{}", hint(.nearest.as_deref()))]
     Unknown {
@@ -69,7 +68,8 @@ pub(crate) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> O
 }
 
 fn parse(file: &str, text: &str, params: &[ParamInfo]) -> Result<Vec<f64>, ParameterFileError> {
-    let named: BTreeMap<String, f64> = if text.trim_start().starts_with('{') {
+    // A value with its place; a report has no lines that one would mend.
+    let named: BTreeMap<String, (String, f64)> = if text.trim_start().starts_with('{') {
         let report = Report::from_json(text).map_err(|error| ParameterFileError::Report {
             file: file.to_owned(),
             error,
@@ -77,20 +77,21 @@ fn parse(file: &str, text: &str, params: &[ParamInfo]) -> Result<Vec<f64>, Param
         report
             .parameters
             .into_iter()
-            .map(|p| (p.name, p.value))
+            .map(|p| (p.name, (file.to_owned(), p.value)))
             .collect()
     } else {
-        toml::from_str(text).map_err(|e| ParameterFileError::Toml {
-            file: file.to_owned(),
-            message: e.to_string().trim_end().to_owned(),
-        })?
+        let source = Source::new(file, text);
+        let read: BTreeMap<String, Spanned<f64>> =
+            source.parse().map_err(ParameterFileError::Toml)?;
+        let placed = |v: Spanned<f64>| (source.place_of(&v).to_string(), v.into_inner());
+        read.into_iter().map(|(name, v)| (name, placed(v))).collect()
     };
     let mut values: Vec<f64> = params.iter().map(|p| p.nominal).collect();
-    for (name, value) in named {
+    for (name, (place, value)) in named {
         let Some(i) = params.iter().position(|p| p.name == name) else {
             let nearest = nearest(&name, params.iter().map(|p| &*p.name));
             return Err(ParameterFileError::Unknown {
-                file: file.to_owned(),
+                file: place,
                 name,
                 nearest,
             });
@@ -98,7 +99,7 @@ fn parse(file: &str, text: &str, params: &[ParamInfo]) -> Result<Vec<f64>, Param
         let info = &params[i];
         if !(info.lower..=info.upper).contains(&value) {
             return Err(ParameterFileError::OutOfBounds {
-                file: file.to_owned(),
+                file: place,
                 name,
                 value,
                 lower: info.lower,
@@ -133,7 +134,7 @@ mod tests {
         };
         let unknown = text("dry_elbw = 1.0");
         assert!(
-            unknown.contains("s.toml") && unknown.contains("did you mean `dry_elbow`"),
+            unknown.starts_with("s.toml:1:13: ") && unknown.contains("did you mean `dry_elbow`"),
             "{unknown}"
         );
         let outside = text("m1 = 600.0");
