@@ -187,9 +187,15 @@ mod tests {
                 "[wrist]\nvelocity = 1",
                 "limits.toml:1:2: the model has no joint `wrist`; it has `shoulder`, `elbow`",
             ),
-            ("[elbow]\nspeed = 1", "limits.toml:2:1: unknown field `speed`"),
+            (
+                "[elbow]\nspeed = 1",
+                "limits.toml:2:1: unknown field `speed`",
+            ),
             ("[elbo]\nvelocity = 1", "did you mean `elbow`?"),
-            ("[elbow]\nvelocity = \"1\"", "limits.toml:2:12: invalid type"),
+            (
+                "[elbow]\nvelocity = \"1\"",
+                "limits.toml:2:12: invalid type",
+            ),
             (
                 "[workspace]\nz = [0, 1]",
                 "`workspace`: invalid type: map, expected a sequence",

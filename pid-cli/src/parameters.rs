@@ -84,7 +84,9 @@ fn parse(file: &str, text: &str, params: &[ParamInfo]) -> Result<Vec<f64>, Param
         let read: BTreeMap<String, Spanned<f64>> =
             source.parse().map_err(ParameterFileError::Toml)?;
         let placed = |v: Spanned<f64>| (source.place_of(&v).to_string(), v.into_inner());
-        read.into_iter().map(|(name, v)| (name, placed(v))).collect()
+        read.into_iter()
+            .map(|(name, v)| (name, placed(v)))
+            .collect()
     };
     let mut values: Vec<f64> = params.iter().map(|p| p.nominal).collect();
     for (name, (place, value)) in named {

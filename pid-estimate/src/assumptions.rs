@@ -357,12 +357,21 @@ mod tests {
     #[test]
     fn mistakes_name_file_place_and_mend() {
         for (text, parts) in [
-            ("los = 1", ["a.toml:1:1: unknown field `los`", "did you mean `loss`?"]),
+            (
+                "los = 1",
+                ["a.toml:1:1: unknown field `los`", "did you mean `loss`?"],
+            ),
             ("loss = \"hubr\"", ["a.toml:1:8: ", "did you mean `huber`?"]),
-            ("[prior.m]\nvalue = \"1\"", ["a.toml:2:9: ", "write a number"]),
+            (
+                "[prior.m]\nvalue = \"1\"",
+                ["a.toml:2:9: ", "write a number"],
+            ),
             (
                 "[noise.shft]\nposition = 1",
-                ["a.toml:1:8: [noise.shft]", "its joints are shaft\n  help: did you mean `shaft`?"],
+                [
+                    "a.toml:1:8: [noise.shft]",
+                    "its joints are shaft\n  help: did you mean `shaft`?",
+                ],
             ),
             (
                 "[noise.shaft]\nposition = -1",

@@ -235,7 +235,10 @@ mod tests {
                 "[[record]]\nname = \"*\"\np = [1.0, 2.0]",
                 "c.toml:3:5: record `*`: p has 2 values, the model has 1",
             ),
-            ("[[record]]\nname = \"*\"", "c.toml:2:8: record `*`: p has 0 values"),
+            (
+                "[[record]]\nname = \"*\"",
+                "c.toml:2:8: record `*`: p has 0 values",
+            ),
             (
                 "[[record]]\nname = \"*\"\np = [1.0]\nlimit = [0.0]",
                 "c.toml:4:9: record `*`: limit = 0",

@@ -256,7 +256,11 @@ fn mistakes_are_named() {
             "help: did you mean `mass_rel`?",
         ),
         ("coulomb = 0.25", "", "missing field `coulomb`"),
-        ("coulomb = 0.25", "", "help: add `coulomb = …` to this table"),
+        (
+            "coulomb = 0.25",
+            "",
+            "help: add `coulomb = …` to this table",
+        ),
         (
             "com = [0.0, 0.0, -0.25]",
             "com = [0.0, -0.25]",

@@ -91,9 +91,15 @@ pub(super) fn parse(file: &str, text: &str) -> Result<Manifest, DataError> {
     if raw.experiment.is_empty() {
         return Err(nothing("experiment"));
     }
-    let names = raw.joint.iter().map(|j| (j.name.as_ref().as_str(), &j.name));
+    let names = raw
+        .joint
+        .iter()
+        .map(|j| (j.name.as_ref().as_str(), &j.name));
     twice(&source, "joint", names)?;
-    let names = raw.experiment.iter().map(|e| (stem(e.file.as_ref()), &e.file));
+    let names = raw
+        .experiment
+        .iter()
+        .map(|e| (stem(e.file.as_ref()), &e.file));
     twice(&source, "experiment", names)?;
 
     Ok(Manifest {

@@ -571,7 +571,11 @@ role = "test"
         );
         check(
             toml("\"revolute\"", "\"revolut\""),
-            &["joint `shoulder`", "type `revolut`", "did you mean `revolute`?"],
+            &[
+                "joint `shoulder`",
+                "type `revolut`",
+                "did you mean `revolute`?",
+            ],
         );
         check(toml("\"linear\"", "\"cubic\""), &["input_hold `cubic`"]);
         check(toml("kind = \"simulated\"", ""), &["dataset.toml", "kind"]);
@@ -581,7 +585,10 @@ role = "test"
         );
         check(
             toml("note =", "remark ="),
-            &["dataset.toml:26:1: unknown field `remark`", "use one of `file`"],
+            &[
+                "dataset.toml:26:1: unknown field `remark`",
+                "use one of `file`",
+            ],
         );
         check(
             toml("samples = 3", "sample = 3"),
