@@ -15,7 +15,8 @@ use crate::timing::Alignment;
 /// The page.
 pub(crate) fn page(report: &Report) -> String {
     let d = report.diagnosis();
-    let joints = report.found.case.nominal.joints.len();
+    let case = &report.found.case;
+    let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
     let page = Page {
         title: &format!("Diagnosis of {}", d.case),
         lead: html! {
@@ -93,7 +94,7 @@ fn located(report: &Report) -> Markup {
         }
         (bars("Share of the missing force per joint", &share_rows(report, place)))
         div.scroll { table {
-            tr { th { "joint" } th class="num" { "rms" } @for a in Axis::ALL { th class="num" { (a.words()) } } }
+            thead { tr { th { "joint" } th class="num" { "rms" } @for a in Axis::ALL { th class="num" { (a.words()) } } } }
             @for (j, p) in place.joints.iter().enumerate() {
                 tr {
                     td { (report.found.case.nominal.joints[j].name) }
@@ -138,7 +139,7 @@ fn signals(report: &Report) -> Markup {
             "A figure in bold differs from what is stated by four standard deviations and takes 30 % of the squares away."
         }
         div.scroll { table {
-            tr { th { "joint" } th class="num" { "input acts late by" } th class="num" { "velocity shows late by" } th class="num" { "stated" } th class="num" { "velocity over derivative" } th class="num" { "left as stated" } }
+            thead { tr { th { "joint" } th class="num" { "input acts late by" } th class="num" { "velocity shows late by" } th class="num" { "stated" } th class="num" { "velocity over derivative" } th class="num" { "left as stated" } } }
             @for s in all {
                 tr {
                     td { (name(s.joint)) }
@@ -347,7 +348,7 @@ fn remainder(d: &Diagnosis, r: &Remainder) -> Markup {
             }
         }
         div.scroll { table {
-            tr { th { "joint" } th class="num" { "share" } th class="num" { "rms of the force still missing" } th { "goes with" } th class="num" { "how far" } }
+            thead { tr { th { "joint" } th class="num" { "share" } th class="num" { "rms of the force still missing" } th { "goes with" } th class="num" { "how far" } } }
             @for m in &r.missing_force {
                 tr {
                     td { (m.joint) }
@@ -369,7 +370,7 @@ fn effect(e: &Named) -> Markup {
             p { (info.title) ": " span class="equation" { (info.equation) } ". " (info.source) "." }
         }
         div.scroll { table {
-            tr { th { "parameter" } th.num { "value" } th.num { "standard deviation" } }
+            thead { tr { th { "parameter" } th.num { "value" } th.num { "standard deviation" } } }
             @for p in &e.parameters {
                 tr {
                     td { (p.name) }
@@ -430,7 +431,7 @@ fn joints(d: &Diagnosis) -> Markup {
     let part = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{:.0} %", 100.0 * x));
     html! {
         div.scroll { table {
-            tr { th { "joint" } th class="num" { "position before" } th class="num" { "share" } th class="num" { "after" } th class="num" { "velocity before" } th class="num" { "share" } th class="num" { "after" } }
+            thead { tr { th { "joint" } th class="num" { "position before" } th class="num" { "share" } th class="num" { "after" } th class="num" { "velocity before" } th class="num" { "share" } th class="num" { "after" } } }
             @for (j, (before, after)) in rows {
                 @let share = d.gap_shares.get(j);
                 tr {
@@ -451,7 +452,7 @@ fn joints(d: &Diagnosis) -> Markup {
 fn ranking(d: &Diagnosis) -> Markup {
     html! {
         div.scroll { table {
-            tr { th { "effect" } th { "joint" } th.num { "score" } th.num { "probability" } }
+            thead { tr { th { "effect" } th { "joint" } th.num { "score" } th.num { "probability" } } }
             @for r in &d.ranking {
                 tr {
                     td { (r.effect) }
