@@ -32,11 +32,12 @@ pub(crate) fn page(report: &Report) -> String {
         footer: Footer {
             program: concat!("pid-diagnose ", env!("CARGO_PKG_VERSION")),
             data: &format!(
-                "{}, {joints} joint{}",
+                "{}, {}, {}",
                 d.case,
-                if joints == 1 { "" } else { "s" }
+                count(case.records.len(), "record"),
+                count(case.n(), "joint")
             ),
-            settings: "",
+            settings: &format!("{} refitted in full", count(d.refits, "candidate")),
             more: "diagnosis.json beside this page holds the same figures",
         },
     };

@@ -16,7 +16,7 @@ fn diagnosis_page(case: &std::path::Path) {
     let out = case.join("page");
     report.write(&out).expect("files");
     let html = std::fs::read_to_string(out.join("report.html")).expect("a page");
-    let page = pid_page::check::page(&html).unwrap_or_else(|e| panic!("{e}"));
+    let page = pid_page_check::page(&html).unwrap_or_else(|e| panic!("{e}"));
     assert!(page.plots >= 5 && page.bars == 2, "{page:?}");
     assert!(html.contains("missing force, N m</text>") || html.contains("missing force, N</text>"));
 }
@@ -57,7 +57,7 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
     let s = summary(&first);
     assert_eq!((s.false_alarms.hits, s.false_alarms.of), (0, 2));
     // The page of the study: the reliability diagram; figures, confusions and cases.
-    let page = pid_page::check::page(&to_html(&s, &first)).unwrap_or_else(|e| panic!("{e}"));
+    let page = pid_page_check::page(&to_html(&s, &first)).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!((page.plots, page.bars, page.tables), (1, 0, 3));
     diagnosis_page(&out.join("cases").join(&first[0].id));
     let mut wrong: Vec<Outcome> = first.clone();

@@ -23,8 +23,6 @@
 //! ```
 
 mod axis;
-#[cfg(any(test, feature = "check"))]
-pub mod check;
 mod date;
 mod layout;
 mod plot;

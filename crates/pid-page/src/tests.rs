@@ -1,8 +1,6 @@
 use maud::html;
 
-use crate::{
-    Axis, Bar, Footer, Ink, Legend, Page, Plot, Range, bars, check, figure, legend, table, tick,
-};
+use crate::{Axis, Bar, Footer, Ink, Legend, Page, Plot, Range, bars, figure, legend, table, tick};
 
 const FOOTER: Footer<'_> = Footer {
     program: "pid 0",
@@ -71,7 +69,7 @@ fn a_page_with_everything_is_in_order() {
             (table(&["name", "value"], &[vec!["a".into(), "1.5".into()], vec!["b".into(), "−2".into()]]))
         }
     });
-    let counted = check::page(&html).expect("in order");
+    let counted = pid_page_check::page(&html).expect("in order");
     assert_eq!((counted.plots, counted.bars, counted.tables), (1, 1, 1));
     // A line that is interrupted once is one piece of two points: the single point before draws nothing.
     assert_eq!(html.matches("<polyline").count(), 1);
@@ -93,7 +91,7 @@ fn an_interval_without_width_is_not_drawn() {
 #[test]
 fn the_check_finds_what_is_not_in_order() {
     let good = page(html! { (plot((0.0, 1.0), (0.0, 1.0)).draw()) });
-    assert!(check::page(&good).is_ok());
+    assert!(pid_page_check::page(&good).is_ok());
     for (from, to, why) in [
         ("time, s</text>", "time</text>", "axis x"),
         ("role=\"img\"", "role=\"none\"", "without words"),
@@ -102,13 +100,17 @@ fn the_check_finds_what_is_not_in_order() {
         ("x1=\"68\"", "x1=\"NaN\"", "NaN"),
     ] {
         let bad = good.replacen(from, to, 1);
-        match check::page(&bad) {
+        match pid_page_check::page(&bad) {
             Err(message) => assert!(message.contains(why), "{message}"),
             Ok(_) => assert_eq!(bad, good, "{why}"),
         }
     }
     let bare = page(html! { table { tr { td { "x" } } } });
-    assert!(check::page(&bare).unwrap_err().contains("does not scroll"));
+    assert!(
+        pid_page_check::page(&bare)
+            .unwrap_err()
+            .contains("does not scroll")
+    );
 }
 
 #[test]

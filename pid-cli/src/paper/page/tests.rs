@@ -74,7 +74,7 @@ fn findings() -> Findings {
 #[test]
 fn the_page_is_in_order() {
     let html = html(&findings());
-    let counted = pid_page::check::page(&html).unwrap_or_else(|e| panic!("{e}"));
+    let counted = pid_page_check::page(&html).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(counted.plots, 6);
     for part in [
         "objective J, dimensionless</text>",

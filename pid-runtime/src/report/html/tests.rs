@@ -142,7 +142,7 @@ fn report() -> Report {
 #[test]
 fn the_page_is_in_order_and_says_where_it_comes_from() {
     let html = report().to_html();
-    let counted = pid_page::check::page(&html).unwrap_or_else(|e| panic!("{e}"));
+    let counted = pid_page_check::page(&html).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!((counted.plots, counted.bars), (7, 0));
     for part in [
         "<h1>Cart &lt;1&gt; &amp; track</h1>",
@@ -168,6 +168,6 @@ fn an_empty_report_is_a_page_too() {
     report.findings.clear();
     report.parameters.clear();
     report.outcome.objective = None;
-    let counted = pid_page::check::page(&report.to_html()).unwrap_or_else(|e| panic!("{e}"));
+    let counted = pid_page_check::page(&report.to_html()).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(counted.plots, 0);
 }
