@@ -80,5 +80,7 @@ fn the_page_is_in_order() {
         "objective J, dimensionless</text>",
         "θ1, rad</text>",
         "<dd>pid paper --quick</dd>",
-    ] {}
+    ] {
+        assert!(html.contains(part), "{part}");
+    }
 }
