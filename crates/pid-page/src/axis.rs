@@ -71,10 +71,10 @@ impl Axis {
         if self.log {
             return self.log_ticks();
         }
-        // About five intervals: labels of seven characters fit between two of them.
-        let raw = (self.high - self.low) / 5.0;
+        // Three to six intervals: labels of seven characters fit between two of them.
+        let raw = (self.high - self.low) / 6.0;
         let power = 10f64.powf(raw.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0]
+        let step = [1.0, 2.0, 2.5, 5.0, 10.0]
             .into_iter()
             .map(|s| s * power)
             .find(|s| *s >= 0.999 * raw)
@@ -114,8 +114,8 @@ fn three_digits(x: f64) -> f64 {
 /// A label of a scale of whole steps, without rounding dust.
 fn tick_of_step(x: f64, step: f64) -> String {
     let x = (x / step).round() * step;
-    // Steps have one digit: what is smaller is dust.
-    let decimals = (-step.log10().floor()).clamp(0.0, 12.0) as usize;
+    // Steps have two digits at most: what is smaller is dust.
+    let decimals = (1.0 - step.log10().floor()).clamp(0.0, 12.0) as usize;
     tick(format!("{x:.decimals$}").parse().unwrap_or(x))
 }
 
@@ -124,8 +124,10 @@ pub fn tick(v: f64) -> String {
     let text = if v == 0.0 || v.abs() < 1e-12 {
         "0".to_owned()
     } else if v.abs() >= 1e5 || v.abs() < 1e-4 {
-        let text = format!("{v:.1e}");
-        text.replace(".0e", "e")
+        let text = format!("{v:.2e}");
+        let (digits, power) = text.split_once('e').unwrap_or((&text, "0"));
+        let digits = digits.trim_end_matches('0').trim_end_matches('.');
+        format!("{digits}e{power}")
     } else {
         let digits = (5.0 - v.abs().log10().floor()).clamp(0.0, 9.0) as usize;
         let text = format!("{v:.digits$}");

@@ -120,7 +120,8 @@ fn ticks_are_round_few_and_short() {
         (-0.031, 0.052, "−0.02 0 0.02 0.04"),
         (1.2e-5, 5.9e-5, "2e−5 3e−5 4e−5 5e−5"),
         (0.9996, 1.0003, "0.9996 0.9998 1 1.0002"),
-        (0.0, 3.0e6, "0 1e6 2e6 3e6"),
+        (0.0, 1.5e6, "0 2.5e5 5e5 7.5e5 1e6 1.25e6 1.5e6"),
+        (0.02, 5.98, "1 2 3 4 5"),
     ] {
         let ticks = Axis::new("x", "s", (low, high)).ticks();
         let labels: Vec<String> = ticks.into_iter().map(|t| t.1).collect();
