@@ -581,12 +581,12 @@ role = "test"
         check(toml("kind = \"simulated\"", ""), &["dataset.toml", "kind"]);
         check(
             toml("name = \"arm\"", "name = \"arm"),
-            &["dataset.toml:2:8: ", "  2 | name = \"arm"],
+            &["dataset.toml:2:12: ", "  2 | name = \"arm"],
         );
         check(
             toml("note =", "remark ="),
             &[
-                "dataset.toml:26:1: unknown field `remark`",
+                "dataset.toml:28:1: unknown field `remark`",
                 "use one of `file`",
             ],
         );
