@@ -9,9 +9,9 @@ use pid_diagnose::effects;
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::with_effects::{Placed, WithEffects};
 use pid_estimate::term::{LAWS, Law, Request};
-use pid_interpret::nominal::near_miss;
 use pid_runtime::data::Dataset;
 use pid_runtime::dynamics::{Dynamics, Hessian};
+use pid_toml::nearest;
 
 use crate::error::CliError;
 
@@ -66,7 +66,7 @@ impl FromStr for With {
         }
         let ids: Vec<&str> = effects::all().iter().map(|e| e.info().id).collect();
         let words = LAWS.map(Law::word);
-        let like = near_miss(word, ids.iter().copied().chain(words));
+        let like = nearest(word, ids.iter().copied().chain(words));
         Err(WithError {
             text: text.to_owned(),
             like: like.map_or(String::new(), |n| format!("did you mean `{n}`? ")),

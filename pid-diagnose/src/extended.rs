@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use pid_interpret::nominal::{
     self as description, Effect as Stated, EffectParameter, Fault, NominalError, Simulated,
-    SimulatedJoint, Written, near_miss,
+    SimulatedJoint, Written,
 };
 use pid_runtime::data::{Dataset, Role};
+use pid_toml::{Place, nearest};
 
 use crate::case::{Case, CaseError};
 use crate::effect::{Effect, Info, Parameter, Term, Unit};
@@ -64,8 +65,8 @@ fn term(
     library: &[Arc<dyn Effect>],
 ) -> Result<(Term, Vec<f64>), Fault> {
     let id = &stated.id;
-    let fault = |line, key, found: String, mend: String| Fault {
-        line,
+    let fault = |place: &Option<Place>, key, found: String, mend: String| Fault {
+        place: place.clone(),
         item: format!("effect {}", id.value),
         key,
         found,
@@ -73,11 +74,11 @@ fn term(
     };
     let ids = || library.iter().map(|e| e.info().id);
     let Some(effect) = library.iter().find(|e| e.info().id == id.value) else {
-        let like = near_miss(&id.value, ids());
+        let like = nearest(&id.value, ids());
         let like = like.map_or(String::new(), |n| format!("did you mean `{n}`? "));
         let all: Vec<&str> = ids().collect();
         let mend = format!("{like}the effects of the library are {}", all.join(", "));
-        return Err(fault(id.line, "id", format!("\"{}\"", id.value), mend));
+        return Err(fault(&id.place, "id", format!("\"{}\"", id.value), mend));
     };
     let info = effect.info();
     let joint = match (&stated.joint, info.has_joint) {
@@ -85,17 +86,17 @@ fn term(
         (None, false) => 0,
         (None, true) => {
             let mend = "name the joint it acts on, `joint = \"…\"`".to_owned();
-            return Err(fault(id.line, "joint", "absent".to_owned(), mend));
+            return Err(fault(&id.place, "joint", "absent".to_owned(), mend));
         }
         (Some(joint), false) => {
             let mend = "it acts on the whole robot; leave the key out".to_owned();
-            return Err(fault(joint.line, "joint", "given".to_owned(), mend));
+            return Err(fault(&joint.place, "joint", "given".to_owned(), mend));
         }
     };
     if effect.needs_partner() && effect.partner(joint).is_none() {
         let mend = "it acts between a joint and the one before; name a joint that has one";
         return Err(fault(
-            id.line,
+            &id.place,
             "joint",
             "the first".to_owned(),
             mend.to_owned(),
@@ -104,10 +105,15 @@ fn term(
     let names: Vec<&str> = info.parameters.iter().map(|p| p.name).collect();
     for own in &stated.parameters {
         if !names.contains(&own.name.as_str()) {
-            let like = near_miss(&own.name, names.iter().copied());
+            let like = nearest(&own.name, names.iter().copied());
             let like = like.map_or(String::new(), |n| format!("did you mean `{n}`? "));
             let mend = format!("{like}its parameters are {}", names.join(", "));
-            return Err(fault(own.value.line, "parameters", own.name.clone(), mend));
+            return Err(fault(
+                &own.value.place,
+                "parameters",
+                own.name.clone(),
+                mend,
+            ));
         }
     }
     let mut e = Vec::with_capacity(names.len());
@@ -115,7 +121,7 @@ fn term(
         let Some(own) = stated.parameters.iter().find(|own| own.name == p.name) else {
             let mend = format!("add `{} = {{ value = … }}`", p.name);
             let found = format!("without `{}`", p.name);
-            return Err(fault(id.line, "parameters", found, mend));
+            return Err(fault(&id.place, "parameters", found, mend));
         };
         e.push(value(nominal, joint, p, own, &fault)?);
     }
@@ -129,7 +135,7 @@ fn value(
     joint: usize,
     p: &Parameter,
     own: &EffectParameter,
-    fault: &dyn Fn(usize, &'static str, String, String) -> Fault,
+    fault: &dyn Fn(&Option<Place>, &'static str, String, String) -> Fault,
 ) -> Result<f64, Fault> {
     let unit = unit(nominal, joint, p);
     if let Some(stated) = &own.unit
@@ -137,7 +143,7 @@ fn value(
     {
         let mend = format!("`{}` is in {unit} here; convert the value", p.name);
         return Err(fault(
-            stated.line,
+            &stated.place,
             "unit",
             format!("\"{}\"", stated.value),
             mend,
@@ -152,7 +158,7 @@ fn value(
             (_, true, true) => format!("`{}` is from {low} to {high} {unit}", p.name),
             _ => format!("`{}` is at least {low} {unit}", p.name),
         };
-        return Err(fault(own.value.line, "value", format!("{x}"), mend));
+        return Err(fault(&own.value.place, "value", format!("{x}"), mend));
     }
     Ok(x)
 }

@@ -192,17 +192,17 @@ fn mistakes_are_named() {
         (
             "mass = 1.5",
             "mass = -1.5",
-            "nominal.toml:24: joint swing: `mass` is -1.5\n  help: a mass is positive",
+            "nominal.toml:24:8: joint swing: `mass` is -1.5\n  help: a mass is positive",
         ),
         (
             "mass = 1.5",
             "mass = nan",
-            "nominal.toml:24: joint swing: `mass` is NaN",
+            "nominal.toml:24:8: joint swing: `mass` is NaN",
         ),
         (
             "axis = [0.0, 2.0, 0.0]",
             "axis = [0.0, 0.0, 0.0]",
-            "nominal.toml:22: joint swing: `axis` is [0.0, 0.0, 0.0]",
+            "nominal.toml:22:8: joint swing: `axis` is [0.0, 0.0, 0.0]",
         ),
         (
             "0.02, 0.021, 0.003,",
@@ -212,7 +212,7 @@ fn mistakes_are_named() {
         (
             "\"revolute\"",
             "\"hinge\"",
-            "nominal.toml:21: joint swing: `type` is \"hinge\"\n  help: write one of \"revolute\", \"prismatic\"",
+            "nominal.toml:21:8: joint swing: `type` is \"hinge\"\n  help: write one of \"revolute\", \"prismatic\"",
         ),
         (
             "\"current\"",
@@ -222,7 +222,7 @@ fn mistakes_are_named() {
         (
             "name = \"slide\"",
             "name = \"swing\"",
-            "nominal.toml:40: joint 2: `name` is \"swing\"\n  help: another joint has this name",
+            "nominal.toml:40:8: joint 2: `name` is \"swing\"\n  help: another joint has this name",
         ),
         (
             "name = \"slide\"",
@@ -253,13 +253,18 @@ fn mistakes_are_named() {
         (
             "mass_rel = 0.05",
             "mass_rell = 0.05",
-            "unknown field `mass_rell`",
+            "help: did you mean `mass_rel`?",
         ),
         ("coulomb = 0.25", "", "missing field `coulomb`"),
         (
+            "coulomb = 0.25",
+            "",
+            "help: add `coulomb = …` to this table",
+        ),
+        (
             "com = [0.0, 0.0, -0.25]",
             "com = [0.0, -0.25]",
-            "nominal.toml: TOML parse error at line 25",
+            "nominal.toml:25:7: invalid length 2",
         ),
     ] {
         assert!(TEXT.contains(right), "{right}");

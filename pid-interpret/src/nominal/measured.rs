@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use toml::Spanned;
+use pid_toml::Spanned;
 
 use super::error::NominalError;
 use super::file::{

@@ -39,7 +39,7 @@ use pid_derive::model::Robot;
 pub use declared::declaration;
 pub use drives::Drives;
 pub use error::{DeclaredError, NominalError};
-pub use stated::{Effect, EffectParameter, Fault, Simulated, SimulatedJoint, Written, near_miss};
+pub use stated::{Effect, EffectParameter, Fault, Simulated, SimulatedJoint, Written};
 
 /// A nominal description.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,10 +4,10 @@
 //! library of effects.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use pid_toml::{Place, Spanned, nearest};
 use serde::Deserialize;
-use toml::Spanned;
 
 use super::error::NominalError;
 use super::file::Source;
@@ -36,19 +36,19 @@ pub struct EffectParameter {
     pub interval: Option<(f64, f64)>,
 }
 
-/// A value and the line it stands on; 0 for one that was not read from a file.
+/// A value and where it stands.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Written<T> {
     /// The value.
     pub value: T,
-    /// The line, from 1.
-    pub line: usize,
+    /// Its place; `None` for one that was not read from a file.
+    pub place: Option<Place>,
 }
 
 impl<T> Written<T> {
     /// A value that was not read from a file.
     pub fn new(value: T) -> Self {
-        Written { value, line: 0 }
+        Written { value, place: None }
     }
 }
 
@@ -111,16 +111,6 @@ pub(super) struct RawSimulated {
     fitted_records: Vec<String>,
 }
 
-/// The known name that is most like a mistyped one, as a hint.
-pub fn near_miss<'a>(found: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    // Below 0.7 names of joints and effects have little in common.
-    known
-        .map(|name| (strsim::jaro_winkler(found, name), name))
-        .filter(|(likeness, _)| *likeness > 0.7)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, name)| name)
-}
-
 /// Reads effects; `joints` are the names of the robot's joints.
 pub(super) fn effects(
     source: &Source<'_>,
@@ -136,7 +126,7 @@ fn effect(source: &Source<'_>, raw: &RawEffect, joints: &[String]) -> Result<Eff
         None => None,
         Some(name) => {
             let Some(index) = joints.iter().position(|j| j == name.get_ref()) else {
-                let like = near_miss(name.get_ref(), joints.iter().map(String::as_str));
+                let like = nearest(name.get_ref(), joints.iter().map(String::as_str));
                 let like = like.map_or(String::new(), |n| format!("did you mean `{n}`? "));
                 let mend = format!("{like}the joints of the robot are {}", joints.join(", "));
                 let found = format!("\"{}\"", name.get_ref());
@@ -178,7 +168,7 @@ fn effect(source: &Source<'_>, raw: &RawEffect, joints: &[String]) -> Result<Eff
 fn written<S, T>(source: &Source<'_>, at: &Spanned<S>, value: T) -> Written<T> {
     Written {
         value,
-        line: source.line(at),
+        place: Some(source.place(at)),
     }
 }
 
@@ -227,8 +217,8 @@ pub(super) fn simulated(
 /// An error at an effect, for those who know what it may be.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fault {
-    /// Line, from 1; 0 if it was not read from a file.
-    pub line: usize,
+    /// Where it stands; `None` if it was not read from a file.
+    pub place: Option<Place>,
     /// What it is about: `effect stribeck`.
     pub item: String,
     /// The key.
@@ -243,8 +233,11 @@ impl Fault {
     /// The error in a file.
     pub fn within(self, file: &Path) -> NominalError {
         NominalError::Value {
-            file: PathBuf::from(file),
-            line: self.line,
+            place: self.place.unwrap_or_else(|| Place {
+                file: file.display().to_string().into(),
+                line: 0,
+                column: 0,
+            }),
             item: self.item,
             key: self.key,
             found: self.found,
