@@ -1,17 +1,11 @@
 //! The next experiment: limits are kept, the expected odds come true, and what cannot be separated is said to be so.
 
-use std::path::Path;
-
 use pid_diagnose::case::Case;
 use pid_diagnose::diagnose::{Settings, investigate};
 use pid_diagnose::next::{limits, separate};
 
 fn case(name: &str) -> Option<Case> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../shared/blind/{name}"));
-    if !folder.exists() {
-        eprintln!("{name}: no practice cases beside the workspace, skipped");
-        return None;
-    }
+    let folder = pid_records::shared(&format!("blind/{name}"))?;
     Some(Case::read(&folder).expect("readable"))
 }
 

@@ -1,7 +1,5 @@
 //! Noise levels that are not stated are found from the records.
 
-use std::path::Path;
-
 use pid_diagnose::case::Case;
 use pid_diagnose::diagnose::{Settings, investigate};
 use pid_diagnose::nominal::Nominal;
@@ -9,11 +7,7 @@ use pid_runtime::data::Dataset;
 
 /// The case with and without its stated noise figures.
 fn both(name: &str) -> Option<(Case, Case)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../shared/blind/{name}"));
-    if !folder.is_dir() {
-        eprintln!("{name}: no practice cases beside the workspace, skipped");
-        return None;
-    }
+    let folder = pid_records::shared(&format!("blind/{name}"))?;
     let dataset = Dataset::read(&folder).expect("records");
     let text = std::fs::read_to_string(folder.join("nominal.toml")).expect("a description");
     let silent: Vec<&str> = text
