@@ -69,6 +69,7 @@ pub mod locate;
 pub mod next;
 pub mod noise;
 pub mod nominal;
+mod numerics;
 pub mod observer;
 mod page;
 pub mod plant;

@@ -148,7 +148,9 @@ impl Report {
         if let Ok(place) = &place {
             found.diagnosis.missing_force = shares(place);
         }
-        found.diagnosis.warnings = dataset.warnings.iter().map(ToString::to_string).collect();
+        let read = dataset.warnings.iter().map(ToString::to_string);
+        let numerical = crate::numerics::warnings(&found.case, &found.fit);
+        found.diagnosis.warnings = read.chain(numerical).collect();
         found.diagnosis.signals = signals(&case, &found.base);
         if let Some(left) = &mut found.diagnosis.remainder {
             left.missing_force = shares(&rest(&found.case, &found.fit));
