@@ -139,22 +139,13 @@ fn median(x: &mut [f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{burst, line, memory};
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::StandardNormal;
 
     fn noise(n: usize) -> Vec<f64> {
-        let mut state = 7_u64;
-        (0..n)
-            .map(|_| {
-                (0..12)
-                    .map(|_| {
-                        state = state
-                            .wrapping_mul(6_364_136_223_846_793_005)
-                            .wrapping_add(1_442_695_040_888_963_407);
-                        (state >> 11) as f64 / (1_u64 << 53) as f64
-                    })
-                    .sum::<f64>()
-                    - 6.0
-            })
-            .collect()
+        let random = ChaCha8Rng::seed_from_u64(7);
+        random.sample_iter(StandardNormal).take(n).collect()
     }
 
     #[test]
