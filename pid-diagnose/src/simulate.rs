@@ -697,8 +697,8 @@ mod tests {
         let plant = Plant::<f64>::new(&nominal, &[0.0; 6 * PER_JOINT]);
         let mut machine = Machine::new(plant, &nothing, Vec::new());
         machine.levels.fill(Some((0.5, 0.5)));
-        machine.matrix[0] = 2.0;
-        for (pull, expected) in [(0.4, 0.0), (1.5, 0.5), (-1.5, -0.5)] {
+        machine.matrix[0] = 4.0;
+        for (pull, expected) in [(0.4, 0.0), (1.5, 0.25), (-1.5, -0.25)] {
             machine.rhs[0] = pull;
             machine.solve(1);
             assert_eq!((machine.next[0], machine.unsettled), (expected, 0));
