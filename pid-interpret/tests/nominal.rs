@@ -1,7 +1,5 @@
 //! Nominal descriptions: the structure they state, tolerances, noise, and messages.
 
-use std::path::Path;
-
 use pid_interpret::Model;
 use pid_interpret::nominal::{Channel, EncoderSide, Nominal, Ranges, Role, Velocity};
 use pid_runtime::dynamics::{At, Dynamics};
