@@ -2,8 +2,8 @@
 //!
 //! Measured records are not part of the workspace: their licences differ. They lie in the folder `shared` beside the workspace, or
 //! in the folder that the environment variable `PID_SHARED` names. Where that folder is, a record that is missing fails its test.
-//! Where it is not, the test is skipped, and the skip is counted: a line in `skipped-tests.txt` in the target folder, which `.ci/run`
-//! clears before the tests and counts after them.
+//! Where it is not, the test is skipped, and the skip is counted: a line in the file that the environment variable `PID_SKIPPED`
+//! names, in `skipped-tests.txt` in the target folder otherwise. `.ci/run` ends with their number.
 
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 
 /// The environment variable with the folder of the records.
 const VARIABLE: &str = "PID_SHARED";
+/// The environment variable with the file that lists skipped tests.
+const LIST_VARIABLE: &str = "PID_SKIPPED";
 
 /// Name of the list of skipped tests in the target folder.
 pub const LIST: &str = "skipped-tests.txt";
@@ -70,11 +72,9 @@ fn count(path: &str) {
     let package = std::env::var("CARGO_PKG_NAME").unwrap_or_else(|_| binary.to_owned());
     let line = format!("{package} {test} needs ../shared/{path}\n");
     eprint!("skipped: {line}");
-    let target = program
-        .ancestors()
-        .find(|a| a.join("CACHEDIR.TAG").exists())
-        .map_or_else(std::env::temp_dir, Path::to_owned);
-    let list = target.join(LIST);
+    // Test programs lie in `deps` in the folder of their profile in the target folder.
+    let target = program.ancestors().nth(3).unwrap_or(&program);
+    let list = std::env::var_os(LIST_VARIABLE).map_or_else(|| target.join(LIST), PathBuf::from);
     let file = OpenOptions::new().create(true).append(true).open(&list);
     let written = file.and_then(|mut f| f.write_all(line.as_bytes()));
     if let Err(e) = written {
