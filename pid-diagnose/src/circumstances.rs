@@ -34,8 +34,8 @@ pub struct Circumstances {
     pub viscous: bool,
 }
 
-/// Sine of an angle below which two directions count as one.
-const PARALLEL: f64 = 1e-9;
+/// Sine of an angle below which two directions count as one: descriptions state axes to more figures.
+const PARALLEL: f64 = 1e-6;
 
 impl Circumstances {
     /// Of a described robot and one of its joints, from 0.
@@ -156,6 +156,13 @@ mod tests {
         assert_eq!(equal("input_delay", &pendulum, 0), ["sensor_delay"]);
         assert_eq!(equal("encoder_offset", &pendulum, 0), ["base_tilt"]);
         assert!(equal("payload", &pendulum, 0).is_empty());
+        // Gravity along the axis has no moment about it; a slide does not turn.
+        let text = include_str!("../tests/pendulum.toml");
+        let waist = read(&text.replace("[0.0, 0.0, -9.81]", "[0.0, -9.81, 0.0]"));
+        assert!(equal("encoder_offset", &waist, 0).is_empty());
+        assert_eq!(equal("payload", &waist, 0), ["unmodelled_rotor_inertia"]);
+        let slide = read(&text.replace("\"revolute\"", "\"prismatic\""));
+        assert!(equal("encoder_offset", &slide, 0).is_empty());
         for id in ["input_delay", "encoder_offset", "payload"] {
             assert!(equal(id, &arm, 0).is_empty(), "{id}");
         }

@@ -336,7 +336,7 @@ pub struct Diagnosis {
     /// When inputs act and readings show, joint by joint; empty if it was not looked for.
     #[serde(default)]
     pub signals: Vec<Signals>,
-    /// What reading the records found odd.
+    /// What reading the records found odd, and iterations of the verdict's fit that ended at their limit.
     #[serde(default)]
     pub warnings: Vec<String>,
     /// The motion that would separate the rivals that are left, if there are any and it was looked for.

@@ -383,6 +383,9 @@ pub fn basis_beside(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Basis {
     Basis { columns }
 }
 
+/// Rounds of [`Quadratic::minimise`]: each changes the set of bounds that hold, and a robot of six joints has some hundred of them.
+const ROUNDS: usize = 60;
+
 /// Quadratic model of the objective around a point, in (θ, e): `½ xᵀ H x + gᵀ x`, prior included.
 #[derive(Debug, Clone)]
 pub struct Quadratic {
@@ -416,12 +419,14 @@ impl Quadratic {
         Quadratic { h, g }
     }
 
-    /// Minimiser within `low ≤ x ≤ high`, by an active set on Cholesky factorizations.
-    pub fn minimise(&self, low: &DVector<f64>, high: &DVector<f64>) -> DVector<f64> {
+    /// Minimiser within `low ≤ x ≤ high`, by an active set on Cholesky factorizations; and whether it is one: otherwise the
+    /// curvature is not positive, or the active set has not settled within [`ROUNDS`], and x is a point within the bounds.
+    pub fn minimise(&self, low: &DVector<f64>, high: &DVector<f64>) -> (DVector<f64>, bool) {
         let m = self.g.len();
         let mut x = DVector::zeros(m);
         let mut held = vec![0i8; m];
-        for _ in 0..60 {
+        let mut settled = false;
+        for _ in 0..ROUNDS {
             let free: Vec<usize> = (0..m).filter(|&i| held[i] == 0).collect();
             for i in 0..m {
                 match held[i] {
@@ -471,6 +476,7 @@ impl Quadratic {
                     }
                 }
                 if !changed {
+                    settled = true;
                     break;
                 }
             }
@@ -478,7 +484,7 @@ impl Quadratic {
         for i in 0..m {
             x[i] = x[i].clamp(low[i], high[i]);
         }
-        x
+        (x, settled)
     }
 
     /// The model at x, relative to its value at 0.
@@ -521,6 +527,8 @@ pub struct Fit {
     pub quadratic: Quadratic,
     /// Steps taken.
     pub steps: usize,
+    /// Trial points of the steps that are no minimiser of their quadratic model; see [`Quadratic::minimise`].
+    pub unsettled: usize,
 }
 
 /// How much a fit may cost.
@@ -634,7 +642,7 @@ pub fn fit(
     let mut gains = all_gains(case, hypothesis, &at);
     let mut now = value(case, hypothesis, &at, &gains, Role::Train);
     let mut damping = 1e-3;
-    let mut steps = 0;
+    let (mut steps, mut unsettled) = (0, 0);
     let mut own: Option<DMatrix<f64>> = None;
     let mut borrowed = effort.slopes.is_some();
     let mut quadratic = Quadratic {
@@ -684,7 +692,8 @@ pub fn fit(
                 let k = size + i;
                 damped.h[(k, k)] += damping * quadratic.h[(k, k)] + 1e-300;
             }
-            let x = damped.minimise(&low, &high);
+            let (x, minimal) = damped.minimise(&low, &high);
+            unsettled += usize::from(!minimal);
             predicted = -2.0 * quadratic.at(&x);
             let mut next = at.clone();
             for i in 0..size {
@@ -741,6 +750,7 @@ pub fn fit(
         train: now,
         quadratic,
         steps,
+        unsettled,
     }
 }
 

@@ -185,15 +185,14 @@ fn bandwidth(case: &Case) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     #[test]
     fn independent_samples_of_a_first_order_process() {
         // x⁺ = a x + w: ρ(k) = aᵏ, κ = (1 + a)/(1 − a).
-        let mut state = 7_u64;
-        let mut uniform = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1);
-            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let mut uniform = || random.random_range(-0.5..0.5);
         for a in [0.0, 0.8, 0.95] {
             let mut x = vec![0.0];
             for k in 0..60_000 {

@@ -76,6 +76,7 @@ pub mod locate;
 pub mod next;
 pub mod noise;
 pub mod nominal;
+mod numerics;
 pub mod observer;
 mod page;
 mod plot;

@@ -371,6 +371,8 @@ pub fn correlation_ratio(within: f64, total: f64, number: f64, classes: f64) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     fn sample(v: f64, q: f64, w: f64) -> Sample {
         Sample {
@@ -402,11 +404,8 @@ mod tests {
 
     #[test]
     fn noise_is_explained_by_nothing() {
-        let mut state = 1_u64;
-        let mut uniform = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1);
-            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let mut uniform = || random.random_range(-0.5..0.5);
         let samples: Vec<Sample> = (0..3000)
             .map(|_| sample(uniform(), uniform(), uniform()))
             .collect();

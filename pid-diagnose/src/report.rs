@@ -13,6 +13,7 @@ use crate::fit::Fit;
 use crate::locate::{MissingForce, locate, residual_force};
 use crate::next::{Experiment, separate};
 use crate::nominal::Nominal;
+use crate::numerics;
 use crate::search::{Evidence, Settings, Surroundings, search};
 
 /// A file of a report cannot be written.
@@ -127,7 +128,9 @@ impl Report {
             signals: signals(&case, &evidence.base),
             warnings: {
                 let read = dataset.warnings.iter().map(ToString::to_string);
-                read.chain(outlier_warnings(&case.outliers)).collect()
+                let numerical = numerics::warnings(&evidence.case, &evidence.fit);
+                let odd = read.chain(outlier_warnings(&case.outliers));
+                odd.chain(numerical).collect()
             },
             next: next.as_ref().map(|e| Next {
                 rivals: e.rivals.clone(),

@@ -388,7 +388,8 @@ impl Reference<'_> {
             (low[size + old + i], high[size + old + i]) = limits[i];
         }
         let quadratic = crate::fit::Quadratic { h, g };
-        let x = quadratic.minimise(&low, &high);
+        // A candidate whose start is no minimiser is refitted all the same, and its refit counts.
+        let (x, _) = quadratic.minimise(&low, &high);
         let objective = r.norm_squared() + prior + 2.0 * quadratic.at(&x);
         (
             objective,

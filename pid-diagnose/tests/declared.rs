@@ -1,11 +1,10 @@
 //! Declared robots against records of robots that have a spring more: no `nominal.toml`, the same verdict as with one.
 
-mod common;
-
-use common::folder;
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
 use pid_runtime::robot;
+
+use crate::common::folder;
 
 robot! {
     /// What the engineer declares.

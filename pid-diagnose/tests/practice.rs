@@ -1,24 +1,11 @@
 //! Practice cases of an independent simulator, where they lie beside the workspace.
 
-use std::path::{Path, PathBuf};
-
 use pid_diagnose::case::Case;
 use pid_diagnose::diagnosis::{Diagnosis, Verdict};
 use pid_diagnose::search::{Settings, diagnose};
 
-fn folder(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../shared/blind")
-        .join(name);
-    if path.is_dir() {
-        return Some(path);
-    }
-    eprintln!("{name}: no practice cases beside the workspace, skipped");
-    None
-}
-
 fn run(name: &str) -> Option<Diagnosis> {
-    let case = Case::read(&folder(name)?).expect("a valid case");
+    let case = Case::read(&pid_records::shared(&format!("blind/{name}"))?).expect("a valid case");
     Some(diagnose(&case, &Settings::default()))
 }
 

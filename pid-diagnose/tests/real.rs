@@ -8,11 +8,7 @@ use pid_diagnose::search::Settings;
 
 fn run(name: &str) -> Option<Diagnosis> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let folder = root.join("../../shared/data").join(name);
-    if !folder.is_dir() {
-        eprintln!("{name}: no records beside the workspace, skipped");
-        return None;
-    }
+    let folder = pid_records::shared(&format!("data/{name}"))?;
     let nominal = root.join("robots").join(format!("{name}.toml"));
     let report = Report::of_files(&folder, &nominal, &Settings::default(), false)
         .expect("records and a description that fit each other");

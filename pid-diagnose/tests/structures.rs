@@ -1,15 +1,14 @@
 //! Robots beyond chains of driven links against records of robots with an effect more: a mimic gripper, a bare Lagrangian, a
 //! coupled wrist.
 
-mod common;
-
-use common::folder;
 use pid_diagnose::diagnosis::Diagnosis;
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
 use pid_runtime::dynamics::{Dynamics, Jacobian};
 use pid_runtime::robot;
+
+use crate::common::folder;
 
 robot! {
     /// Two fingers, one driven, the other opposite to it.

@@ -1,10 +1,8 @@
 //! A servo in closed loop and switched off: one model on both kinds of measured records.
 
-mod common;
-
 use std::ops::ControlFlow;
 
-use common::records;
+use crate::common::records;
 use pid_estimate::control::ClosedLoop;
 use pid_estimate::controllers::Controllers;
 use pid_estimate::extend::Extended;

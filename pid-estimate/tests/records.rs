@@ -1,8 +1,6 @@
 //! Measured records: residuals of regressions beside the figures in the data sets' own descriptions.
 
-mod common;
-
-use common::records;
+use crate::common::records;
 use pid_estimate::extend::Extended;
 use pid_estimate::record::Filtering;
 use pid_estimate::regress::{Options, Regression, regress};

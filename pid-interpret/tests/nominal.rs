@@ -1,7 +1,5 @@
 //! Nominal descriptions: the structure they state, tolerances, noise, and messages.
 
-use std::path::Path;
-
 use pid_interpret::Model;
 use pid_interpret::nominal::{Channel, EncoderSide, Nominal, Ranges, Role, Velocity};
 use pid_runtime::dynamics::{At, Dynamics};
@@ -298,15 +296,12 @@ fn a_branch_hangs_on_the_joint_it_names() {
 
 /// Descriptions beside the workspace, where they are.
 #[test]
-#[allow(clippy::print_stdout, reason = "a skipped test says so")]
 fn shared_descriptions_become_models() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/blind");
-    let Ok(entries) = std::fs::read_dir(&folder) else {
-        println!("skipped: ../shared/blind is not beside the workspace");
+    let Some(folder) = pid_records::shared("blind") else {
         return;
     };
     let mut read = 0;
-    for entry in entries {
+    for entry in std::fs::read_dir(&folder).unwrap() {
         let path = entry.unwrap().path().join("nominal.toml");
         if !path.exists() {
             continue;

@@ -6,27 +6,13 @@
 pub mod derivatives;
 pub mod hock_schittkowski;
 pub mod mismatched;
+pub mod net;
 pub mod two_link;
 
-use std::path::{Path, PathBuf};
-
+pub use pid_records::{beside, shared};
 use pid_runtime::data::Experiment;
 use pid_runtime::dynamics::ParamInfo;
 use pid_runtime::transcribe::Track;
-
-/// A folder of the shared records, or `None` (with a printed line) where they are absent.
-#[allow(clippy::print_stdout, reason = "a skipped test says so")]
-pub fn shared(path: &str) -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../shared")
-        .join(path);
-    if folder.exists() {
-        Some(folder)
-    } else {
-        println!("skipped: ../shared/{path} is not beside the workspace");
-        None
-    }
-}
 
 /// A window over a whole record of positions and velocities, to start from the readings, all weights one; `None` without velocities.
 pub fn recorded(e: &Experiment) -> Option<Track> {

@@ -148,23 +148,13 @@ fn median(x: &mut [f64]) -> f64 {
 mod tests {
     use super::{LAGS, burst, frequencies, line, memory, window};
     use crate::criteria::Criteria;
-    use crate::gap::Normal;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::StandardNormal;
 
     fn noise(n: usize) -> Vec<f64> {
-        let mut state = 7_u64;
-        (0..n)
-            .map(|_| {
-                (0..12)
-                    .map(|_| {
-                        state = state
-                            .wrapping_mul(6_364_136_223_846_793_005)
-                            .wrapping_add(1_442_695_040_888_963_407);
-                        (state >> 11) as f64 / (1_u64 << 53) as f64
-                    })
-                    .sum::<f64>()
-                    - 6.0
-            })
-            .collect()
+        let random = ChaCha8Rng::seed_from_u64(7);
+        random.sample_iter(StandardNormal).take(n).collect()
     }
 
     #[test]
@@ -202,9 +192,9 @@ mod tests {
 
     /// Share of series of n samples of white noise with a property; fixed seed.
     fn share_of(series: usize, n: usize, property: impl Fn(&[f64]) -> bool) -> f64 {
-        let mut random = Normal::new(0x1e57);
+        let mut random = ChaCha8Rng::seed_from_u64(0x1e57);
         let hits = (0..series).filter(|_| {
-            let x: Vec<f64> = (0..n).map(|_| random.next()).collect();
+            let x: Vec<f64> = (0..n).map(|_| random.sample(StandardNormal)).collect();
             property(&x)
         });
         hits.count() as f64 / series as f64

@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut scheme = Scheme::ExplicitEuler;
     let mut scaling = false;
     let mut prepare = Prepare::Everything;
-    let mut folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared"));
+    let mut folder = pid_tests::beside("");
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         match arg.as_str() {

@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut nodes = vec![1, 2, 3, 5, 10, 20, 50, 100, 200, 300, 301];
     let (mut count, mut curvature, mut lift) = (10, Curvature::Exact, None);
     let mut prepare = Prepare::Everything;
-    let mut folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared"));
+    let mut folder = pid_tests::beside("");
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         let mut value = || args.next().ok_or(format!("{arg} takes a value"));
