@@ -95,6 +95,20 @@ impl Law {
         }
     }
 
+    /// Identifier of the effect of the library whose linear form it is; `None` for a law that every model may have.
+    pub fn effect(self) -> Option<&'static str> {
+        match self {
+            Law::Armature => Some("unmodelled_rotor_inertia"),
+            Law::Offset => Some("current_offset"),
+            Law::Asymmetric => Some("coulomb_asymmetry"),
+            Law::Stribeck => Some("stribeck"),
+            Law::Load => Some("load_dependent_friction"),
+            Law::Quadratic => Some("quadratic_drag"),
+            Law::Presliding => Some("presliding_hysteresis"),
+            Law::Viscous | Law::Coulomb | Law::Saturating => None,
+        }
+    }
+
     /// Whether φ has a shape parameter, a velocity.
     pub fn has_shape(self) -> bool {
         matches!(self, Law::Stribeck | Law::Saturating)
@@ -263,7 +277,7 @@ impl FromStr for Request {
         };
         let law = LAWS
             .into_iter()
-            .find(|law| law.word() == word.trim())
+            .find(|law| law.word() == word.trim() || law.effect() == Some(word.trim()))
             .ok_or_else(error)?;
         Ok(Self { law, place })
     }

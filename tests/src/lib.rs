@@ -7,25 +7,10 @@ pub mod derivatives;
 pub mod mismatched;
 pub mod two_link;
 
-use std::path::{Path, PathBuf};
-
 use pid_data::Experiment;
 use pid_fit::transcribe::Track;
+pub use pid_records::{beside, shared};
 use pid_runtime::dynamics::ParamInfo;
-
-/// A folder of the shared records, or `None` (with a printed line) where they are absent.
-#[allow(clippy::print_stdout, reason = "a skipped test says so")]
-pub fn shared(path: &str) -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../shared")
-        .join(path);
-    if folder.exists() {
-        Some(folder)
-    } else {
-        println!("skipped: ../shared/{path} is not beside the workspace");
-        None
-    }
-}
 
 /// A window over a whole record of positions and velocities, to start from the readings, all weights one; `None` without velocities.
 pub fn recorded(e: &Experiment) -> Option<Track> {

@@ -14,6 +14,7 @@ use pid_runtime::dynamics::{
 use pid_runtime::lanes::{Lane, LanesAt};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 /// Inputs at a time from what is measured: (t, q, v, gains) → u.
 pub type Control = dyn Fn(f64, &[f64], &[f64], &[f64]) -> Vec<f64>;
@@ -253,10 +254,7 @@ pub fn record(
     };
     let mut simulator = Simulator::with_derivatives(model, loose);
     let mut random = ChaCha8Rng::seed_from_u64(7);
-    let mut gaussian = || -> f64 {
-        let (a, b): (f64, f64) = (random.random(), random.random());
-        (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
-    };
+    let mut gaussian = || -> f64 { random.sample(StandardNormal) };
     let (mut q, mut v) = (vec![0.0; nq], vec![0.0; nq]);
     if nq == 6 {
         (0..nq).for_each(|j| [q[j], v[j], _] = reference(0.0, j));

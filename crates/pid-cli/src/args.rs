@@ -6,7 +6,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use pid_data::{Horizon, ParseHorizonError};
 use pid_fit::regress::unknowns::Payload;
 use pid_fit::transcribe::{Loss, Scheme};
-use pid_runtime::term::Request;
+
+use crate::with::With;
 
 /// Identify the parameters of a robot from its records, and see where model and robot differ.
 ///
@@ -103,12 +104,13 @@ pub(crate) struct Source {
     /// With --urdf: a rotor inertia per joint is identified.
     #[arg(long, requires = "urdf")]
     pub(crate) armature: bool,
-    /// Force law that the model lacks, at every joint (`stribeck`), one joint (`stribeck:elbow`) or a motor of two joints
-    /// (`viscous:j5+j6`); may be repeated. Laws: armature, offset, viscous, coulomb, asymmetric (viscous friction that
+    /// Effect of the library (as `simtrue diagnose` names them) that the model lacks, at every joint (`stribeck`) or one joint
+    /// (`stribeck:elbow`); may be repeated. Regressions take its linear form. Or a force law that is linear in a coefficient,
+    /// at a joint or a motor of two joints (`viscous:j5+j6`). Laws: armature, offset, viscous, coulomb, asymmetric (viscous friction that
     /// differs between the directions), stribeck, saturating, load (friction with the drive's torque), quadratic,
     /// presliding (friction that builds up over a displacement; regressions only).
     #[arg(long = "with", value_name = "TERM", conflicts_with_all = ["urdf", "nominal"])]
-    pub(crate) terms: Vec<Request>,
+    pub(crate) terms: Vec<With>,
     /// Factors from the input columns to the torque or force at the joints (N·m/A for currents), one per joint, separated by
     /// commas; the columns then count as torques or forces.
     #[arg(long, value_name = "K1,K2,…", value_delimiter = ',', value_parser = finite)]

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use pid_data::Dataset;
-use pid_diagnose::diagnose::{Diagnosis, Settings};
+use pid_diagnose::diagnosis::{Diagnosis, Verdict};
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::report::Report;
+use pid_diagnose::search::Settings;
 
 use crate::error::CliError;
 use crate::source::Subject;
@@ -64,10 +65,10 @@ fn sentence(d: &Diagnosis, dataset: &Dataset) -> String {
         .iter()
         .map(|e| format!("{}{}", e.effect, place(e.joint)))
         .collect();
-    let what = match (named.is_empty(), d.effect.as_str()) {
-        (true, "none") => "no effect of the library is missing".to_owned(),
+    let what = match (named.is_empty(), &d.verdict) {
+        (true, Verdict::Nothing) => "no effect of the library is missing".to_owned(),
         (true, _) => "no effect of the library explains what is missing".to_owned(),
-        (false, "unknown") => format!("{} explains a part; {gap}", named.join(" and ")),
+        (false, Verdict::Unknown) => format!("{} explains a part; {gap}", named.join(" and ")),
         (false, _) => format!("{}; {gap}", named.join(" and ")),
     };
     format!(
@@ -93,7 +94,8 @@ mod tests {
         let (subject, dataset) = source::load(&args.source).unwrap();
         let cause = Cause::find(&subject, &dataset).unwrap();
         let found = cause.report.diagnosis();
-        assert_eq!((found.effect.as_str(), found.joint), ("stribeck", Some(2)));
+        assert_eq!(found.verdict.word(), "stribeck");
+        assert_eq!(found.verdict.joint(), Some(2));
         assert!(
             cause.sentence.contains("stribeck at joint elbow; the gap"),
             "{}",

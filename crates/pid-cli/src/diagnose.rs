@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use pid_diagnose::diagnose::{Diagnosis, Settings};
-use pid_diagnose::report::{Report, Share};
+use pid_diagnose::diagnosis::{Diagnosis, Share};
+use pid_diagnose::report::Report;
+use pid_diagnose::search::Settings;
 use pid_runtime::dynamics::Hessian;
 use rayon::prelude::*;
 
@@ -106,14 +107,14 @@ fn one(
         (None, None) => Report::of_folder(folder, &settings, args.next)?,
     };
     report.write(out)?;
-    Ok(report.found.diagnosis)
+    Ok(report.diagnosis)
 }
 
 /// A few lines for the terminal.
 pub(crate) fn summary(d: &Diagnosis) -> String {
     let mut text = format!("{}: ", d.case);
-    text.push_str(&d.effect);
-    if let Some(j) = d.joint {
+    text.push_str(d.verdict.word());
+    if let Some(j) = d.verdict.joint() {
         text.push_str(&format!(" at joint {j}"));
     }
     text.push_str(&format!(

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use pid_data::DataError;
 use pid_diagnose::case::CaseError;
 use pid_diagnose::report::WriteError;
+use pid_diagnose::with_effects::EffectError;
 use pid_fit::excite::ExciteError;
 use pid_fit::gap::force::MissingForceError;
 use pid_fit::gap::metrics::FreeRunError;
@@ -87,6 +88,18 @@ pub(crate) enum CliError {
         "--with {term}: friction with a memory needs a state that this command does not simulate\n  help: `simtrue regress` has it from the recorded positions; `simtrue diagnose` simulates it (`presliding_hysteresis`)"
     )]
     Memory { term: String },
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    #[error(
+        "--with {effect}: the effect is not linear in a coefficient\n  help: `simtrue identify` takes it; regressions take {laws}"
+    )]
+    NoLinearForm { effect: String, laws: String },
+    #[error("--with {effect}:{joint}: the model has no joint `{joint}`; its joints are {joints}")]
+    NoJoint {
+        effect: String,
+        joint: String,
+        joints: String,
+    },
     #[error("--velocity-lag needs one of the models that `simtrue models` lists")]
     LagOfFile,
     #[error(

@@ -1,6 +1,7 @@
 //! What the figures say, in sentences.
 
 use pid_data::{Horizon, Role};
+use pid_diagnose::locate::correlation_ratio;
 use pid_fit::gap::metrics::FreeRunScore;
 use pid_report::{Direction, ForceBin, MissingForce, ParameterRow};
 
@@ -123,7 +124,7 @@ fn friction(f: &MissingForce, unit: &str) -> String {
     )
 }
 
-/// Share of the variance that lies between the classes.
+/// Share of the variance that lies between the classes, adjusted for their number.
 fn explained(bins: &[ForceBin]) -> f64 {
     let n: f64 = bins.iter().map(|b| b.count as f64).sum();
     if n == 0.0 {
@@ -138,11 +139,7 @@ fn explained(bins: &[ForceBin]) -> f64 {
         .iter()
         .map(|b| b.spread * b.spread * b.count as f64)
         .sum();
-    if between + within > 0.0 {
-        between / (between + within)
-    } else {
-        0.0
-    }
+    correlation_ratio(within, between + within, n, bins.len() as f64)
 }
 
 /// How the error on unseen records compares with that on fitted ones, at the longest horizon below the whole record. All test

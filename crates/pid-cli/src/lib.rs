@@ -53,6 +53,7 @@ pub mod progress;
 mod regress;
 mod simulate;
 mod source;
+mod with;
 
 use std::process::ExitCode;
 

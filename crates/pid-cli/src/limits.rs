@@ -7,6 +7,7 @@ use pid_fit::excite::{Limits, Workspace};
 use pid_interpret::Kinematics;
 use pid_interpret::kinematics::Point;
 use pid_runtime::dynamics::Hessian;
+use pid_toml::{Mistake, Place, Source};
 use serde::Deserialize;
 
 use crate::error::CliError;
@@ -55,18 +56,20 @@ pub(crate) struct LimitFile {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub(crate) enum LimitsError {
-    #[error("{file}: {message}\n  help: write `[joint]` and below it `velocity = 2.0`")]
-    Toml { file: String, message: String },
-    #[error("{file}: the model has no joint `{name}`; it has {found}")]
+    #[error("{0}\n  the form: `[joint]` and below it `velocity = 2.0`")]
+    Toml(Mistake),
+    #[error("{place}: the model has no joint `{name}`; it has {found}\n  help: {mend}")]
     Unknown {
-        file: String,
+        place: Place,
         name: String,
         found: String,
+        mend: String,
     },
     #[error(
-        "{file}: `{WORKSPACE}`: {message}\n  help: write `[[{WORKSPACE}]]` and below it `link = \"forearm\"` and `z = [0.1, inf]`"
+        "{}: `{WORKSPACE}`: {}{}\n  help: write `[[{WORKSPACE}]]` and below it `link = \"forearm\"` and `z = [0.1, inf]`",
+        .0.place, .0.message, .0.shown
     )]
-    Workspace { file: String, message: String },
+    Workspace(Mistake),
 }
 
 impl LimitFile {
@@ -79,40 +82,34 @@ impl LimitFile {
             path: path.to_owned(),
             error,
         })?;
-        let file = || path.display().to_string();
-        let malformed = |e: toml::de::Error| LimitsError::Toml {
-            file: file(),
-            message: e.to_string(),
-        };
-        let mut all: toml::Table = toml::from_str(&text).map_err(malformed)?;
-        let joint = |name: &str| model.joints().iter().any(|j| j.name == name);
-        let boxes = match all.remove(WORKSPACE) {
-            // A joint may have this name.
-            Some(table @ toml::Value::Table(_)) if joint(WORKSPACE) => {
-                all.insert(WORKSPACE.to_owned(), table);
-                Vec::new()
+        let name = path.display().to_string();
+        Ok(Self::parse(&Source::new(&name, &text), model)?)
+    }
+
+    fn parse(source: &Source<'_>, model: &dyn Hessian) -> Result<Self, LimitsError> {
+        let names = || model.joints().iter().map(|j| j.name.as_ref());
+        let joint = |name: &str| names().any(|j| j == name);
+        let mut read = Self::default();
+        for item in source.tables().map_err(LimitsError::Toml)? {
+            let name = item.key.as_ref().clone();
+            // A joint may have the name of the boxes.
+            if name == WORKSPACE && !(item.is_table() && joint(WORKSPACE)) {
+                read.boxes = source.read(item).map_err(LimitsError::Workspace)?;
+                continue;
             }
-            Some(boxes) => {
-                boxes
-                    .try_into()
-                    .map_err(|e: toml::de::Error| LimitsError::Workspace {
-                        file: file(),
-                        message: e.message().to_owned(),
-                    })?
+            if !joint(&name) {
+                let found: Vec<String> = names().map(|j| format!("`{j}`")).collect();
+                return Err(LimitsError::Unknown {
+                    place: source.place_of(&item.key),
+                    mend: pid_toml::one_of(&name, names()),
+                    name,
+                    found: found.join(", "),
+                });
             }
-            None => Vec::new(),
-        };
-        if let Some(name) = all.keys().find(|name| !joint(name)) {
-            let joints = model.joints().iter();
-            let found: Vec<String> = joints.map(|j| format!("`{}`", j.name)).collect();
-            return Err(CliError::Limits(LimitsError::Unknown {
-                file: file(),
-                name: name.clone(),
-                found: found.join(", "),
-            }));
+            let limits = source.read(item).map_err(LimitsError::Toml)?;
+            read.joints.insert(name, limits);
         }
-        let joints = all.try_into().map_err(malformed)?;
-        Ok(Self { joints, boxes })
+        Ok(read)
     }
 
     /// Positions of the limited points; `None` without any.
@@ -188,9 +185,17 @@ mod tests {
         for (text, message) in [
             (
                 "[wrist]\nvelocity = 1",
-                "no joint `wrist`; it has `shoulder`, `elbow`",
+                "limits.toml:1:2: the model has no joint `wrist`; it has `shoulder`, `elbow`",
             ),
-            ("[elbow]\nspeed = 1", "unknown field `speed`"),
+            (
+                "[elbow]\nspeed = 1",
+                "limits.toml:2:1: unknown field `speed`",
+            ),
+            ("[elbo]\nvelocity = 1", "did you mean `elbow`?"),
+            (
+                "[elbow]\nvelocity = \"1\"",
+                "limits.toml:2:12: invalid type",
+            ),
             (
                 "[workspace]\nz = [0, 1]",
                 "`workspace`: invalid type: map, expected a sequence",

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use pid_report::{Report, ReportError};
 use pid_runtime::dynamics::ParamInfo;
+use pid_toml::{Mistake, Source, Spanned};
 
 /// A file of parameters that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -17,10 +18,8 @@ pub(crate) enum ParameterFileError {
     #[error("{file}: {error}")]
     Report { file: String, error: ReportError },
     /// Not lines of name and value.
-    #[error(
-        "{file}: {message}\n  help: write one line `name = value` per parameter, or give a fit.json"
-    )]
-    Toml { file: String, message: String },
+    #[error("{0}\n  the form: one line `name = value` per parameter, or a fit.json")]
+    Toml(Mistake),
     /// A name that the model does not have.
     #[error("{file}: the model has no parameter `{name}`{}", hint(.nearest.as_deref()))]
     Unknown {
@@ -68,29 +67,55 @@ pub(crate) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> O
         .map(|(_, n)| n.to_owned())
 }
 
-fn parse(file: &str, text: &str, params: &[ParamInfo]) -> Result<Vec<f64>, ParameterFileError> {
-    let named: BTreeMap<String, f64> = if text.trim_start().starts_with('{') {
+/// A named value with the places of both; a report has no lines that one would mend, so its file is the place.
+struct Named {
+    name: String,
+    key: String,
+    place: String,
+    value: f64,
+}
+
+fn named(file: &str, text: &str) -> Result<Vec<Named>, ParameterFileError> {
+    if text.trim_start().starts_with('{') {
         let report = Report::from_json(text).map_err(|error| ParameterFileError::Report {
             file: file.to_owned(),
             error,
         })?;
-        report
-            .parameters
-            .into_iter()
-            .map(|p| (p.name, p.value))
-            .collect()
-    } else {
-        toml::from_str(text).map_err(|e| ParameterFileError::Toml {
-            file: file.to_owned(),
-            message: e.to_string().trim_end().to_owned(),
-        })?
+        let parameters = report.parameters.into_iter();
+        return Ok(parameters
+            .map(|p| Named {
+                name: p.name,
+                key: file.to_owned(),
+                place: file.to_owned(),
+                value: p.value,
+            })
+            .collect());
+    }
+    let source = Source::new(file, text);
+    let read: BTreeMap<Spanned<String>, Spanned<f64>> =
+        source.parse().map_err(ParameterFileError::Toml)?;
+    let one = |(name, value): (Spanned<String>, Spanned<f64>)| Named {
+        key: source.place_of(&name).to_string(),
+        place: source.place_of(&value).to_string(),
+        name: name.into_inner(),
+        value: value.into_inner(),
     };
+    Ok(read.into_iter().map(one).collect())
+}
+
+fn parse(file: &str, text: &str, params: &[ParamInfo]) -> Result<Vec<f64>, ParameterFileError> {
     let mut values: Vec<f64> = params.iter().map(|p| p.nominal).collect();
-    for (name, value) in named {
+    for Named {
+        name,
+        key,
+        place,
+        value,
+    } in named(file, text)?
+    {
         let Some(i) = params.iter().position(|p| p.name == name) else {
             let nearest = nearest(&name, params.iter().map(|p| &*p.name));
             return Err(ParameterFileError::Unknown {
-                file: file.to_owned(),
+                file: key,
                 name,
                 nearest,
             });
@@ -98,7 +123,7 @@ fn parse(file: &str, text: &str, params: &[ParamInfo]) -> Result<Vec<f64>, Param
         let info = &params[i];
         if !(info.lower..=info.upper).contains(&value) {
             return Err(ParameterFileError::OutOfBounds {
-                file: file.to_owned(),
+                file: place,
                 name,
                 value,
                 lower: info.lower,
@@ -133,12 +158,12 @@ mod tests {
         };
         let unknown = text("dry_elbw = 1.0");
         assert!(
-            unknown.contains("s.toml") && unknown.contains("did you mean `dry_elbow`"),
+            unknown.starts_with("s.toml:1:1: ") && unknown.contains("did you mean `dry_elbow`"),
             "{unknown}"
         );
         let outside = text("m1 = 600.0");
         assert!(
-            outside.contains("`m1` = 600") && outside.contains("0.6 … 60 kg"),
+            outside.starts_with("s.toml:1:6: `m1` = 600") && outside.contains("0.6 … 60 kg"),
             "{outside}"
         );
         assert!(text("m1 = nan").contains("`m1` = NaN"));

@@ -16,6 +16,7 @@ use serde_json::{Value, json};
 use crate::args::{CutoffArg, JointWeightsArg, RegressArgs, RegressMethodArg};
 use crate::error::{CliError, make_folder, write};
 use crate::progress::Progress;
+use crate::with::{self, With};
 use crate::{assume, output, parameters, source};
 
 /// Spread over the records above which a combination counts as one on which they disagree.
@@ -29,8 +30,9 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     let private = std::mem::take(&mut wanted.private);
     // Friction with a memory takes states that are worked out from the records.
     let terms = std::mem::take(&mut wanted.terms);
-    let (remembering, terms): (Vec<Request>, Vec<Request>) =
-        terms.into_iter().partition(|t| t.law.has_memory());
+    let (remembering, terms): (Vec<With>, Vec<With>) =
+        (terms.into_iter()).partition(|t| t.law.as_ref().is_some_and(|l| l.law.has_memory()));
+    let remembering = with::laws(&remembering)?;
     wanted.terms = terms;
     if !wanted.velocity_lag.is_empty() {
         return Err(CliError::LagOfRegression);

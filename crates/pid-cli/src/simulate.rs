@@ -1,20 +1,35 @@
 //! `simtrue simulate`: a model with given parameters against the records.
 
+use std::path::Path;
 use std::time::Instant;
 
+use pid_data::Dataset;
+use pid_diagnose::extended::free_run_gap;
+use pid_diagnose::nominal::Nominal;
+use pid_interpret::nominal as description;
 use pid_report::{Setting, Verdict};
 
 use crate::args::SimulateArgs;
 use crate::assemble::{Fit, assemble};
 use crate::error::CliError;
 use crate::progress::Progress;
-use crate::{parameters, source};
+use crate::{output, parameters, source};
 
 /// Runs the command; the exit code.
 pub(crate) fn run(args: &SimulateArgs) -> Result<u8, CliError> {
     let started = Instant::now();
     let progress = Progress::start("reading the data");
-    let (entry, dataset) = source::load(&args.source)?;
+    let extended = gap_with_effects(args)?;
+    let (entry, dataset) = match source::load(&args.source) {
+        // The diagnosis's simulator takes effects that equations of motion do not.
+        Err(CliError::Effect(obstacle)) if extended.is_some() => {
+            drop(progress);
+            output::print(&extended.unwrap_or_default());
+            output::print(&format!("no report on equations of motion: {obstacle}\n"));
+            return Ok(0);
+        }
+        loaded => loaded?,
+    };
     let params = entry.model().params();
     let (values, origin) = match &args.parameters {
         Some(file) => (parameters::read(file, params)?, file.display().to_string()),
@@ -50,5 +65,37 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<u8, CliError> {
     report.outcome.seconds = started.elapsed().as_secs_f64();
     drop(progress);
     source::deliver(&report, &args.source.out)?;
+    output::print(&extended.unwrap_or_default());
     Ok(0)
+}
+
+/// The free-run gap by the simulator of `simtrue diagnose`, in words, of a nominal description with effects.
+fn gap_with_effects(args: &SimulateArgs) -> Result<Option<String>, CliError> {
+    let (Some(file), Some(folder)) = (&args.source.nominal, &args.source.model) else {
+        return Ok(None);
+    };
+    let nominal = description::Nominal::read(file)?;
+    if nominal.effects().is_empty() && nominal.simulated().is_none() {
+        return Ok(None);
+    }
+    let names: Vec<String> = nominal
+        .effects()
+        .iter()
+        .map(|e| e.id.value.clone())
+        .collect();
+    let dataset = Dataset::read(Path::new(folder))?;
+    let gap = free_run_gap(Nominal::new(nominal), &dataset)?;
+    let with = match names.is_empty() {
+        true => "no effect".to_owned(),
+        false => names.join(", "),
+    };
+    let joints = gap.joints.iter().enumerate().map(|(j, (q, v))| {
+        let velocity = v.map_or(String::new(), |v| format!(", velocity {v:.4}"));
+        format!("  joint {}: position {q:.4}{velocity}\n", j + 1)
+    });
+    Ok(Some(format!(
+        "free-run gap by the simulator of the diagnosis, with {with}: {:.4}\n{}",
+        gap.total,
+        joints.collect::<String>()
+    )))
 }

@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use pid_data::{Dataset, InputHold, InputQuantity};
+use pid_diagnose::nominal::Nominal as Simulated;
+use pid_diagnose::with_effects::{Placed, WithEffects, with_masses};
 use pid_fit::wrap::controllers::{ControlError, Controllers};
 use pid_fit::wrap::lag::Lagging;
 use pid_fit::wrap::private::PerRecord;
@@ -17,6 +19,7 @@ use pid_urdf::{Description, Inertias, Options};
 
 use crate::args::{HoldArg, InertiasArg, Source};
 use crate::error::{CliError, make_folder, write};
+use crate::with::{self, With};
 use crate::{demo, models, output};
 
 /// A model, and what to call it.
@@ -36,7 +39,8 @@ enum Origin {
     /// With the records as they were read.
     Lagging(Box<(Lagging<'static>, Dataset)>),
     Urdf(Box<FromUrdf>),
-    Nominal(Box<(Model, Nominal)>),
+    Nominal(Box<(Box<dyn Hessian>, Nominal)>),
+    WithEffects(Box<dyn Hessian>),
 }
 
 /// A robot read from a URDF.
@@ -55,7 +59,8 @@ impl Subject {
             Origin::PerRecord(model) => model.as_ref(),
             Origin::Lagging(lagging) => &lagging.0,
             Origin::Urdf(urdf) => &urdf.model,
-            Origin::Nominal(nominal) => &nominal.0,
+            Origin::Nominal(nominal) => nominal.0.as_ref(),
+            Origin::WithEffects(model) => model.as_ref(),
         }
     }
 
@@ -84,7 +89,16 @@ impl Subject {
 
     fn from_nominal(file: &Path) -> Result<Self, CliError> {
         let nominal = Nominal::read(file)?;
-        let model = Model::new(nominal.robot())?;
+        let effects = Placed::of(&nominal)?;
+        let (robot, effects) = match effects.is_empty() {
+            true => (nominal.robot().clone(), effects),
+            false => with_masses(&Simulated::new(nominal.clone()), effects),
+        };
+        let model: Box<dyn Hessian> = Box::new(Model::new(&robot)?);
+        let model: Box<dyn Hessian> = match effects.is_empty() {
+            true => model,
+            false => Box::new(WithEffects::new(model, &effects)?),
+        };
         let dims = model.dims();
         Ok(Self {
             name: model.name().to_owned(),
@@ -169,16 +183,23 @@ pub(crate) fn controllers(file: &Path, joints: usize) -> Result<Controllers, Cli
 
 /// The model and the data asked for, or the embedded ones; checked against each other. With controllers the loop is closed.
 pub(crate) fn load(source: &Source) -> Result<(Subject, Dataset), CliError> {
-    load_with(source, source.controller.as_deref())
+    load_with(source, source.controller.as_deref(), false)
 }
 
-/// As [`load`], with the recorded inputs whatever controllers there are.
+/// As [`load`], with the recorded inputs whatever controllers there are, and effects in their linear form.
 pub(crate) fn load_open(source: &Source) -> Result<(Subject, Dataset), CliError> {
-    load_with(source, None)
+    load_with(source, None, true)
 }
 
-fn load_with(source: &Source, controller: Option<&Path>) -> Result<(Subject, Dataset), CliError> {
-    if let Some(term) = source.terms.iter().find(|t| t.law.has_memory()) {
+fn load_with(
+    source: &Source,
+    controller: Option<&Path>,
+    linear: bool,
+) -> Result<(Subject, Dataset), CliError> {
+    let (effects, others): (Vec<With>, Vec<With>) =
+        (source.terms.iter().cloned()).partition(|t| !linear && t.effect.is_some());
+    let terms = with::laws(&others)?;
+    if let Some(term) = terms.iter().find(|t| t.law.has_memory()) {
         return Err(CliError::Memory {
             term: term.to_string(),
         });
@@ -205,7 +226,7 @@ fn load_with(source: &Source, controller: Option<&Path>) -> Result<(Subject, Dat
         }
         (_, model, folder) => {
             let name = model.as_deref().unwrap_or(demo::MODEL);
-            (Subject::compiled(name, &source.terms)?, folder.as_deref())
+            (Subject::compiled(name, &terms)?, folder.as_deref())
         }
     };
     let dataset = match (folder, description) {
@@ -227,6 +248,7 @@ fn load_with(source: &Source, controller: Option<&Path>) -> Result<(Subject, Dat
     match controller {
         Some(file) => {
             let controllers = controllers(file, dataset.nq())?;
+            let open = dataset.clone();
             dataset = merge(
                 controllers.close(dataset)?,
                 also.into_iter()
@@ -234,11 +256,20 @@ fn load_with(source: &Source, controller: Option<&Path>) -> Result<(Subject, Dat
                     .collect::<Result<_, _>>()?,
             )?;
             let model = models::by_name(&subject.name)?.model;
-            let extended = Extended::new(model, &source.terms)?;
-            let closed = ClosedLoop::new(Box::new(extended)).map_err(ControlError::from)?;
+            let extended = Extended::new(model, &terms)?;
+            let inner = with::extended(Box::new(extended), &effects, (model, &open))?;
+            let closed = ClosedLoop::new(inner).map_err(ControlError::from)?;
             subject.origin = Origin::Closed(Box::new(closed));
         }
-        None => dataset = merge(dataset, also)?,
+        None => {
+            dataset = merge(dataset, also)?;
+            if !effects.is_empty() {
+                let inner = boxed(subject.origin).ok_or(CliError::PrivateOfFile)?;
+                let declared = models::by_name(&subject.name)?.model;
+                let records = (declared as &dyn Dynamics, &dataset);
+                subject.origin = Origin::WithEffects(with::extended(inner, &effects, records)?);
+            }
+        }
     }
     if !source.private.is_empty() {
         let inner = boxed(subject.origin).ok_or(CliError::PrivateOfFile)?;
@@ -269,6 +300,7 @@ fn boxed(origin: Origin) -> Option<Box<dyn Hessian>> {
         Origin::Extended(model) => model,
         Origin::Closed(model) => model,
         Origin::PerRecord(model) => model,
+        Origin::WithEffects(model) => model,
         _ => return None,
     })
 }

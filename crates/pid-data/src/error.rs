@@ -25,34 +25,29 @@ pub enum DataError {
         file: String,
     },
     /// `dataset.toml` is not what the format asks for.
-    #[error("{file}: {message}\n  help: see docs/data-format.md for the keys and their values")]
-    Manifest {
-        /// The file.
-        file: String,
-        /// What the TOML parser says, with line and column.
-        message: String,
-    },
+    #[error("{0}\n  the keys: docs/data-format.md")]
+    Manifest(#[from] pid_toml::Mistake),
     /// A key of `dataset.toml` has a value that is not known.
-    #[error("{file}: {item}: unknown {key} `{value}`\n  help: use one of {known}")]
+    #[error("{place}: {item}: unknown {key} `{value}`\n  help: use one of {known}")]
     UnknownValue {
-        /// The file.
-        file: String,
+        /// Where the value stands.
+        place: pid_toml::Place,
         /// Which joint or experiment.
         item: String,
         /// The key.
         key: &'static str,
         /// What stands there.
         value: String,
-        /// What may stand there.
-        known: &'static str,
+        /// What may stand there, and which of it is meant where that shows.
+        known: String,
     },
     /// The unit of an input does not fit its quantity.
     #[error(
-        "{file}: joint `{joint}`: a {quantity} is recorded in {expected}, not in `{unit}`\n  help: convert the column and write input_unit = \"{expected}\""
+        "{place}: joint `{joint}`: a {quantity} is recorded in {expected}, not in `{unit}`\n  help: convert the column and write input_unit = \"{expected}\""
     )]
     UnitOfQuantity {
-        /// The file.
-        file: String,
+        /// Where the unit stands.
+        place: pid_toml::Place,
         /// The joint.
         joint: String,
         /// `torque`, `force`, `current` or `voltage`.
@@ -71,10 +66,10 @@ pub enum DataError {
         what: &'static str,
     },
     /// Two experiments or two joints have the same name.
-    #[error("{file}: the {what} `{name}` is listed twice\n  help: give each its own name")]
+    #[error("{place}: the {what} `{name}` is listed twice\n  help: give each its own name")]
     ListedTwice {
-        /// The file.
-        file: String,
+        /// Where it is listed for the second time.
+        place: pid_toml::Place,
         /// `joint` or `experiment`.
         what: &'static str,
         /// The name.

@@ -1,5 +1,6 @@
-//! `dataset.toml`: parsed with its positions by `toml`, checked word by word here.
+//! `dataset.toml`: parsed with its places, checked word by word.
 
+use pid_toml::{Source, Spanned};
 use serde::Deserialize;
 
 use super::{DataError, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind};
@@ -12,8 +13,8 @@ struct RawManifest {
     title: String,
     source: String,
     license: String,
-    kind: String,
-    input_hold: Option<String>,
+    kind: Spanned<String>,
+    input_hold: Option<Spanned<String>>,
     #[serde(default)]
     joint: Vec<RawJoint>,
     #[serde(default)]
@@ -23,18 +24,18 @@ struct RawManifest {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawJoint {
-    name: String,
-    r#type: String,
-    input: String,
-    input_unit: String,
-    velocity: String,
+    name: Spanned<String>,
+    r#type: Spanned<String>,
+    input: Spanned<String>,
+    input_unit: Spanned<String>,
+    velocity: Spanned<String>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawExperiment {
-    file: String,
-    role: String,
+    file: Spanned<String>,
+    role: Spanned<String>,
     sample_time_s: Option<f64>,
     samples: Option<usize>,
     #[serde(default)]
@@ -67,35 +68,17 @@ pub(super) struct Listed {
 
 /// Parses and checks the text of a `dataset.toml`; `file` is its name in messages.
 pub(super) fn parse(file: &str, text: &str) -> Result<Manifest, DataError> {
-    let raw: RawManifest = toml::from_str(text).map_err(|e| DataError::Manifest {
-        file: file.to_owned(),
-        message: e.to_string().trim_end().to_owned(),
-    })?;
-    let unknown =
-        |item: &str, key: &'static str, value: &str, known: &'static str| DataError::UnknownValue {
-            file: file.to_owned(),
-            item: item.to_owned(),
-            key,
-            value: value.to_owned(),
-            known,
-        };
-
-    let kind = match raw.kind.as_str() {
-        "real" => Kind::Real,
-        "simulated" => Kind::Simulated,
-        other => return Err(unknown("data set", "kind", other, "`real`, `simulated`")),
-    };
-    let input_hold = match raw.input_hold.as_deref() {
-        None | Some("zero-order") => InputHold::ZeroOrder,
-        Some("linear") => InputHold::Linear,
-        Some(other) => {
-            return Err(unknown(
-                "data set",
-                "input_hold",
-                other,
-                "`zero-order`, `linear`",
-            ));
-        }
+    let source = Source::new(file, text);
+    let raw: RawManifest = source.parse()?;
+    let kinds = [("real", Kind::Real), ("simulated", Kind::Simulated)];
+    let kind = word(&source, &raw.kind, "data set", "kind", &kinds)?;
+    let holds = [
+        ("zero-order", InputHold::ZeroOrder),
+        ("linear", InputHold::Linear),
+    ];
+    let input_hold = match &raw.input_hold {
+        None => InputHold::ZeroOrder,
+        Some(hold) => word(&source, hold, "data set", "input_hold", &holds)?,
     };
 
     let nothing = |what| DataError::NothingListed {
@@ -108,40 +91,16 @@ pub(super) fn parse(file: &str, text: &str) -> Result<Manifest, DataError> {
     if raw.experiment.is_empty() {
         return Err(nothing("experiment"));
     }
-
-    let mut joints = Vec::with_capacity(raw.joint.len());
-    for joint in raw.joint {
-        joints.push(check_joint(file, joint, &unknown)?);
-    }
-    twice(file, "joint", joints.iter().map(|j| j.name.as_str()))?;
-
-    let mut experiments = Vec::with_capacity(raw.experiment.len());
-    for e in raw.experiment {
-        let role = match e.role.as_str() {
-            "train" => Role::Train,
-            "test" => Role::Test,
-            other => {
-                let item = format!("experiment `{}`", e.file);
-                return Err(unknown(&item, "role", other, "`train`, `test`"));
-            }
-        };
-        let name = std::path::Path::new(&e.file)
-            .file_stem()
-            .map_or_else(|| e.file.clone(), |s| s.to_string_lossy().into_owned());
-        experiments.push(Listed {
-            file: e.file,
-            name,
-            role,
-            sample_time: e.sample_time_s,
-            samples: e.samples,
-            note: e.note,
-        });
-    }
-    twice(
-        file,
-        "experiment",
-        experiments.iter().map(|e| e.name.as_str()),
-    )?;
+    let names = raw
+        .joint
+        .iter()
+        .map(|j| (j.name.as_ref().as_str(), &j.name));
+    twice(&source, "joint", names)?;
+    let names = raw
+        .experiment
+        .iter()
+        .map(|e| (stem(e.file.as_ref()), &e.file));
+    twice(&source, "experiment", names)?;
 
     Ok(Manifest {
         name: raw.name,
@@ -150,85 +109,122 @@ pub(super) fn parse(file: &str, text: &str) -> Result<Manifest, DataError> {
         license: raw.license,
         kind,
         input_hold,
-        joints,
-        experiments,
+        joints: raw
+            .joint
+            .into_iter()
+            .map(|joint| check_joint(&source, joint))
+            .collect::<Result<_, _>>()?,
+        experiments: raw
+            .experiment
+            .into_iter()
+            .map(|experiment| check_experiment(&source, experiment))
+            .collect::<Result<_, _>>()?,
     })
 }
 
-fn check_joint(
-    file: &str,
-    mut joint: RawJoint,
-    unknown: &dyn Fn(&str, &'static str, &str, &'static str) -> DataError,
-) -> Result<JointChannels, DataError> {
-    let item = format!("joint `{}`", joint.name);
-    let prismatic = match joint.r#type.as_str() {
-        "revolute" => false,
-        "prismatic" => true,
-        other => return Err(unknown(&item, "type", other, "`revolute`, `prismatic`")),
-    };
-    let input = match joint.input.as_str() {
-        "torque" => InputQuantity::Torque,
-        "force" => InputQuantity::Force,
-        "current" => InputQuantity::Current,
-        "voltage" => InputQuantity::Voltage,
-        other => {
-            let known = "`torque`, `force`, `current`, `voltage`";
-            return Err(unknown(&item, "input", other, known));
+/// One of some words.
+fn word<T: Copy>(
+    source: &Source<'_>,
+    value: &Spanned<String>,
+    item: &str,
+    key: &'static str,
+    words: &[(&str, T)],
+) -> Result<T, DataError> {
+    let found = value.as_ref();
+    match words.iter().find(|(word, _)| word == found) {
+        Some(&(_, meaning)) => Ok(meaning),
+        None => {
+            let names = words.iter().map(|(word, _)| *word);
+            let known: Vec<String> = names.clone().map(|w| format!("`{w}`")).collect();
+            let meant = pid_toml::nearest(found, names)
+                .map_or_else(String::new, |w| format!("; did you mean `{w}`?"));
+            Err(DataError::UnknownValue {
+                place: source.place_of(value),
+                item: item.to_owned(),
+                key,
+                value: found.clone(),
+                known: known.join(", ") + &meant,
+            })
+        }
+    }
+}
+
+fn check_experiment(source: &Source<'_>, e: RawExperiment) -> Result<Listed, DataError> {
+    let roles = [("train", Role::Train), ("test", Role::Test)];
+    let item = format!("experiment `{}`", e.file.as_ref());
+    let role = word(source, &e.role, &item, "role", &roles)?;
+    let file = e.file.into_inner();
+    Ok(Listed {
+        name: stem(&file).to_owned(),
+        file,
+        role,
+        sample_time: e.sample_time_s,
+        samples: e.samples,
+        note: e.note,
+    })
+}
+
+/// Name of an experiment: its file without folder and ending.
+fn stem(file: &str) -> &str {
+    let stem = std::path::Path::new(file).file_stem();
+    stem.and_then(std::ffi::OsStr::to_str).unwrap_or(file)
+}
+
+fn check_joint(source: &Source<'_>, joint: RawJoint) -> Result<JointChannels, DataError> {
+    let item = format!("joint `{}`", joint.name.as_ref());
+    let types = [("revolute", false), ("prismatic", true)];
+    let prismatic = word(source, &joint.r#type, &item, "type", &types)?;
+    let quantities = [
+        InputQuantity::Torque,
+        InputQuantity::Force,
+        InputQuantity::Current,
+        InputQuantity::Voltage,
+    ]
+    .map(|quantity| (quantity.word(), quantity));
+    let input = word(source, &joint.input, &item, "input", &quantities)?;
+    let stated = joint.input_unit.as_ref().as_str();
+    let input_unit = match stated {
+        // The SI brochure's spelling of the product, with either of the two dots.
+        "N·m" | "N⋅m" | "Nm" => "N*m",
+        _ => {
+            let units = ["N*m", "N", "A", "V"].map(|unit| (unit, unit));
+            word(source, &joint.input_unit, &item, "input_unit", &units)?
         }
     };
-    // The SI brochure's spelling of the product, with either of the two dots.
-    if ["N·m", "N⋅m", "Nm"].contains(&joint.input_unit.as_str()) {
-        joint.input_unit = "N*m".to_owned();
-    }
-    if !["N*m", "N", "A", "V"].contains(&joint.input_unit.as_str()) {
-        return Err(unknown(
-            &item,
-            "input_unit",
-            &joint.input_unit,
-            "`N*m`, `N`, `A`, `V`",
-        ));
-    }
-    if joint.input_unit != input.unit() {
+    if input_unit != input.unit() {
         return Err(DataError::UnitOfQuantity {
-            file: file.to_owned(),
-            joint: joint.name,
+            place: source.place_of(&joint.input_unit),
+            joint: joint.name.into_inner(),
             quantity: input.word(),
             expected: input.unit(),
-            unit: joint.input_unit,
+            unit: input_unit.to_owned(),
         });
     }
-    let velocity = match joint.velocity.as_str() {
-        "measured" => VelocityKind::Measured,
-        "derived" => VelocityKind::Derived,
-        "absent" => VelocityKind::Absent,
-        other => {
-            return Err(unknown(
-                &item,
-                "velocity",
-                other,
-                "`measured`, `derived`, `absent`",
-            ));
-        }
-    };
+    let velocities = [
+        ("measured", VelocityKind::Measured),
+        ("derived", VelocityKind::Derived),
+        ("absent", VelocityKind::Absent),
+    ];
+    let velocity = word(source, &joint.velocity, &item, "velocity", &velocities)?;
     Ok(JointChannels {
-        name: joint.name,
+        name: joint.name.into_inner(),
         prismatic,
         input,
-        input_unit: joint.input_unit,
+        input_unit: input_unit.to_owned(),
         velocity,
     })
 }
 
 fn twice<'a>(
-    file: &str,
+    source: &Source<'_>,
     what: &'static str,
-    names: impl Iterator<Item = &'a str>,
+    names: impl Iterator<Item = (&'a str, &'a Spanned<String>)>,
 ) -> Result<(), DataError> {
     let mut seen = std::collections::BTreeSet::new();
-    for name in names {
+    for (name, at) in names {
         if !seen.insert(name) {
             return Err(DataError::ListedTwice {
-                file: file.to_owned(),
+                place: source.place_of(at),
                 what,
                 name: name.to_owned(),
             });

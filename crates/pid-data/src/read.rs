@@ -571,15 +571,33 @@ role = "test"
         );
         check(
             toml("\"revolute\"", "\"revolut\""),
-            &["joint `shoulder`", "type `revolut`"],
+            &[
+                "joint `shoulder`",
+                "type `revolut`",
+                "did you mean `revolute`?",
+            ],
         );
         check(toml("\"linear\"", "\"cubic\""), &["input_hold `cubic`"]);
         check(toml("kind = \"simulated\"", ""), &["dataset.toml", "kind"]);
         check(
             toml("name = \"arm\"", "name = \"arm"),
-            &["dataset.toml", "line 2"],
+            &["dataset.toml:2:12: ", "  2 | name = \"arm"],
         );
-        check(toml("note =", "remark ="), &["dataset.toml", "remark"]);
+        check(
+            toml("note =", "remark ="),
+            &[
+                "dataset.toml:28:1: unknown field `remark`",
+                "use one of `file`",
+            ],
+        );
+        check(
+            toml("samples = 3", "sample = 3"),
+            &["unknown field `sample`", "did you mean `samples`?"],
+        );
+        check(
+            toml("samples = 3", "samples = \"3\""),
+            &["samples = \"3\"", "write a whole number"],
+        );
         check(
             toml("\"slide\"", "\"shoulder\""),
             &["joint `shoulder`", "twice"],

@@ -1,26 +1,12 @@
 //! Measured records kept beside the workspace: read them all, and repeat the published identification of the EMPS axis.
 
-use std::path::PathBuf;
-
 use pid_data::signal;
 use pid_data::{DataWarning, Dataset, Role};
-
-/// The folder of measured data sets beside the workspace, where there is one.
-fn shared(name: &str) -> Option<PathBuf> {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../../../shared/data")
-        .join(name);
-    if folder.is_dir() {
-        Some(folder)
-    } else {
-        eprintln!("skipped: there is no ../shared/data/{name} beside the workspace");
-        None
-    }
-}
+use pid_records::shared;
 
 #[test]
 fn every_shared_data_set_is_read_and_warned_of_where_its_velocities_are_no_readings() {
-    let Some(root) = shared("") else { return };
+    let Some(root) = shared("data") else { return };
     for entry in std::fs::read_dir(root).unwrap() {
         let folder = entry.unwrap().path();
         if folder.is_dir() {
@@ -87,7 +73,9 @@ fn least_squares(rows: &[[f64; 4]], rhs: &[f64]) -> [f64; 4] {
 /// M = 95.1089 kg, Fv = 203.5034 N·s/m, Fc = 20.3935 N, offset = −3.1648 N.
 #[test]
 fn the_emps_procedure_gives_the_published_parameters() {
-    let Some(folder) = shared("emps") else { return };
+    let Some(folder) = shared("data/emps") else {
+        return;
+    };
     let dataset = Dataset::read(&folder).unwrap();
     let train = dataset.with_role(Role::Train).next().unwrap();
     let rate = 1.0 / train.sample_time();

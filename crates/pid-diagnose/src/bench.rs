@@ -1,6 +1,9 @@
 //! A simulated pendulum for tests of parts.
 
 use pid_data::Role;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 use crate::case::{Case, Noise, Record, Scale, Velocity};
 use crate::effect::Term;
@@ -15,24 +18,15 @@ pub(crate) const SIZE: usize = 14;
 /// Readings noise of the pendulum: position and velocity.
 const READING: (f64, f64) = (1e-4, 1e-2);
 
-/// Uniform numbers summed to nearly normal ones.
-pub(crate) struct Draw(u64);
+/// Normal numbers, always the same.
+pub(crate) struct Draw(ChaCha8Rng);
 
 impl Draw {
     pub(crate) fn new(seed: u64) -> Self {
-        Draw(seed)
+        Draw(ChaCha8Rng::seed_from_u64(seed))
     }
     pub(crate) fn next(&mut self) -> f64 {
-        (0..12)
-            .map(|_| {
-                self.0 = self
-                    .0
-                    .wrapping_mul(6_364_136_223_846_793_005)
-                    .wrapping_add(1_442_695_040_888_963_407);
-                (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-            })
-            .sum::<f64>()
-            - 6.0
+        self.0.sample(StandardNormal)
     }
 }
 
@@ -50,7 +44,7 @@ pub(crate) fn named(ids: &[&str]) -> Hypothesis {
             joint: 0,
         })
         .collect();
-    Hypothesis { terms }
+    Hypothesis::new(terms)
 }
 
 /// [`pendulum_under`] sines.
@@ -142,9 +136,8 @@ fn simulated(
             stated: true,
         }],
         tip: (10.0, 1.5),
-        refined: 1,
-        unread: false,
         passing: vec![vec![0.0]],
+        known: Default::default(),
         outliers: Vec::new(),
     };
     let theta = vec![0.0; SIZE];

@@ -8,8 +8,10 @@ use pid_interpret::links;
 
 use crate::constants::{Constant, Constants};
 use crate::effect::Unit;
+use crate::extended::Known;
 use crate::nominal::{Joint, Nominal, NominalError};
 use crate::regular;
+use crate::simulate::{Hypothesis, Run};
 
 /// A folder that cannot be diagnosed.
 #[derive(Debug, thiserror::Error)]
@@ -152,13 +154,11 @@ pub struct Case {
     pub noise: Vec<Noise>,
     /// Typical force on the tool and mass of the last link.
     pub tip: (f64, f64),
-    /// Factor on the number of substeps; 1 unless a fit is finished with finer ones.
-    pub refined: usize,
-    /// Whether fits look for the states at the start that no sensor reads.
-    pub unread: bool,
     /// Torque at joint j that accelerates it as a unit torque at joint i does, `(M⁻¹)_ji / (M⁻¹)_jj`: root mean square over the
     /// motion, zero for i = j.
     pub passing: Vec<Vec<f64>>,
+    /// Effects that the description states: part of every hypothesis, their parameters held.
+    pub known: Known,
     /// Readings that were taken for errors of the recording and left out.
     pub outliers: Vec<Outlier>,
 }
@@ -363,15 +363,44 @@ impl Case {
             scale: Vec::new(),
             noise: Vec::new(),
             tip: (1.0, 1.0),
-            refined: 1,
-            unread: false,
             passing: Vec::new(),
+            known: Known::of(&nominal.description).map_err(NominalError::from)?,
             outliers,
             nominal,
             records,
         };
         case.measure();
+        case.as_simulated();
         Ok(case)
+    }
+
+    /// Levels, sizes and substeps as an earlier diagnosis had them, where the description states them.
+    fn as_simulated(&mut self) {
+        let Some(simulated) = self.nominal.description.simulated() else {
+            return;
+        };
+        for ((noise, scale), own) in self
+            .noise
+            .iter_mut()
+            .zip(&mut self.scale)
+            .zip(&simulated.joints)
+        {
+            noise.q = own.position_noise;
+            noise.v = own.velocity_noise;
+            noise.torque = own.torque_noise;
+            noise.passed = own.passed_noise;
+            scale.torque = own.torque;
+            scale.inertia = own.inertia;
+        }
+        self.known.hypothesis.run = Run {
+            finer: simulated.substeps,
+            initial_states: simulated.hidden_states,
+        };
+    }
+
+    /// How a hypothesis is run: at least as the effects that are known are.
+    pub fn run(&self, hypothesis: &Hypothesis) -> Run {
+        hypothesis.run.beside(self.known.hypothesis.run)
     }
 
     /// Number of joints.

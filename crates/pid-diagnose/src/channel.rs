@@ -6,6 +6,7 @@ use pid_runtime::dynamics::{At, Dynamics};
 use serde::{Deserialize, Serialize};
 
 use crate::case::{Case, Record, Velocity, smoothed};
+use crate::criteria::Criteria;
 use crate::levels::shared;
 use crate::timing::{Alignment, Channels, align, golden};
 
@@ -30,18 +31,16 @@ const SHORTEST: f64 = 1e-4;
 const LONGEST: f64 = 0.5;
 const STEPS: usize = 40;
 
-/// Rounding of the files and of the drives: a mismatch below this share of the motion says nothing.
-const NEGLIGIBLE: f64 = 5e-3;
-
 /// Judges every joint with a derived velocity whose filter is stated; `None` for the others.
-pub fn consistency(case: &Case) -> Vec<Option<Consistency>> {
+pub fn consistency(case: &Case, criteria: &Criteria) -> Vec<Option<Consistency>> {
     (0..case.n())
         .map(|j| {
             let hz = case.nominal.velocity_filter_hz?;
             if case.velocity[j] != Velocity::Derived {
                 return None;
             }
-            let plain = mismatch(case, j, hz, 0.0);
+            let known = case.known.parameters("velocity_filter_lag", j);
+            let plain = mismatch(case, j, hz, known.map_or(0.0, |e| e[0]));
             let left = |log: f64| mismatch(case, j, hz, log.exp());
             let lag = golden(STEPS, (SHORTEST.ln(), LONGEST.ln()), left).exp();
             let with_lag = mismatch(case, j, hz, lag);
@@ -50,7 +49,8 @@ pub fn consistency(case: &Case) -> Vec<Option<Consistency>> {
                 with_lag,
                 lag,
                 lag_std: deviation(case, j, hz, lag),
-                lagging: plain > NEGLIGIBLE && with_lag < 0.5 * plain,
+                lagging: plain > criteria.reading_mismatch
+                    && with_lag < criteria.lag_leaves * plain,
             })
         })
         .collect()
@@ -324,7 +324,9 @@ mod tests {
                     r.v[0][k] = x + 0.05 * draw.next();
                 }
             }
-            let found = consistency(&case)[0].clone().expect("derived");
+            let found = consistency(&case, &Criteria::default())[0]
+                .clone()
+                .expect("derived");
             let std = found.lag_std.expect("moving");
             assert!(found.lagging && (found.lag - lag).abs() < 1e-3, "{found:?}");
             inside += u32::from((found.lag - lag).abs() < 2.0 * std);

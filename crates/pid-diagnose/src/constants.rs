@@ -71,6 +71,18 @@ impl<'n, D: Scalar + Element> Constants<'n, D> {
 }
 
 impl<'n, D: Scalar> Constants<'n, D> {
+    /// None of them: for forces that are evaluated apart from a robot. Allocates nothing.
+    pub(crate) fn none(nominal: &'n Nominal) -> Self {
+        Constants {
+            nominal,
+            p: Vec::new(),
+            links: Vec::new(),
+            gain: Vec::new(),
+            coulomb: Vec::new(),
+            viscous: Vec::new(),
+        }
+    }
+
     /// The robot they are constants of.
     pub(crate) fn nominal(&self) -> &'n Nominal {
         self.nominal

@@ -15,8 +15,10 @@ use std::sync::Arc;
 
 use pid_symbolic::program::Element;
 
+pub use crate::circumstances::EqualWhen;
 use crate::constants::Constants;
 use crate::scalar::{Lanes, Scalar};
+pub use crate::with_effects::Smooth;
 
 /// Lanes of one pass of derivatives.
 pub const LANES: usize = 8;
@@ -135,8 +137,14 @@ pub struct Info {
     pub confusions: &'static [(&'static str, &'static str)],
     /// The motion or load that brings it out.
     pub regime: &'static str,
-    /// Field of MuJoCo or URDF that models it, if there is one.
-    pub simulator_field: Option<&'static str>,
+    /// Effects that give the same readings in some circumstances, whatever the motion.
+    pub equals: &'static [(&'static str, EqualWhen)],
+    /// What models it in MuJoCo (MJCF), if anything does.
+    pub mujoco: Option<&'static str>,
+    /// What models it in Isaac Sim and Isaac Lab, if anything does.
+    pub isaac: Option<&'static str>,
+    /// What models it in URDF, if anything does.
+    pub urdf: Option<&'static str>,
 }
 
 /// The motion of all joints at the middle of a substep.
@@ -154,6 +162,27 @@ pub struct Site<'a, D> {
     pub t: f64,
     /// Length of the substep, s.
     pub dt: f64,
+    /// Velocity over which dry friction changes its sign, where a smooth form is asked for; `None`: it jumps.
+    pub rest: Option<f64>,
+}
+
+impl<D: Scalar> Site<'_, D> {
+    /// Sign of the joint's velocity, tanh(v/v₀) where a smooth form is asked for.
+    pub fn direction(&self) -> D {
+        let v = self.v[self.joint];
+        match self.rest {
+            Some(rest) => (v / rest).hyperbolic_tangent(),
+            None => D::constant(if v.value() > 0.0 { 1.0 } else { -1.0 }),
+        }
+    }
+    /// Absolute value of the joint's velocity, v tanh(v/v₀) where a smooth form is asked for.
+    pub fn speed(&self) -> D {
+        let v = self.v[self.joint];
+        match self.rest {
+            Some(_) => v * self.direction(),
+            None => v.magnitude(),
+        }
+    }
 }
 
 /// Dry and viscous friction of one joint: the nominal `f_c`, `f_v`, which effects change.
@@ -332,6 +361,8 @@ pub trait Effect: Send + Sync {
     fn wide(&self) -> &dyn Law<Wide>;
     /// Over few of them.
     fn narrow(&self) -> &dyn Law<Narrow>;
+    /// Over smooth scalars with second derivatives, for equations of motion.
+    fn smooth(&self) -> &dyn Law<Smooth>;
     /// Over single duals, for tests and users' own derivatives.
     fn dual(&self) -> &dyn Law<num_dual::Dual64>;
 }
@@ -375,7 +406,10 @@ pub trait Model: Send + Sync {
     }
 }
 
-impl<T: Model + Law<f64> + Law<Wide> + Law<Narrow> + Law<num_dual::Dual64>> Effect for T {
+impl<T> Effect for T
+where
+    T: Model + Law<f64> + Law<Wide> + Law<Narrow> + Law<Smooth> + Law<num_dual::Dual64>,
+{
     fn info(&self) -> &'static Info {
         Model::info(self)
     }
@@ -407,6 +441,9 @@ impl<T: Model + Law<f64> + Law<Wide> + Law<Narrow> + Law<num_dual::Dual64>> Effe
         self
     }
     fn narrow(&self) -> &dyn Law<Narrow> {
+        self
+    }
+    fn smooth(&self) -> &dyn Law<Smooth> {
         self
     }
     fn dual(&self) -> &dyn Law<num_dual::Dual64> {

@@ -17,11 +17,12 @@ use rayon::prelude::*;
 
 use crate::case::{Case, Record, Velocity};
 use crate::effect::{FEW, LANES, Pick};
-use crate::hidden;
+use crate::initial;
 use crate::observer::Gain;
+pub use crate::point::Point;
 use crate::predict::{Runner, gains, rows};
 use crate::scalar::{Lanes, Scalar};
-use crate::simulate::Hypothesis;
+use crate::simulate::{Hypothesis, Run};
 
 /// Standard deviation of a deviation, in tolerances.
 pub const PRIOR: f64 = 0.55;
@@ -29,15 +30,6 @@ pub const PRIOR: f64 = 0.55;
 const ASIDE: usize = 64;
 /// An innovation larger than this many deviations counts as this: a diverging candidate must not give infinities.
 const LARGEST: f64 = 1e4;
-
-/// A point of a fit.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Point {
-    /// Deviations of the nominal parameters.
-    pub theta: Vec<f64>,
-    /// Parameters of the effects, SI.
-    pub e: Vec<f64>,
-}
 
 /// Value of the objective, in its parts.
 #[derive(Debug, Clone, PartialEq)]
@@ -121,8 +113,8 @@ pub fn all_gains(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<Vec<Ga
         .par_iter()
         .map(|r| {
             let mut g = gains(case, hypothesis, &at.theta, &at.e, r.h);
-            if case.unread {
-                hidden::look(case, r, hypothesis, at, &mut g);
+            if case.run(hypothesis).initial_states {
+                initial::estimate(case, r, hypothesis, at, &mut g);
             }
             g
         })
@@ -360,11 +352,17 @@ where
 
 /// Directions of θ that the train records determine beyond their tolerance, from the Jacobian at the nominal values.
 pub fn basis(case: &Case) -> Basis {
+    basis_as_run(case, Run::default())
+}
+
+/// The same of the nominal structure run in a way.
+pub(crate) fn basis_as_run(case: &Case, run: Run) -> Basis {
     let at = Point {
         theta: vec![0.0; case.nominal.size()],
         e: Vec::new(),
     };
-    basis_beside(case, &Hypothesis::default(), &at)
+    let terms = Vec::new();
+    basis_beside(case, &Hypothesis { terms, run }, &at)
 }
 
 /// The same beside effects, at a point: a gear that gives way tells the inertia of its rotor from that of the link behind it.
@@ -384,6 +382,9 @@ pub fn basis_beside(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Basis {
     }
     Basis { columns }
 }
+
+/// Rounds of [`Quadratic::minimise`]: each changes the set of bounds that hold, and a robot of six joints has some hundred of them.
+const ROUNDS: usize = 60;
 
 /// Quadratic model of the objective around a point, in (θ, e): `½ xᵀ H x + gᵀ x`, prior included.
 #[derive(Debug, Clone)]
@@ -418,12 +419,14 @@ impl Quadratic {
         Quadratic { h, g }
     }
 
-    /// Minimiser within `low ≤ x ≤ high`, by an active set on Cholesky factorizations.
-    pub fn minimise(&self, low: &DVector<f64>, high: &DVector<f64>) -> DVector<f64> {
+    /// Minimiser within `low ≤ x ≤ high`, by an active set on Cholesky factorizations; and whether it is one: otherwise the
+    /// curvature is not positive, or the active set has not settled within [`ROUNDS`], and x is a point within the bounds.
+    pub fn minimise(&self, low: &DVector<f64>, high: &DVector<f64>) -> (DVector<f64>, bool) {
         let m = self.g.len();
         let mut x = DVector::zeros(m);
         let mut held = vec![0i8; m];
-        for _ in 0..60 {
+        let mut settled = false;
+        for _ in 0..ROUNDS {
             let free: Vec<usize> = (0..m).filter(|&i| held[i] == 0).collect();
             for i in 0..m {
                 match held[i] {
@@ -473,6 +476,7 @@ impl Quadratic {
                     }
                 }
                 if !changed {
+                    settled = true;
                     break;
                 }
             }
@@ -480,7 +484,7 @@ impl Quadratic {
         for i in 0..m {
             x[i] = x[i].clamp(low[i], high[i]);
         }
-        x
+        (x, settled)
     }
 
     /// The model at x, relative to its value at 0.
@@ -523,6 +527,8 @@ pub struct Fit {
     pub quadratic: Quadratic,
     /// Steps taken.
     pub steps: usize,
+    /// Trial points of the steps that are no minimiser of their quadratic model; see [`Quadratic::minimise`].
+    pub unsettled: usize,
 }
 
 /// How much a fit may cost.
@@ -636,7 +642,7 @@ pub fn fit(
     let mut gains = all_gains(case, hypothesis, &at);
     let mut now = value(case, hypothesis, &at, &gains, Role::Train);
     let mut damping = 1e-3;
-    let mut steps = 0;
+    let (mut steps, mut unsettled) = (0, 0);
     let mut own: Option<DMatrix<f64>> = None;
     let mut borrowed = effort.slopes.is_some();
     let mut quadratic = Quadratic {
@@ -686,7 +692,8 @@ pub fn fit(
                 let k = size + i;
                 damped.h[(k, k)] += damping * quadratic.h[(k, k)] + 1e-300;
             }
-            let x = damped.minimise(&low, &high);
+            let (x, minimal) = damped.minimise(&low, &high);
+            unsettled += usize::from(!minimal);
             predicted = -2.0 * quadratic.at(&x);
             let mut next = at.clone();
             for i in 0..size {
@@ -743,6 +750,7 @@ pub fn fit(
         train: now,
         quadratic,
         steps,
+        unsettled,
     }
 }
 

@@ -29,7 +29,10 @@ static FORCE_OVER_POSITION: Info = Info {
     amplitudes: &first::<FEW>(),
     confusions: &[],
     regime: "the positions at which it acts",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 static FINE_FORCE: Info = Info {
@@ -200,6 +203,7 @@ mod tests {
                 load: &nothing,
                 t: 0.0,
                 dt: 1e-3,
+                rest: None,
             };
             let mut forces = Forces {
                 value: &mut value,

@@ -4,11 +4,18 @@
 //! under the recorded inputs. Per joint the root mean square error of position and of velocity (as the drive would report it) is
 //! divided by the standard deviation of the read channel in that record; the gap is the root mean square over joints, channels
 //! and records.
+//!
+//! This is not the free-run error of [`pid_fit::gap::metrics`]: that one is in SI units, of any model, and starts from recorded
+//! states. Here windows start from the state of the predictor, since hypotheses have states that no sensor reads, and errors are
+//! relative to the motion, so that joints and channels can be summed up.
 
 use pid_data::Role;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 use crate::case::{Case, Record, Velocity, smoothed};
-use crate::hidden;
+use crate::initial;
 use crate::nominal::EncoderSide;
 use crate::predict::{Runner, gains};
 use crate::simulate::{Hypothesis, State};
@@ -53,7 +60,7 @@ fn windows(
     let mut path = vec![(Vec::new(), Vec::new()); case.n()];
     let on_link = case.nominal.encoder_side == EncoderSide::Joint;
     let mut runner = Runner::<f64>::new(case, record, hypothesis, theta, e);
-    hidden::settle(&mut runner, &mut g);
+    initial::settle(&mut runner, &mut g);
     runner.predict_over(
         0..record.len(),
         &g,
@@ -222,11 +229,11 @@ impl Gap {
         if n < 2 || mean <= 0.0 {
             return (self.total, self.total);
         }
-        let mut random = Normal::new(0xb007);
+        let mut random = ChaCha8Rng::seed_from_u64(0xb007);
         let mut draws: Vec<f64> = (0..400)
             .map(|_| {
                 let sum: f64 = (0..n)
-                    .map(|_| self.windows[((random.uniform() * n as f64) as usize).min(n - 1)])
+                    .map(|_| self.windows[random.random_range(0..n)])
                     .sum();
                 self.total * (sum / n as f64 / mean).sqrt()
             })
@@ -283,7 +290,7 @@ pub struct Floor {
 /// without, from starts as far off as the filter makes them: it passes noise, and it rounds a motion that stops or turns (fixed
 /// seed).
 pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role: Role) -> Floor {
-    let mut random = Normal::new(0x5eed);
+    let mut random = ChaCha8Rng::seed_from_u64(0x5eed);
     let n = case.n();
     let mut draws: Vec<Sums> = (0..DRAWS).map(|_| Sums::new(n)).collect();
     for record in case.records.iter().filter(|r| r.role == role) {
@@ -313,12 +320,12 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
             for j in 0..n {
                 let scale = case.noise[j].torque / case.nominal.gain(j).abs();
                 for u in &mut noisy.u[j] {
-                    *u += scale * random.next();
+                    *u += scale * random.sample::<f64, _>(StandardNormal);
                 }
                 let (q, v) = &w.path[j];
                 let read = q
                     .iter()
-                    .map(|q| q + case.noise[j].q * random.next())
+                    .map(|q| q + case.noise[j].q * random.sample::<f64, _>(StandardNormal))
                     .collect();
                 let (smooth_q, smooth_v) = smoothed(&t, read);
                 for i in 0..w.starts.len() {
@@ -332,9 +339,9 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
                 let k = i * w.length;
                 let mut run =
                     free_run(case, &mut disturbed, &noisy, start, k, w.length, &mut |j| {
-                        let nq = case.noise[j].q * random.next();
+                        let nq = case.noise[j].q * random.sample::<f64, _>(StandardNormal);
                         let nv = if case.velocity[j] == Velocity::Measured {
-                            case.noise[j].v * random.next()
+                            case.noise[j].v * random.sample::<f64, _>(StandardNormal)
                         } else {
                             0.0
                         };
@@ -373,26 +380,6 @@ fn deviation(x: &[f64]) -> f64 {
     (known.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / known.len() as f64)
         .sqrt()
         .max(1e-12)
-}
-
-/// Normal numbers by Box and Muller on splitmix64, for the figures that need a repeatable draw.
-struct Normal(u64);
-
-impl Normal {
-    fn new(seed: u64) -> Self {
-        Normal(seed)
-    }
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-    fn next(&mut self) -> f64 {
-        let (a, b) = (1.0 - self.uniform(), self.uniform());
-        (-2.0 * a.ln()).sqrt() * (2.0 * std::f64::consts::PI * b).cos()
-    }
 }
 
 #[cfg(test)]

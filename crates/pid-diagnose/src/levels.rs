@@ -113,10 +113,8 @@ pub(crate) fn left(errors: &[Vec<[Vec<f64>; 2]>]) -> Vec<[Left; 2]> {
 }
 
 /// Sets the bandwidth to that of the horizon, at levels in proportion to the range and speed of the motion.
-pub(crate) fn slow(case: &mut Case) {
+pub(crate) fn follow_slowly(case: &mut Case) {
     let omega = bandwidth(case);
-    case.refined = 1;
-    case.unread = false;
     for j in 0..case.n() {
         let scale = case.scale[j].clone();
         let noise = &mut case.noise[j];
@@ -166,7 +164,7 @@ fn drive(omega: f64, q: f64, v: f64) -> f64 {
 }
 
 /// The case with an observer of a bandwidth in rad/s, at most a fifth of what its sample time allows.
-pub(crate) fn quick(case: &Case, omega: f64) -> Case {
+pub(crate) fn with_bandwidth(case: &Case, omega: f64) -> Case {
     let mut case = case.clone();
     let h = case.records.iter().map(|r| r.h).fold(0.0, f64::max);
     let omega = omega.min(0.2 / h);
@@ -187,15 +185,14 @@ fn bandwidth(case: &Case) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     #[test]
     fn independent_samples_of_a_first_order_process() {
         // x⁺ = a x + w: ρ(k) = aᵏ, κ = (1 + a)/(1 − a).
-        let mut state = 7_u64;
-        let mut uniform = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1);
-            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let mut uniform = || random.random_range(-0.5..0.5);
         for a in [0.0, 0.8, 0.95] {
             let mut x = vec![0.0];
             for k in 0..60_000 {

@@ -1,6 +1,6 @@
 //! Which physical effect a model lacks, where it sits, and how far the gap shrinks once it is modelled.
 //!
-//! A [`Case`](case::Case) is a data folder with a nominal description; [`diagnose`](diagnose::diagnose) fits the nominal structure
+//! A [`Case`](case::Case) is a data folder with a nominal description; [`search`](search::search) fits the nominal structure
 //! within its tolerances, screens every effect of the library at every joint, refits the best and gives a verdict.
 //!
 //! # An effect of your own
@@ -11,9 +11,9 @@
 //! ```
 //! use std::sync::Arc;
 //! use pid_diagnose::constants::Constants;
-//! use pid_diagnose::diagnose::Settings;
 //! use pid_diagnose::effect::{Forces, Info, Kind, Law, Model, Site, Unit, parameter};
 //! use pid_diagnose::scalar::Scalar;
+//! use pid_diagnose::search::Settings;
 //!
 //! /// A spring that grows harder: additional force −K₃ q³.
 //! struct HardeningSpring;
@@ -30,7 +30,10 @@
 //!     amplitudes: &[0],
 //!     confusions: &[("spring", "a spring is straight")],
 //!     regime: "far from the middle",
-//!     simulator_field: None,
+//!     equals: &[],
+//!     mujoco: None,
+//!     isaac: None,
+//!     urdf: None,
 //! };
 //!
 //! impl Model for HardeningSpring {
@@ -55,30 +58,38 @@
 mod bench;
 pub mod case;
 pub mod channel;
+pub mod circumstances;
 pub mod constants;
-pub mod diagnose;
+pub mod criteria;
+pub mod diagnosis;
 pub mod effect;
 pub mod effects;
+pub mod excerpt;
+pub mod extended;
 pub mod fit;
 pub mod free;
 pub mod gap;
-mod hidden;
+mod initial;
 mod kernels;
 mod levels;
 pub mod locate;
 pub mod next;
 pub mod noise;
 pub mod nominal;
+mod numerics;
 pub mod observer;
 mod page;
 mod plot;
+mod point;
 pub mod predict;
 pub mod regular;
 pub mod report;
 pub mod scalar;
 pub mod screen;
+pub mod search;
 pub mod simulate;
 pub mod study;
-pub mod thin;
 pub mod timing;
 pub mod windows;
+pub mod with_effects;
+mod write;

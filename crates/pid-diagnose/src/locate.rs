@@ -124,7 +124,7 @@ pub struct Curve {
 
 /// One joint.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct JointPlace {
+pub struct JointForce {
     /// Root mean square of the missing force, N·m or N.
     pub rms: f64,
     /// The same relative to the joint's typical torque.
@@ -137,7 +137,7 @@ pub struct JointPlace {
     pub samples: Vec<Sample>,
 }
 
-impl JointPlace {
+impl JointForce {
     /// The quantity that explains most. Any force is a function of time: time counts only where it explains much more.
     pub fn regime(&self) -> (Axis, f64) {
         let time = self.explained[Axis::Time as usize];
@@ -155,12 +155,12 @@ impl JointPlace {
 
 /// Where the gap lives.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Place {
+pub struct MissingForce {
     /// Every joint, base to tip.
-    pub joints: Vec<JointPlace>,
+    pub joints: Vec<JointForce>,
 }
 
-impl Place {
+impl MissingForce {
     /// Share of each joint in the squared missing force, in units of the typical torques.
     pub fn shares(&self) -> Vec<f64> {
         let sum: f64 = self.joints.iter().map(|j| j.relative.powi(2)).sum();
@@ -182,11 +182,11 @@ impl Place {
 ///
 /// # Errors
 /// If the structure has no equations that can be evaluated, or a record none that the smoother can follow.
-pub fn locate(case: &Case, base: &Fit, dataset: &Dataset) -> Result<Place, LocateError> {
+pub fn locate(case: &Case, base: &Fit, dataset: &Dataset) -> Result<MissingForce, LocateError> {
     let n = case.n();
     let model = Model::new(case.nominal.description.robot())?;
     let p = case.nominal.parameters(&base.point.theta);
-    let mut joints = vec![JointPlace::default(); n];
+    let mut joints = vec![JointForce::default(); n];
     let (mut squares, mut count) = (vec![0.0; n], 0.0);
     for e in dataset.with_role(Role::Test) {
         let force = missing_force(&model, &p, dataset, e)?;
@@ -213,9 +213,9 @@ pub fn locate(case: &Case, base: &Fit, dataset: &Dataset) -> Result<Place, Locat
             }
             out.curves.push(Curve {
                 record: e.name.clone(),
-                t: thin(&force.t, POINTS),
-                w: thin(&w, POINTS),
-                band: thin(&band, POINTS),
+                t: decimated(&force.t, POINTS),
+                w: decimated(&w, POINTS),
+                band: decimated(&band, POINTS),
             });
         }
     }
@@ -223,7 +223,7 @@ pub fn locate(case: &Case, base: &Fit, dataset: &Dataset) -> Result<Place, Locat
 }
 
 /// What is said of the samples: sizes and regimes; the samples thinned.
-fn summed(case: &Case, mut joints: Vec<JointPlace>, squares: &[f64], count: f64) -> Place {
+fn summed(case: &Case, mut joints: Vec<JointForce>, squares: &[f64], count: f64) -> MissingForce {
     for (j, out) in joints.iter_mut().enumerate() {
         out.rms = (squares[j] / f64::max(count, 1.0)).sqrt();
         out.relative = out.rms / case.scale[j].torque;
@@ -233,7 +233,7 @@ fn summed(case: &Case, mut joints: Vec<JointPlace>, squares: &[f64], count: f64)
         let every = out.samples.len().div_ceil(CLOUD).max(1);
         out.samples = out.samples.iter().step_by(every).copied().collect();
     }
-    Place { joints }
+    MissingForce { joints }
 }
 
 /// Bandwidth of the observer behind [`rest`], rad/s.
@@ -246,10 +246,10 @@ const SETTLING: f64 = 0.2;
 /// An observer that follows the readings ε with gain K_v on the velocity needs the force `I K_v ε / h` beside the model's own to
 /// do so (an observer of disturbances: K. Ohnishi, M. Shibata, T. Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996), up to its
 /// bandwidth of 30 rad/s. It runs on the simulation itself, so that every effect of the library is in it.
-pub fn rest(case: &Case, fit: &Fit) -> Place {
+pub fn residual_force(case: &Case, fit: &Fit) -> MissingForce {
     let n = case.n();
-    let case = crate::levels::quick(case, REST_BANDWIDTH);
-    let mut joints = vec![JointPlace::default(); n];
+    let case = crate::levels::with_bandwidth(case, REST_BANDWIDTH);
+    let mut joints = vec![JointForce::default(); n];
     let (mut squares, mut count) = (vec![0.0; n], 0.0);
     for record in case.records.iter().filter(|r| r.role == Role::Test) {
         let (theta, e) = (&fit.point.theta, &fit.point.e);
@@ -304,9 +304,9 @@ pub fn rest(case: &Case, fit: &Fit) -> Place {
             }
             out.curves.push(Curve {
                 record: record.name.clone(),
-                t: thin(&t, POINTS),
-                band: vec![0.0; thin(&t, POINTS).len()],
-                w: thin(&w, POINTS),
+                t: decimated(&t, POINTS),
+                band: vec![0.0; decimated(&t, POINTS).len()],
+                w: decimated(&w, POINTS),
             });
         }
     }
@@ -314,7 +314,7 @@ pub fn rest(case: &Case, fit: &Fit) -> Place {
 }
 
 /// Means over blocks.
-fn thin(x: &[f64], most: usize) -> Vec<f64> {
+fn decimated(x: &[f64], most: usize) -> Vec<f64> {
     let block = x.len().div_ceil(most).max(1);
     x.chunks(block)
         .map(|c| c.iter().sum::<f64>() / c.len() as f64)
@@ -355,9 +355,14 @@ fn ratio(samples: &[Sample], axis: Axis) -> f64 {
     let total: f64 = samples.iter().map(|s| (s.w - mean).powi(2)).sum();
     let classes = classes(samples, axis);
     let within: f64 = classes.iter().map(|c| c.number * c.spread * c.spread).sum();
-    let number = classes.len() as f64;
-    if total > 0.0 && n > number {
-        (1.0 - (n - 1.0) / (n - number) * within / total).max(0.0)
+    correlation_ratio(within, total, n, classes.len() as f64)
+}
+
+/// Correlation ratio η² of `number` samples in `classes` classes, adjusted for their number and at least 0, from the sums of squares
+/// within the classes and in all. How far a force is a function of the quantity the classes are of; 0 where that cannot be said.
+pub fn correlation_ratio(within: f64, total: f64, number: f64, classes: f64) -> f64 {
+    if total > 0.0 && number > classes {
+        (1.0 - (number - 1.0) / (number - classes) * within / total).max(0.0)
     } else {
         0.0
     }
@@ -366,6 +371,8 @@ fn ratio(samples: &[Sample], axis: Axis) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     fn sample(v: f64, q: f64, w: f64) -> Sample {
         Sample {
@@ -397,11 +404,8 @@ mod tests {
 
     #[test]
     fn noise_is_explained_by_nothing() {
-        let mut state = 1_u64;
-        let mut uniform = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1);
-            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let mut uniform = || random.random_range(-0.5..0.5);
         let samples: Vec<Sample> = (0..3000)
             .map(|_| sample(uniform(), uniform(), uniform()))
             .collect();

@@ -32,6 +32,12 @@ use crate::simulate::Machine;
 
 /// Length of a motion, s.
 const LENGTH: f64 = 8.0;
+/// Time in which a motion starts from rest and comes to rest, s.
+const EDGE: f64 = 0.5;
+/// Points in the shortest period of a motion at which its limits are checked: the bound between them then costs less than a hundredth
+/// of the amplitude. And most points of a piece, however fast its sines are.
+const POINTS: f64 = 32.0;
+const MOST_POINTS: f64 = 20_000.0;
 /// Sines per joint.
 const SINES: usize = 5;
 /// Motions that are drawn, and those of them that are judged with refits.
@@ -109,7 +115,7 @@ struct Wave {
 }
 
 impl Wave {
-    /// Position, velocity and acceleration; starts and ends at rest, within half a second.
+    /// Position, velocity and acceleration; starts and ends at rest, within [`EDGE`].
     fn at(&self, t: f64) -> (f64, f64, f64) {
         let (mut q, mut v, mut a) = (0.0, 0.0, 0.0);
         for &(size, hz, phase) in &self.sines {
@@ -120,7 +126,7 @@ impl Wave {
             a -= size * w * w * s;
         }
         // A window that is flat but for its ends: s = x² (3 − 2x).
-        let x = (t / 0.5).min((LENGTH - t) / 0.5).clamp(0.0, 1.0);
+        let x = (t / EDGE).min((LENGTH - t) / EDGE).clamp(0.0, 1.0);
         let sign = if t < 0.5 * LENGTH { 2.0 } else { -2.0 };
         let inside = x > 0.0 && x < 1.0;
         let s = x * x * (3.0 - 2.0 * x);
@@ -137,16 +143,46 @@ impl Wave {
         )
     }
 
-    /// Scaled so that positions, speeds and accelerations stay within their limits.
+    /// Bounds on the second derivatives of position, velocity and acceleration: for sums of sines of at most `S_k = Σ a ωᵏ` in the k-th
+    /// derivative, and within the window, whose derivatives are at most 3, 24 and 96 per second and its powers, by the rule of Leibniz.
+    fn curvatures(&self, windowed: bool) -> [f64; 3] {
+        let s: [f64; 5] = std::array::from_fn(|k| {
+            let sines = self.sines.iter();
+            sines.map(|s| s.0.abs() * (TAU * s.1).powi(k as i32)).sum()
+        });
+        if windowed {
+            [
+                s[2] + 6.0 * s[1] + 24.0 * s[0],
+                s[3] + 9.0 * s[2] + 72.0 * s[1] + 96.0 * s[0],
+                s[4] + 12.0 * s[3] + 144.0 * s[2] + 384.0 * s[1],
+            ]
+        } else {
+            [s[2], s[3], s[4]]
+        }
+    }
+
+    /// Scaled so that positions, speeds and accelerations stay within their limits, at all times and not on a grid alone: between two
+    /// points d apart a function exceeds the larger of its values there by at most d²/8 of its second derivative.
     fn within(mut self, limits: &Limits, acceleration: f64) -> Self {
         let half = 0.5 * (limits.position.1 - limits.position.0);
+        let fastest = self.sines.iter().map(|s| s.1.abs()).fold(0.0, f64::max);
         let mut over: f64 = 1e-300;
-        for k in 0..400 {
-            let (q, v, a) = self.at(LENGTH * f64::from(k) / 400.0);
-            over = over
-                .max((q - self.middle).abs() / half)
-                .max(v.abs() / limits.speed)
-                .max(a.abs() / acceleration);
+        // The acceleration jumps where the window begins and ends: the pieces between are taken without their ends.
+        for (from, to) in [(0.0, EDGE), (EDGE, LENGTH - EDGE), (LENGTH - EDGE, LENGTH)] {
+            let windowed = to - from <= EDGE;
+            let (from, to) = (from + 1e-9, to - 1e-9);
+            let points = (POINTS * fastest * (to - from)).clamp(POINTS, MOST_POINTS);
+            let distance = (to - from) / points.ceil();
+            let [q_more, v_more, a_more] = self
+                .curvatures(windowed)
+                .map(|c| c * distance * distance / 8.0);
+            for k in 0..=points.ceil() as usize {
+                let (q, v, a) = self.at(from + distance * k as f64);
+                over = over
+                    .max(((q - self.middle).abs() + q_more) / half)
+                    .max((v.abs() + v_more) / limits.speed)
+                    .max((a.abs() + a_more) / acceleration);
+            }
         }
         for s in &mut self.sines {
             s.0 /= over;
@@ -228,7 +264,8 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
     let samples = (LENGTH / h) as usize;
     let constants = Constants::<f64>::new(&case.nominal, &fit.point.theta);
     let feed = constants.clone();
-    let mut machine = Machine::<f64>::new(constants, &fit.hypothesis, fit.point.e.clone());
+    let mut machine =
+        Machine::<f64>::beside(&case.known, constants, &fit.hypothesis, fit.point.e.clone());
     let geared = machine.gears.iter().any(Option::is_some);
     let steps = Substeps::new(h, geared, 1);
     let dt = h / steps.number() as f64;
@@ -462,4 +499,40 @@ fn label(fit: &Fit) -> String {
     }
     let terms: Vec<String> = fit.hypothesis.terms.iter().map(|t| t.label()).collect();
     terms.join(" + ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Between the points of any grid, and where the window jumps, on motions as they are drawn.
+    #[test]
+    fn limits_hold_at_all_times_and_are_used() {
+        let limits = Limits {
+            position: (-0.4, 1.0),
+            speed: 2.0,
+            torque: 1.0,
+        };
+        let mut random = ChaCha8Rng::seed_from_u64(4);
+        for _ in 0..20 {
+            let sines = (0..SINES)
+                .map(|_| {
+                    let phase = random.random_range(0.0..TAU);
+                    (
+                        random.random_range(0.2..1.0),
+                        random.random_range(0.1..3.0),
+                        phase,
+                    )
+                })
+                .collect();
+            let wave = Wave { middle: 0.3, sines }.within(&limits, 9.0);
+            let mut used: f64 = 0.0;
+            for k in 0..400_000 {
+                let (q, v, a) = wave.at(LENGTH * (f64::from(k) + 0.37) / 4e5);
+                used = used.max((q - 0.3).abs() / 0.7).max(v.abs() / 2.0);
+                used = used.max(a.abs() / 9.0);
+            }
+            assert!((0.95..=1.0).contains(&used), "{used}");
+        }
+    }
 }

@@ -17,7 +17,8 @@ use crate::case::Case;
 use crate::fit::{Fit, all_gains, value};
 
 /// Least and largest standard deviation, as shares of the typical torque.
-const RANGE: (f64, f64) = (2e-4, 2e-2);
+const LOWEST: f64 = 2e-4;
+const HIGHEST: f64 = 2e-2;
 /// Points of the ladder between them.
 const RUNGS: usize = 9;
 /// Sweeps where there are several joints: the noise of one drive moves the others too.
@@ -29,8 +30,8 @@ pub fn settle(case: &mut Case, fit: &Fit) -> bool {
     if open.is_empty() {
         return false;
     }
-    let ratio = (RANGE.1 / RANGE.0).ln() / (RUNGS - 1) as f64;
-    let share = |rung: f64| RANGE.0 * (ratio * rung).exp();
+    let ratio = (HIGHEST / LOWEST).ln() / (RUNGS - 1) as f64;
+    let share = |rung: f64| LOWEST * (ratio * rung).exp();
     // What the joints pass on to each other is that of the sweep before: all climb the ladder side by side.
     for _ in 0..if case.n() > 1 { SWEEPS } else { 1 } {
         let mut surprise = vec![[f64::INFINITY; RUNGS]; case.n()];

@@ -1,86 +1,81 @@
-//! A report as one self-contained page.
+//! The content of the page of a diagnosis; layout and plots are those of `pid_page`.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
+use pid_page::{Bar, Footer, Ink, Legend, Page, bars, figure, legend};
 
-use crate::diagnose::{Diagnosis, Named, Nameless, Remainder};
+use crate::diagnosis::{Diagnosis, Named, Nameless, Remainder, Verdict};
 use crate::effects;
 use crate::free::Form;
-use crate::locate::{Axis, Place, classes};
+use crate::locate::{Axis, MissingForce, classes};
 use crate::next::Experiment;
 use crate::plot;
 use crate::report::Report;
 use crate::timing::Alignment;
 
-const STYLE: &str = ":root{color-scheme:light dark;--page:#f6f7f9;--card:#fff;--text:#14181f;--quiet:#5a6473;--line:#e3e7ed;--axis:#b4bcc8;\
---bar:#4a7ab5;--force:#8e3fc9;--band:#2b3440;--forward:#1d6fd6;--backward:#d9480f}\
-@media(prefers-color-scheme:dark){:root{--page:#11151b;--card:#191f28;--text:#e8ecf2;--quiet:#9aa6b6;--line:#2a323e;--axis:#4b5666;\
---bar:#7aa9f7;--force:#c08bf0;--band:#d5dce6;--forward:#5fa4ff;--backward:#ff8a5c}}\
-*{box-sizing:border-box}body{margin:0;background:var(--page);color:var(--text);font:15px/1.5 system-ui,sans-serif}\
-main{max-width:68rem;margin:0 auto;padding:1.6rem 1.4rem 4rem}section{background:var(--card);border:1px solid var(--line);\
-border-radius:12px;padding:1rem 1.3rem 1.2rem;margin-top:1.1rem}h1{font-size:1.5rem;margin:0}h2{font-size:1.1rem;margin:0 0 .4rem}\
-h3{font-size:.95rem;margin:1rem 0 .2rem}p{margin:.35rem 0;max-width:95ch}.verdict{font-size:1.35rem;font-weight:600;margin:.5rem 0 0}\
-.quiet,figcaption{color:var(--quiet);font-size:.87rem}table{border-collapse:collapse;margin:.5rem 0;font-size:.92rem}\
-td,th{padding:.25rem 1.1rem .25rem 0;text-align:left;border-bottom:1px solid var(--line)}th{color:var(--quiet);font-size:.83rem}\
-td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}.equation{font-family:ui-monospace,monospace;font-size:.92em}\
-.plots{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(24rem,100%),1fr));gap:.4rem 1.2rem}figure{margin:0}.single{max-width:38rem}\
-svg{width:100%;height:auto;display:block}svg.bars{max-width:46rem}svg text{fill:var(--quiet);font:11px system-ui,sans-serif}\
-svg.bars text{font-size:13px;fill:var(--text)}svg.bars rect{fill:var(--bar)}.grid{stroke:var(--line)}.zero{stroke:var(--axis)}\
-.band{fill:var(--band);opacity:.16}.stated{stroke:var(--quiet);stroke-dasharray:4 3}.force{fill:none;stroke:var(--force);stroke-width:1.2}circle.forward{fill:var(--forward)}\
-circle.backward{fill:var(--backward)}.dot{opacity:.28}.mean{fill:none;stroke-width:1.8}.mean.forward,.spread.forward{stroke:var(--forward)}\
-.mean.backward,.spread.backward{stroke:var(--backward)}.legend i{display:inline-block;width:9px;height:9px;border-radius:50%;margin:0 .4rem 0 .9rem}";
-
 /// The page.
 pub(crate) fn page(report: &Report) -> String {
     let d = report.diagnosis();
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width,initial-scale=1";
-                title { "Diagnosis of " (d.case) }
-                style { (PreEscaped(STYLE)) }
+    let case = &report.evidence.case;
+    let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    let page = Page {
+        title: &format!("Diagnosis of {}", d.case),
+        lead: html! {
+            p.verdict { (verdict(d)) }
+            p { "Confidence " (format!("{:.2}", d.confidence)) ". Where it shows: " (d.regime) "." }
+            @if !d.confusion_set.is_empty() {
+                p { "These records do not tell it apart from: " (d.confusion_set.join(", ")) "." }
             }
-            body { main {
-                h1 { "Diagnosis of " (d.case) }
-                p class="verdict" { (verdict(d)) }
-                p { "Confidence " (format!("{:.2}", d.confidence)) ". Where it shows: " (d.regime) "." }
-                @if !d.confusion_set.is_empty() {
-                    p { "These records do not tell it apart from: " (d.confusion_set.join(", ")) "." }
-                }
-                @for warning in &d.warnings { p class="quiet" { (warning) } }
-                @if let Some(law) = law(d) { section { (nameless(report, law)) } }
-                @for e in &d.effects { section { (effect(e)) } }
-                @if !d.beyond_tolerance.is_empty() {
-                    section {
-                        h2 { "Outside its tolerance" }
-                        p { "No effect explains the records while these values stay within what the description states:" }
-                        ul { @for b in &d.beyond_tolerance { li { (b.words()) } } }
-                    }
-                }
-                @if let Some(left) = &d.remainder { section { (remainder(d, left)) } }
-                section {
-                    h2 { "How far" }
-                    p class="quiet" { "Free-run error on records that were not fitted, relative to the motion; the floor is what noise alone leaves. Intervals of 95 % from the windows of the records." }
-                    (gaps(d))
-                    (joints(d))
-                }
-                section { (located(report)) }
-                @if !d.signals.is_empty() { section { (signals(report)) } }
-                section {
-                    h2 { "Which" }
-                    (ranking(d))
-                    p class="quiet" {
-                        "Mean squared innovation " (format!("{:.3}", d.misfit.0)) " without and "
-                        (format!("{:.3}", d.misfit.1)) " with the named effects; 1 where the noise is as stated. "
-                        (d.refits) " candidates refitted in full, " (format!("{:.1}", d.seconds)) " s."
-                    }
-                }
-                section { (next(report.next.as_ref())) }
-            } }
+            @for warning in &d.warnings { p { (warning) } }
+        },
+        sections: &[],
+        body: content(report),
+        footer: Footer {
+            program: concat!("pid-diagnose ", env!("CARGO_PKG_VERSION")),
+            data: &format!(
+                "{}, {}, {}",
+                d.case,
+                count(case.records.len(), "record"),
+                count(case.n(), "joint")
+            ),
+            settings: &format!("{} refitted in full", count(d.refits, "candidate")),
+            more: "diagnosis.json beside this page holds the same figures",
+        },
+    };
+    page.html()
+}
+
+fn content(report: &Report) -> Markup {
+    let d = report.diagnosis();
+    html! {
+        @if let Some(law) = law(d) { section { (nameless(report, law)) } }
+        @for e in &d.effects { section { (effect(e)) } }
+        @if !d.beyond_tolerance.is_empty() {
+            section {
+                h2 { "Outside its tolerance" }
+                p { "No effect explains the records while these values stay within what the description states:" }
+                ul { @for b in &d.beyond_tolerance { li { (b.words()) } } }
+            }
         }
+        @if let Some(left) = &d.remainder { section { (remainder(d, left)) } }
+        section {
+            h2 { "How far" }
+            p class="quiet" { "Free-run error on records that were not fitted, relative to the motion; the floor is what noise alone leaves. Intervals of 95 % from the windows of the records." }
+            (gaps(d))
+            (joints(d))
+        }
+        section { (located(report)) }
+        @if !d.signals.is_empty() { section { (signals(report)) } }
+        section {
+            h2 { "Which" }
+            (ranking(d))
+            p class="quiet" {
+                "Mean squared innovation " (format!("{:.3}", d.misfit.0)) " without and "
+                (format!("{:.3}", d.misfit.1)) " with the named effects; 1 where the noise is as stated. "
+                (d.refits) " candidates refitted in full, " (format!("{:.1}", d.seconds)) " s."
+            }
+        }
+        section { (next(report.next.as_ref())) }
     }
-    .into_string()
 }
 
 /// Where the gap lives.
@@ -98,34 +93,34 @@ fn located(report: &Report) -> Markup {
             "Force that would have to act beside the nominal structure for it to follow the test records, by smoothing with "
             "noise levels from the records. Bars: share of each joint, in units of its typical torque."
         }
-        (plot::bars(&share_rows(report, place), "share of the missing force per joint"))
-        table {
-            tr { th { "joint" } th class="n" { "rms" } @for a in Axis::ALL { th class="n" { (a.words()) } } }
+        (bars("Share of the missing force per joint", &share_rows(report, place)))
+        div.scroll { table {
+            thead { tr { th { "joint" } th class="num" { "rms" } @for a in Axis::ALL { th class="num" { (a.words()) } } } }
             @for (j, p) in place.joints.iter().enumerate() {
                 tr {
-                    td { (report.found.case.nominal.joints[j].name) }
-                    td class="n" { (format!("{:.4} {}", p.rms, unit(report, j))) }
-                    @for x in p.explained { td class="n" { (format!("{x:.2}")) } }
+                    td { (report.evidence.case.nominal.joints[j].name) }
+                    td class="num" { (format!("{:.4} {}", p.rms, unit(report, j))) }
+                    @for x in p.explained { td class="num" { (format!("{x:.2}")) } }
                 }
             }
-        }
+        } }
         p class="quiet" { "Figures under a quantity: how far the missing force is a function of it and of the direction of motion (1: entirely)." }
         @for (j, p) in place.joints.iter().enumerate() {
-            @let name = &report.found.case.nominal.joints[j].name;
+            @let name = &report.evidence.case.nominal.joints[j].name;
             h3 { "Joint " (name) }
             div class="plots" {
                 @for c in &p.curves {
-                    figure {
-                        (plot::over_time(c, unit(report, j)))
-                        figcaption { (c.record) ", with a band of two standard deviations about zero" }
-                    }
+                    (figure(&plot::over_time(c, name, unit(report, j)), &c.record, "with a band of two standard deviations about zero"))
                 }
             }
             @if j == worst {
-                p class="quiet legend" { "Against one quantity each, with means and spreads of classes:" i style="background:var(--forward)" {} "forward" i style="background:var(--backward)" {} "backward" }
+                p.quiet { "Against one quantity each, with means and spreads of classes:" }
+                (legend(&[Legend::Dot(Ink::Forward, "forward"), Legend::Dot(Ink::Backward, "backward")]))
                 div class="plots" {
                     @for axis in [Axis::Velocity, Axis::Position, Axis::Load, Axis::SinceReversal] {
-                        figure { (plot::against(&p.samples, &classes(&p.samples, axis), axis as usize, (&axis_name(report, j, axis), &format!("missing force, {}", unit(report, j))))) }
+                        @let names = (axis_name(report, j, axis), ("missing force", unit(report, j)));
+                        @let svg = plot::against(&p.samples, &classes(&p.samples, axis), axis as usize, name, names);
+                        (figure(&svg, name, &format!("missing force against {}", names.0.0)))
                     }
                 }
             }
@@ -135,7 +130,7 @@ fn located(report: &Report) -> Markup {
 
 /// When inputs act and readings show.
 fn signals(report: &Report) -> Markup {
-    let name = |j: usize| &report.found.case.nominal.joints[j - 1].name;
+    let name = |j: usize| &report.evidence.case.nominal.joints[j - 1].name;
     let all = &report.diagnosis().signals;
     html! {
         h2 { "Signal paths" }
@@ -144,32 +139,30 @@ fn signals(report: &Report) -> Markup {
             "and gravity. When the velocity shows: shift of its reading against the derivative of the positions, and its factor. "
             "A figure in bold differs from what is stated by four standard deviations and takes 30 % of the squares away."
         }
-        table {
-            tr { th { "joint" } th class="n" { "input acts late by" } th class="n" { "velocity shows late by" } th class="n" { "stated" } th class="n" { "velocity over derivative" } th class="n" { "left as stated" } }
+        div.scroll { table {
+            thead { tr { th { "joint" } th class="num" { "input acts late by" } th class="num" { "velocity shows late by" } th class="num" { "stated" } th class="num" { "velocity over derivative" } th class="num" { "left as stated" } } }
             @for s in all {
                 tr {
                     td { (name(s.joint)) }
-                    td class="n" { (shift(s.input.as_ref(), "not determined")) }
+                    td class="num" { (shift(s.input.as_ref(), "not determined")) }
                     @match &s.velocity {
                         Some(v) => {
-                            td class="n" { (shift(Some(&v.timing), "")) }
-                            td class="n" { (format!("{:.2} ms", 1e3 * v.timing.stated)) }
-                            td class="n" { (format!("{:.4}", v.scale)) }
-                            td class="n" { (format!("{:.2} %", 100.0 * v.timing.left)) }
+                            td class="num" { (shift(Some(&v.timing), "")) }
+                            td class="num" { (format!("{:.2} ms", 1e3 * v.timing.stated)) }
+                            td class="num" { (format!("{:.4}", v.scale)) }
+                            td class="num" { (format!("{:.2} %", 100.0 * v.timing.left)) }
                         }
-                        None => td class="n" colspan="4" { "no velocity recorded" }
+                        None => td class="num" colspan="4" { "no velocity recorded" }
                     }
                 }
             }
-        }
+        } }
         div class="plots" {
             @for s in all {
                 @for (what, found) in [("input", s.input.as_ref()), ("velocity", s.velocity.as_ref().map(|v| &v.timing))] {
                     @if let Some(a) = found {
-                        figure {
-                            (plot::alignment(a, &format!("left of the {what}, %")))
-                            figcaption { (name(s.joint)) ": what a shift of the " (what) " leaves; bar: best shift with two standard deviations, dashes: stated" }
-                        }
+                        @let words = format!("what a shift of the {what} leaves; band: best shift with two standard deviations, dashes: stated");
+                        (figure(&plot::alignment(a, name(s.joint), what), name(s.joint), &words))
                     }
                 }
             }
@@ -190,15 +183,16 @@ fn shift(found: Option<&Alignment>, absent: &str) -> Markup {
 }
 
 fn unit(report: &Report, j: usize) -> &'static str {
-    if report.found.case.nominal.joints[j].revolute {
+    if report.evidence.case.nominal.joints[j].revolute {
         "N m"
     } else {
         "N"
     }
 }
 
-fn axis_name(report: &Report, j: usize, axis: Axis) -> String {
-    let revolute = report.found.case.nominal.joints[j].revolute;
+/// Quantity and unit.
+fn axis_name(report: &Report, j: usize, axis: Axis) -> (&'static str, &'static str) {
+    let revolute = report.evidence.case.nominal.joints[j].revolute;
     let unit = match (axis, revolute) {
         (Axis::Velocity, true) => "rad/s",
         (Axis::Velocity, false) => "m/s",
@@ -208,17 +202,18 @@ fn axis_name(report: &Report, j: usize, axis: Axis) -> String {
         (Axis::Load, false) => "N",
         _ => "s",
     };
-    format!("{}, {unit}", axis.words())
+    (axis.words(), unit)
 }
 
-fn share_rows(report: &Report, place: &Place) -> Vec<(String, f64, String)> {
+fn share_rows(report: &Report, place: &MissingForce) -> Vec<Bar> {
     place
         .shares()
         .iter()
         .enumerate()
-        .map(|(j, s)| {
-            let name = report.found.case.nominal.joints[j].name.clone();
-            (name, *s, format!("{:.0} %", 100.0 * s))
+        .map(|(j, s)| Bar {
+            label: report.evidence.case.nominal.joints[j].name.clone(),
+            value: *s,
+            text: format!("{:.0} %", 100.0 * s),
         })
         .collect()
 }
@@ -248,13 +243,15 @@ fn place(effect: &str, joint: Option<usize>) -> String {
 }
 
 fn verdict(d: &Diagnosis) -> String {
-    match d.effect.as_str() {
-        "friction" => format!(
+    match &d.verdict {
+        Verdict::OutsideTolerance { .. } => format!(
             "No effect is missing, but friction lies outside its stated tolerance: {}.",
             all(d)
         ),
-        "none" => "No effect is missing beyond parameters within their tolerances.".to_owned(),
-        "unknown" if law(d).is_some() => law(d).map_or_else(String::new, |l| {
+        Verdict::Nothing => {
+            "No effect is missing beyond parameters within their tolerances.".to_owned()
+        }
+        Verdict::Unknown if law(d).is_some() => law(d).map_or_else(String::new, |l| {
             let all = match d.effects.len() {
                 0 => String::new(),
                 1 => format!(" {} only imitates it.", all(d)),
@@ -263,17 +260,17 @@ fn verdict(d: &Diagnosis) -> String {
             let (words, share) = (l.words(), 100.0 * l.explained);
             format!("No effect of the library, but {words}: {share:.0} % of the squared gap.{all}")
         }),
-        "unknown" if d.effects.is_empty() => {
+        Verdict::Unknown if d.effects.is_empty() => {
             "Something is missing, but no effect of the library explains it.".to_owned()
         }
-        "unknown" => format!(
+        Verdict::Unknown => format!(
             "Something is missing that no effect of the library explains; {} of it goes with {}.",
             d.remainder
                 .as_ref()
                 .map_or_else(String::new, |r| format!("{:.0} %", 100.0 * r.explained)),
             all(d)
         ),
-        _ => match &d.remainder {
+        Verdict::Effect { .. } => match &d.remainder {
             Some(r) => format!(
                 "{}: {:.0} % of the squared gap; the rest is unknown.",
                 all(d),
@@ -301,22 +298,22 @@ fn law(d: &Diagnosis) -> Option<&Nameless> {
 /// A cause without a name.
 fn nameless(report: &Report, law: &Nameless) -> Markup {
     let j = law.joint - 1;
-    let name = &report.found.case.nominal.joints[j].name;
+    let name = &report.evidence.case.nominal.joints[j].name;
     let (what, shape, names) = match law.form {
         Form::ForceOverPosition => (
             format!("a force that depends on the position of joint {name} alone"),
             "a stop shows as a kink, a hard point as a hill",
             (
                 axis_name(report, j, Axis::Position),
-                format!("force, {}", unit(report, j)),
+                ("force", unit(report, j)),
             ),
         ),
         Form::GainOverTime => (
             format!("a gain of the drive of joint {name} that depends on the time alone"),
             "a supply that sags and magnets that warm up fade",
             (
-                "time since the start of the record, s".to_owned(),
-                "relative change of the gain".to_owned(),
+                ("time since the start of the record", "s"),
+                ("relative change of the gain", "1"),
             ),
         ),
     };
@@ -327,10 +324,13 @@ fn nameless(report: &Report, law: &Nameless) -> Markup {
             " of the squared gap beyond the floor on motions that were never fitted, and describes the records better than the "
             "named effects, its number of parameters counted. Its shape is free: " (shape) "."
         }
-        div class="single" { figure {
-            (plot::free_law(law, (&names.0, &names.1)))
-            figcaption { "straight between the marks, with a band of two standard deviations where the records determine it" }
-        } }
+        div.single {
+            (figure(
+                &plot::free_law(law, name, names.0, names.1),
+                name,
+                "straight between the marks, with a band of two standard deviations where the records determine it",
+            ))
+        }
     }
 }
 
@@ -350,18 +350,18 @@ fn remainder(d: &Diagnosis, r: &Remainder) -> Markup {
                 "correlated as it is, in place of sensor noise."
             }
         }
-        table {
-            tr { th { "joint" } th class="n" { "share" } th class="n" { "rms of the force still missing" } th { "goes with" } th class="n" { "how far" } }
+        div.scroll { table {
+            thead { tr { th { "joint" } th class="num" { "share" } th class="num" { "rms of the force still missing" } th { "goes with" } th class="num" { "how far" } } }
             @for m in &r.missing_force {
                 tr {
                     td { (m.joint) }
-                    td class="n" { (format!("{:.0} %", 100.0 * m.share)) }
-                    td class="n" { (format!("{:.4}", m.rms)) }
+                    td class="num" { (format!("{:.0} %", 100.0 * m.share)) }
+                    td class="num" { (format!("{:.4}", m.rms)) }
                     td { (m.regime) }
-                    td class="n" { (format!("{:.2}", m.explained)) }
+                    td class="num" { (format!("{:.2}", m.explained)) }
                 }
             }
-        }
+        } }
     }
 }
 
@@ -372,23 +372,23 @@ fn effect(e: &Named) -> Markup {
         @if let Some(info) = known {
             p { (info.title) ": " span class="equation" { (info.equation) } ". " (info.source) "." }
         }
-        table {
-            tr { th { "parameter" } th { "value" } th { "standard deviation" } }
+        div.scroll { table {
+            thead { tr { th { "parameter" } th.num { "value" } th.num { "standard deviation" } } }
             @for p in &e.parameters {
                 tr {
                     td { (p.name) }
-                    td class="n" { (format!("{:.5}", p.value)) }
-                    td class="n" { (p.std.map_or_else(|| "not determined".to_owned(), |s| format!("{s:.2e}"))) }
+                    td class="num" { (format!("{:.5}", p.value)) }
+                    td class="num" { (p.std.map_or_else(|| "not determined".to_owned(), |s| format!("{s:.2e}"))) }
                 }
             }
-        }
+        } }
         @if let Some(info) = known {
             @if !info.confusions.is_empty() {
                 p { "What tells it from its rivals:" }
                 ul { @for (rival, why) in info.confusions { li { (rival) ": " (why) } } }
             }
-            @if let Some(field) = info.simulator_field {
-                p { "In a simulator: " (field) "." }
+            @for (simulator, field) in info.simulators() {
+                p { "In " (simulator) ": " (field) "." }
             }
         }
     }
@@ -397,30 +397,29 @@ fn effect(e: &Named) -> Markup {
 /// Gap before, after, floor on one scale.
 fn gaps(d: &Diagnosis) -> Markup {
     let (before, after) = d.gap_intervals;
-    let text = |x: f64, (a, b): (f64, f64)| {
-        if a < b {
-            format!("{x:.4}  ({a:.4} to {b:.4})")
-        } else {
-            // One window has no scatter.
-            format!("{x:.4}")
-        }
+    let bar = |label: &str, value: f64, text: String| Bar {
+        label: label.to_owned(),
+        value,
+        text,
     };
-    plot::bars(
+    bars(
+        "Gap before, after and floor, relative to the motion",
         &[
-            (
-                "before".to_owned(),
-                d.gap_before,
-                text(d.gap_before, before),
-            ),
-            ("after".to_owned(), d.gap_after, text(d.gap_after, after)),
-            (
-                "floor".to_owned(),
-                d.gap_floor,
-                format!("{:.4}", d.gap_floor),
-            ),
+            bar("before", d.gap_before, with_interval(d.gap_before, before)),
+            bar("after", d.gap_after, with_interval(d.gap_after, after)),
+            bar("floor", d.gap_floor, format!("{:.4}", d.gap_floor)),
         ],
-        "gap before, after and floor",
     )
+}
+
+/// A value with its interval; without it where the ends are the same as written: one window has no scatter.
+fn with_interval(x: f64, (low, high): (f64, f64)) -> String {
+    let written = (format!("{low:.4}"), format!("{high:.4}"));
+    if low < high && written.0 != written.1 {
+        format!("{x:.4} ({} to {})", written.0, written.1)
+    } else {
+        format!("{x:.4}")
+    }
 }
 
 fn joints(d: &Diagnosis) -> Markup {
@@ -434,37 +433,37 @@ fn joints(d: &Diagnosis) -> Markup {
         .collect();
     let part = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{:.0} %", 100.0 * x));
     html! {
-        table {
-            tr { th { "joint" } th class="n" { "position before" } th class="n" { "share" } th class="n" { "after" } th class="n" { "velocity before" } th class="n" { "share" } th class="n" { "after" } }
+        div.scroll { table {
+            thead { tr { th { "joint" } th class="num" { "position before" } th class="num" { "share" } th class="num" { "after" } th class="num" { "velocity before" } th class="num" { "share" } th class="num" { "after" } } }
             @for (j, (before, after)) in rows {
                 @let share = d.gap_shares.get(j);
                 tr {
                     td { (j + 1) }
-                    td class="n" { (figure(Some(before.0))) }
-                    td class="n" { (part(share.map(|s| s.0))) }
-                    td class="n" { (figure(Some(after.0))) }
-                    td class="n" { (figure(before.1)) }
-                    td class="n" { (part(share.and_then(|s| s.1))) }
-                    td class="n" { (figure(after.1)) }
+                    td class="num" { (figure(Some(before.0))) }
+                    td class="num" { (part(share.map(|s| s.0))) }
+                    td class="num" { (figure(Some(after.0))) }
+                    td class="num" { (figure(before.1)) }
+                    td class="num" { (part(share.and_then(|s| s.1))) }
+                    td class="num" { (figure(after.1)) }
                 }
             }
-        }
+        } }
         p class="quiet" { "Share: part of the squared gap before that this joint and channel have." }
     }
 }
 
 fn ranking(d: &Diagnosis) -> Markup {
     html! {
-        table {
-            tr { th { "effect" } th { "joint" } th { "score" } th { "probability" } }
+        div.scroll { table {
+            thead { tr { th { "effect" } th { "joint" } th.num { "score" } th.num { "probability" } } }
             @for r in &d.ranking {
                 tr {
                     td { (r.effect) }
                     td { (r.joint.map_or_else(String::new, |j| j.to_string())) }
-                    td class="n" { (format!("{:.0}", r.score)) }
-                    td class="n" { (format!("{:.3}", r.probability)) }
+                    td class="num" { (format!("{:.0}", r.score)) }
+                    td class="num" { (format!("{:.3}", r.probability)) }
                 }
             }
-        }
+        } }
     }
 }

@@ -65,7 +65,7 @@ impl Substeps {
 /// Gains of all joints under a hypothesis at its parameters.
 pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: f64) -> Vec<Gain> {
     let constants = Constants::new(&case.nominal, theta);
-    let machine = Machine::<f64>::new(constants, hypothesis, e.to_vec());
+    let machine = Machine::<f64>::beside(&case.known, constants, hypothesis, e.to_vec());
     (0..case.n())
         .map(|j| {
             let noise = &case.noise[j];
@@ -136,14 +136,18 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         'a: 'h,
     {
         debug_assert_eq!(theta.len(), case.nominal.size());
-        let mut machine =
-            Machine::new(Constants::new(&case.nominal, theta), hypothesis, e.to_vec());
+        let mut machine = Machine::beside(
+            &case.known,
+            Constants::new(&case.nominal, theta),
+            hypothesis,
+            e.to_vec(),
+        );
         machine.begin = record.begin;
         let geared = machine.gears.iter().any(Option::is_some);
         Runner {
             case,
             record,
-            substeps: Substeps::new(record.h, geared, case.refined),
+            substeps: Substeps::new(record.h, geared, case.run(hypothesis).finer),
             machine,
         }
     }

@@ -4,16 +4,17 @@ use std::path::{Path, PathBuf};
 
 use pid_data::Dataset;
 use pid_runtime::dynamics::Dynamics;
-use serde::{Deserialize, Serialize};
 
 use crate::case::{Case, CaseError, outlier_warnings};
-use crate::channel::{Reading, inputs, readings};
-use crate::diagnose::{Diagnosis, Found, Settings, investigate};
+use crate::channel::{inputs, readings};
+use crate::diagnosis::{Diagnosis, Next, Share, Signals, Verdict};
+use crate::extended::extended;
 use crate::fit::Fit;
-use crate::locate::{Place, locate, rest};
+use crate::locate::{MissingForce, locate, residual_force};
 use crate::next::{Experiment, separate};
 use crate::nominal::Nominal;
-use crate::timing::Alignment;
+use crate::numerics;
+use crate::search::{Evidence, Settings, Surroundings, search};
 
 /// A file of a report cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -25,53 +26,19 @@ pub struct WriteError {
     pub source: std::io::Error,
 }
 
-/// Where the missing force of one joint lives.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Share {
-    /// Joint from 1.
-    pub joint: usize,
-    /// Share in the squared missing force of all joints, each in units of its typical torque.
-    pub share: f64,
-    /// Root mean square of the missing force, N·m or N.
-    pub rms: f64,
-    /// The quantity it goes with most.
-    pub regime: String,
-    /// How far it is a function of that quantity and the direction, 0 to 1.
-    pub explained: f64,
-}
-
-/// When the input of one joint acts, and when its velocity shows.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Signals {
-    /// Joint from 1.
-    pub joint: usize,
-    /// The input against the force that moves the joint, all records; `None` where they tell nothing of it.
-    pub input: Option<Alignment>,
-    /// The velocity reading against the derivative of the positions, all records; `None` where no velocity is recorded.
-    pub velocity: Option<Reading>,
-}
-
-/// How well a further motion would separate the first two rivals.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Next {
-    /// The rivals.
-    pub rivals: (String, String),
-    /// Expected logarithm of the likelihood ratio in favour of the right one, the lesser of both cases.
-    pub log_odds: f64,
-}
-
-/// Probability beyond which a candidate counts as a rival that is left.
-const LEFT: f64 = 0.01;
-
 /// Everything a report shows.
 #[derive(Debug)]
 pub struct Report {
-    /// The verdict and its fits.
-    pub found: Found,
+    /// What the search found, with its fits.
+    pub evidence: Evidence,
+    /// What is said.
+    pub diagnosis: Diagnosis,
     /// Where the gap lives; `None` with the reason if that cannot be said.
-    pub place: Result<Place, String>,
+    pub place: Result<MissingForce, String>,
     /// The motion that separates the first two rivals; `None` where none is left or none can be run.
     pub next: Option<Experiment>,
+    /// The nominal description with the effects named and the values found.
+    pub extended: pid_interpret::nominal::Nominal,
 }
 
 impl Report {
@@ -140,57 +107,48 @@ impl Report {
         settings: &Settings,
         next: bool,
     ) -> Result<Self, CaseError> {
-        let clock = std::time::Instant::now();
+        let started = std::time::Instant::now();
         let dataset = &*nominal.records(dataset);
         let case = Case::new(nominal, dataset)?;
-        let mut found = investigate(&case, settings);
-        let place = locate(&found.case, &found.base, dataset).map_err(|e| e.to_string());
-        let next = rivals(&found, next).and_then(|(a, b)| separate(&found.case, a, b));
-        if let Ok(place) = &place {
-            found.diagnosis.missing_force = shares(place);
-        }
-        found.diagnosis.warnings = dataset.warnings.iter().map(ToString::to_string).collect();
-        found
-            .diagnosis
-            .warnings
-            .extend(outlier_warnings(&case.outliers));
-        found.diagnosis.signals = signals(&case, &found.base);
-        if let Some(left) = &mut found.diagnosis.remainder {
-            left.missing_force = shares(&rest(&found.case, &found.fit));
-        }
-        found.diagnosis.next_experiment = next.as_ref().map(|e| Next {
-            rivals: e.rivals.clone(),
-            log_odds: e.least(),
+        let mut evidence = search(&case, settings);
+        evidence.started = started;
+        // Equations of motion without the known effects would miss their forces.
+        let place = match case.known.is_empty() {
+            true => locate(&evidence.case, &evidence.base, dataset).map_err(|e| e.to_string()),
+            false => Ok(residual_force(&evidence.case, &evidence.base)),
+        };
+        let next = rivals(&evidence, next).and_then(|(a, b)| separate(&evidence.case, a, b));
+        let left = evidence
+            .remainder
+            .as_ref()
+            .map(|_| shares(&residual_force(&evidence.case, &evidence.fit)));
+        let diagnosis = evidence.diagnosis(Surroundings {
+            missing_force: place.as_ref().map_or_else(|_| Vec::new(), shares),
+            left_force: left.unwrap_or_default(),
+            signals: signals(&case, &evidence.base),
+            warnings: {
+                let read = dataset.warnings.iter().map(ToString::to_string);
+                let numerical = numerics::warnings(&evidence.case, &evidence.fit);
+                let odd = read.chain(outlier_warnings(&case.outliers));
+                odd.chain(numerical).collect()
+            },
+            next: next.as_ref().map(|e| Next {
+                rivals: e.rivals.clone(),
+                log_odds: e.least(),
+            }),
         });
-        found.diagnosis.seconds = clock.elapsed().as_secs_f64();
-        Ok(Report { found, place, next })
+        Ok(Report {
+            extended: extended(&case, &evidence),
+            evidence,
+            diagnosis,
+            place,
+            next,
+        })
     }
 
     /// The verdict.
     pub fn diagnosis(&self) -> &Diagnosis {
-        &self.found.diagnosis
-    }
-
-    /// Writes `report.html`, `next_experiment.csv` if there is one, and last `diagnosis.json`, so that a folder is complete when
-    /// that is there.
-    ///
-    /// # Errors
-    /// If a file cannot be written.
-    pub fn write(&self, out: &Path) -> Result<(), WriteError> {
-        let at = |path: &Path| {
-            let path = path.to_owned();
-            move |source| WriteError { path, source }
-        };
-        std::fs::create_dir_all(out).map_err(at(out))?;
-        let put = |name: &str, text: &str| {
-            let path = out.join(name);
-            std::fs::write(&path, text).map_err(at(&path))
-        };
-        put("report.html", &crate::page::page(self))?;
-        if let Some(next) = &self.next {
-            put("next_experiment.csv", &next.to_csv())?;
-        }
-        put("diagnosis.json", &self.diagnosis().to_json())
+        &self.diagnosis
     }
 }
 
@@ -206,7 +164,7 @@ fn signals(case: &Case, base: &Fit) -> Vec<Signals> {
     .collect()
 }
 
-fn shares(place: &Place) -> Vec<Share> {
+fn shares(place: &MissingForce) -> Vec<Share> {
     place
         .joints
         .iter()
@@ -226,22 +184,23 @@ fn shares(place: &Place) -> Vec<Share> {
 }
 
 /// The first two rivals: the likeliest candidate and the likeliest one beside it; the nominal structure where nothing is named.
-fn rivals(found: &Found, forced: bool) -> Option<(&Fit, &Fit)> {
+fn rivals(found: &Evidence, forced: bool) -> Option<(&Fit, &Fit)> {
     let first = found.rivals.first()?;
-    let d = &found.diagnosis;
+    let rival = found.criteria.rival;
     let probability = |i: usize| {
         let term = found.rivals[i].hypothesis.terms.last()?;
         let info = term.effect.info();
-        d.ranking
+        found
+            .ranking
             .iter()
             .find(|r| r.effect == info.id && r.joint == term.shown_joint())
             .map(|r| r.probability)
     };
-    if d.effect == "none" {
-        return (forced || probability(0)? > LEFT).then_some((&found.base, first));
+    if found.verdict() == Verdict::Nothing {
+        return (forced || probability(0)? > rival).then_some((&found.base, first));
     }
     // A second effect on top of the first is no rival of it.
     let own = first.hypothesis.terms.len();
     let other = (1..found.rivals.len()).find(|&i| found.rivals[i].hypothesis.terms.len() == own)?;
-    (forced || probability(other)? > LEFT).then_some((first, &found.rivals[other]))
+    (forced || probability(other)? > rival).then_some((first, &found.rivals[other]))
 }

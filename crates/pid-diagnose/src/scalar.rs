@@ -57,6 +57,13 @@ pub trait Scalar:
     fn magnitude(self) -> Self {
         if self.value() < 0.0 { -self } else { self }
     }
+    /// Hyperbolic tangent.
+    fn hyperbolic_tangent(self) -> Self {
+        // From the side on which the exponential is small.
+        let small = (-(self.magnitude() * 2.0)).exponential();
+        let size = (-small + 1.0) / (small + 1.0);
+        size * if self.value() < 0.0 { -1.0 } else { 1.0 }
+    }
     /// The number limited to `low..=high`; the derivative is that of the active branch.
     fn limit(self, low: Self, high: Self) -> Self {
         if self.value() < low.value() {

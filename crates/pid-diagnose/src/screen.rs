@@ -16,6 +16,7 @@ use pid_data::Role;
 use rayon::prelude::*;
 
 use crate::case::Case;
+use crate::criteria::Budget;
 use crate::effect::{Effect, LANES, Term};
 use crate::fit::{
     Basis, Direction, Effort, Fit, Linear, PRIOR, Point, all_gains, fit, linearise, log_dets,
@@ -24,13 +25,6 @@ use crate::fit::{
 use crate::simulate::Hypothesis;
 
 use std::sync::{Arc, Mutex};
-
-/// Steps of the approach from a finite start.
-const APPROACH: usize = 4;
-/// Steps after which starts of one candidate that gain already are compared, and how many of them are followed: contacts have many
-/// optima, and the lowest start need not lie in the basin of the lowest.
-const GLANCE: usize = 2;
-const FOLLOWED: usize = 3;
 
 /// A candidate with the start that promises most.
 #[derive(Debug, Clone)]
@@ -50,6 +44,7 @@ struct Reference<'a> {
     case: &'a Case,
     fit: &'a Fit,
     basis: &'a Basis,
+    budget: &'a Budget,
     lin: Linear,
     /// Curvature and gradient along the basis, data only.
     h: DMatrix<f64>,
@@ -72,9 +67,8 @@ pub fn candidates(
             if effect.needs_partner() && effect.partner(joint).is_none() {
                 continue;
             }
-            if present
-                .terms
-                .iter()
+            let known = &case.known.hypothesis.terms;
+            if (present.terms.iter().chain(known))
                 .any(|t| t.effect.info().id == info.id && (t.joint == joint || !info.has_joint))
             {
                 continue;
@@ -107,6 +101,7 @@ pub fn screen(
     basis: &Basis,
     fit: &Fit,
     candidates: &[(Term, Vec<Vec<f64>>)],
+    budget: &Budget,
 ) -> (Vec<Candidate>, DMatrix<f64>) {
     let lin = fit.linearised(case, basis);
     let h = lin.j.transpose() * &lin.j;
@@ -114,6 +109,7 @@ pub fn screen(
         case,
         fit,
         basis,
+        budget,
         lin,
         h,
     };
@@ -196,9 +192,7 @@ impl Reference<'_> {
             let amplitudes = term.effect.info().amplitudes;
             let block = lin.j.columns(column, amplitudes.len()).into_owned();
             column += amplitudes.len();
-            let alone = Hypothesis {
-                terms: vec![term.clone()],
-            };
+            let alone = Hypothesis::new(vec![term.clone()]);
             let bounds = ranges(self.case, &alone);
             let limits: Vec<(f64, f64)> = amplitudes.iter().map(|&a| bounds[a]).collect();
             let (objective, theta, step) = self.minimise(&self.lin.r, &block, &limits);
@@ -258,7 +252,7 @@ impl Reference<'_> {
                 let term = &terms[*i].0;
                 let (hypothesis, _) = self.with(term, &[]);
                 let first = self.fit.point.e.len();
-                let effort = Effort::on_the_way(APPROACH);
+                let effort = Effort::on_the_way(self.budget.approach);
                 let near = fit(self.case, &frozen, &hypothesis, at.clone(), effort);
                 let directions: Vec<Direction<'_>> =
                     (first..near.point.e.len()).map(Direction::Effect).collect();
@@ -273,9 +267,7 @@ impl Reference<'_> {
                 if lin.r.len() != self.lin.r.len() {
                     return None;
                 }
-                let alone = Hypothesis {
-                    terms: vec![term.clone()],
-                };
+                let alone = Hypothesis::new(vec![term.clone()]);
                 let own = &near.point.e[first..];
                 let limits: Vec<(f64, f64)> = ranges(self.case, &alone)
                     .iter()
@@ -299,7 +291,7 @@ impl Reference<'_> {
             .collect()
     }
 
-    /// Of every term the lowest start; where several gain already, the lowest after [`GLANCE`] steps from each, [`FOLLOWED`] at most.
+    /// Of every term the lowest start; where several gain already, the lowest after [`Budget::glance`] steps from each, [`Budget::followed`] at most.
     fn followed(
         &self,
         terms: &[&(Term, Vec<Vec<f64>>)],
@@ -320,12 +312,12 @@ impl Reference<'_> {
                 }
                 let (hypothesis, _) = self.with(&terms[i].0, &[]);
                 let glance = |v: &&(usize, Point, f64)| {
-                    let effort = Effort::on_the_way(GLANCE);
+                    let effort = Effort::on_the_way(self.budget.glance);
                     fit(self.case, &frozen, &hypothesis, v.1.clone(), effort)
                 };
                 let mut near: Vec<Fit> = own.par_iter().map(glance).collect();
                 near.sort_by(|a, b| a.train.evidence().total_cmp(&b.train.evidence()));
-                near.truncate(FOLLOWED);
+                near.truncate(self.budget.followed);
                 near.into_iter().map(|f| (i, f.point)).collect()
             })
             .collect()
@@ -396,7 +388,8 @@ impl Reference<'_> {
             (low[size + old + i], high[size + old + i]) = limits[i];
         }
         let quadratic = crate::fit::Quadratic { h, g };
-        let x = quadratic.minimise(&low, &high);
+        // A candidate whose start is no minimiser is refitted all the same, and its refit counts.
+        let (x, _) = quadratic.minimise(&low, &high);
         let objective = r.norm_squared() + prior + 2.0 * quadratic.at(&x);
         (
             objective,
@@ -432,7 +425,7 @@ mod tests {
             );
             let library = [play.terms[0].effect.clone()];
             let list = candidates(&case, &library, &base.hypothesis);
-            let (best, _) = screen(&case, &basis, &base, &list);
+            let (best, _) = screen(&case, &basis, &base, &list, &Budget::default());
             let found = best[0].start[0];
             assert!((found / gap - 1.0).abs() < 0.05, "{found} for {gap}");
         }

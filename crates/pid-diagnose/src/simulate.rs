@@ -1,20 +1,61 @@
 //! One substep of the robot with its effects, over any [`Scalar`]; see [`effect`](crate::effect) for the equation.
 
+use std::borrow::Cow;
+
 use pid_interpret::links;
 
 use crate::constants::{Constant, Constants};
 use crate::effect::{After, Commands, Forces, Friction, Gear, Pick, Site, Term};
+use crate::extended::Known;
 use crate::kernels;
 use crate::scalar::Scalar;
 
-/// A hypothesis: the effects present beside the nominal structure.
+/// A hypothesis: the effects present beside the nominal structure, and how it is run.
 #[derive(Debug, Clone, Default)]
 pub struct Hypothesis {
     /// The effects, in order.
     pub terms: Vec<Term>,
+    /// How it is run.
+    pub run: Run,
+}
+
+/// How a hypothesis is run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Run {
+    /// Factor on the number of substeps; 1 unless a fit is finished with finer ones.
+    pub finer: usize,
+    /// Whether the states at the start that no sensor reads are estimated.
+    pub initial_states: bool,
+}
+
+impl Default for Run {
+    fn default() -> Self {
+        Run {
+            finer: 1,
+            initial_states: false,
+        }
+    }
+}
+
+impl Run {
+    /// As fine as either of two asks for.
+    pub fn beside(self, other: Run) -> Run {
+        Run {
+            finer: self.finer.max(other.finer),
+            initial_states: self.initial_states || other.initial_states,
+        }
+    }
 }
 
 impl Hypothesis {
+    /// Of effects, run as usual.
+    pub fn new(terms: Vec<Term>) -> Self {
+        Hypothesis {
+            terms,
+            run: Run::default(),
+        }
+    }
+
     /// Position of the first parameter of each term, and their number.
     pub fn offsets(&self) -> (Vec<usize>, usize) {
         let mut next = 0;
@@ -56,7 +97,7 @@ pub struct State<D> {
 pub struct Machine<'h, D: Pick> {
     /// The constants, those of the effects included.
     pub constants: Constants<'h, D>,
-    hypothesis: &'h Hypothesis,
+    hypothesis: Cow<'h, Hypothesis>,
     e: Vec<D>,
     starts: Vec<usize>,
     cells: Vec<usize>,
@@ -86,11 +127,40 @@ pub struct Machine<'h, D: Pick> {
     scratch: Vec<D>,
     value_x: Vec<f64>,
     value_scratch: Vec<f64>,
+    /// Steps whose dry friction did not settle within [`ROUNDS`].
+    pub unsettled: usize,
 }
+
+/// Rounds of [`Machine::solve`] in which all joints may change between sticking and sliding at once. After them one joint changes at a
+/// time, the first that must, which cannot cycle where numbers are exact (K. G. Murty, Note on a Bard-type scheme for solving the
+/// complementarity problem, Opsearch 11, 1974).
+const TOGETHER: usize = 6;
+/// Most rounds: many times the number of joints. A step that needs more goes on with what it has, and is counted.
+const ROUNDS: usize = 40;
 
 impl<'h, D: Pick> Machine<'h, D> {
     /// From constants at the nominal parameters; `e` are the effects' parameters in SI units.
-    pub fn new(mut constants: Constants<'h, D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+    pub fn new(constants: Constants<'h, D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+        Self::over(constants, Cow::Borrowed(hypothesis), e)
+    }
+
+    /// The same beside effects that are known.
+    pub fn beside(
+        known: &Known,
+        constants: Constants<'h, D>,
+        hypothesis: &'h Hypothesis,
+        e: Vec<D>,
+    ) -> Self {
+        if known.is_empty() {
+            return Self::new(constants, hypothesis, e);
+        }
+        let mut all = known.hypothesis.clone();
+        all.terms.extend(hypothesis.terms.iter().cloned());
+        let held = known.e.iter().map(|&x| D::constant(x));
+        Self::over(constants, Cow::Owned(all), held.chain(e).collect())
+    }
+
+    fn over(mut constants: Constants<'h, D>, hypothesis: Cow<'h, Hypothesis>, e: Vec<D>) -> Self {
         let n = constants.nominal().n();
         let (starts, _) = hypothesis.offsets();
         let mut gears = vec![None; n];
@@ -139,6 +209,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             scratch: vec![zero; m * m],
             value_x: vec![0.0; m],
             value_scratch: vec![0.0; m * m],
+            unsettled: 0,
         }
     }
 
@@ -319,6 +390,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                 load: &state.load,
                 t: t + half,
                 dt,
+                rest: None,
             };
             let own = {
                 let at = self.starts[i];
@@ -365,6 +437,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                     load: &state.load,
                     t: t + half,
                     dt,
+                    rest: None,
                 };
                 law.friction(own, &at, &state.memory[a..b], &mut friction);
             }
@@ -502,7 +575,11 @@ impl<'h, D: Pick> Machine<'h, D> {
             self.values[i] = self.matrix[i].value();
         }
         let mut x = std::mem::take(&mut self.value_x);
-        for round in 0..40 {
+        for round in 0..=ROUNDS {
+            if round == ROUNDS {
+                self.unsettled += 1;
+                break;
+            }
             for c in 0..m {
                 self.value_rhs[c] = self.rhs[c].value() - self.dry(c);
             }
@@ -542,7 +619,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                     self.status[c] = new;
                     stable = false;
                     // After a while one change at a time, which cannot cycle.
-                    if round > 6 {
+                    if round > TOGETHER {
                         break;
                     }
                 }
@@ -652,9 +729,7 @@ mod tests {
             .into_iter()
             .find(|x| x.info().id == effect)
             .unwrap();
-        let hypothesis = Hypothesis {
-            terms: vec![Term { effect, joint: 1 }],
-        };
+        let hypothesis = Hypothesis::new(vec![Term { effect, joint: 1 }]);
         let constants = Constants::new(&nominal, &vec![0.0; nominal.size()]);
         let mut machine = Machine::<f64>::new(constants, &hypothesis, e.to_vec());
         let steps = Substeps::new(H, true, refined);
@@ -689,6 +764,29 @@ mod tests {
 
     fn distance(a: &[f64], b: &[f64]) -> f64 {
         a.iter().zip(b).fold(0.0, |d, (a, b)| (a - b).abs().max(d))
+    }
+
+    /// One joint sticks below its level of friction and slides beyond it. Two whose matrix is not symmetric, as none of a robot is,
+    /// have no consistent state: the second slides only while the first sticks, and the first only while the second slides.
+    #[test]
+    fn friction_settles_and_what_does_not_is_counted() {
+        let text = include_str!("../robots/ur10e.toml");
+        let nominal = Nominal::parse(text, "ur10e.toml".as_ref()).unwrap();
+        let nothing = Hypothesis::default();
+        let constants = Constants::new(&nominal, &vec![0.0; nominal.size()]);
+        let mut machine = Machine::<f64>::new(constants, &nothing, Vec::new());
+        machine.levels.fill(Some((0.5, 0.5)));
+        machine.matrix[0] = 4.0;
+        for (pull, expected) in [(0.4, 0.0), (1.5, 0.25), (-1.5, -0.25)] {
+            machine.rhs[0] = pull;
+            machine.solve(1);
+            assert_eq!((machine.next[0], machine.unsettled), (expected, 0));
+        }
+        machine.status.fill(0);
+        machine.matrix[..4].copy_from_slice(&[2.0, -10.0, 0.0, 2.0]);
+        machine.rhs[..2].copy_from_slice(&[0.0, 2.5]);
+        machine.solve(2);
+        assert_eq!(machine.unsettled, 1);
     }
 
     #[test]

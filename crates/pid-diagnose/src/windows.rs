@@ -23,8 +23,10 @@ use crate::fit::{Basis, Direction, Fit, PRIOR, linearise};
 
 /// Shortest bins, s, and the most of them: short bins tell windows apart that lie close to each other, long ones see a faint force.
 const BINS: [(f64, usize); 2] = [(0.4, 18), (0.2, 36)];
-/// Significance of a bin, in mean squared innovations that are left, and its share of the largest.
-const SIGNIFICANT: (f64, f64) = (25.0, 0.12);
+/// Gain of a bin that starts follow, in mean squared innovations that are left: five standard deviations.
+const SIGNIFICANT: f64 = 25.0;
+/// Share of the strongest bin from which the effect counts as on in a bin.
+const ON: f64 = 0.12;
 /// A time after every record, s.
 const NEVER: f64 = 2e5;
 
@@ -166,7 +168,7 @@ fn found(
             })
             .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
         let Some((b, next)) = best else { break };
-        if next.gain - profile.gain < SIGNIFICANT.0 * left(next.gain) {
+        if next.gain - profile.gain < SIGNIFICANT * left(next.gain) {
             break;
         }
         active.push(b);
@@ -185,7 +187,7 @@ fn found(
     };
     let on: Vec<bool> = strength
         .iter()
-        .map(|s| *s > 0.0 && *s > SIGNIFICANT.1 * most)
+        .map(|s| *s > 0.0 && *s > ON * most)
         .collect();
     if on.iter().all(|x| *x == on[0]) {
         return None;
@@ -264,9 +266,7 @@ mod tests {
         let truth = [0.7, 2.4, 2.9, 4.4, 4.9, 6.5];
         let mut e = vec![-0.5, 0.0, 0.17];
         e.extend(truth);
-        let hypothesis = Hypothesis {
-            terms: vec![term.clone()],
-        };
+        let hypothesis = Hypothesis::new(vec![term.clone()]);
         let case = pendulum(&hypothesis, &e, 7.0, &|_| {});
         let basis = basis(&case);
         let zero = Point {

@@ -1,11 +1,10 @@
 //! Declared robots against records of robots that have a spring more: no `nominal.toml`, the same verdict as with one.
 
-mod common;
-
-use common::folder;
-use pid_diagnose::diagnose::Settings;
 use pid_diagnose::report::Report;
+use pid_diagnose::search::Settings;
 use pid_runtime::robot;
+
+use crate::common::folder;
 
 robot! {
     /// What the engineer declares.
@@ -96,7 +95,11 @@ fn the_spring_is_found_without_a_nominal_file() {
     std::fs::remove_dir_all(&folder).expect("the folder");
     let report = report.expect("a diagnosis");
     let d = report.diagnosis();
-    assert_eq!((d.effect.as_str(), d.joint), ("spring", Some(1)), "{d:?}");
+    assert_eq!(
+        (d.verdict.word(), d.verdict.joint()),
+        ("spring", Some(1)),
+        "{d:?}"
+    );
     assert!(d.gap_after < 0.2 * d.gap_before, "{d:?}");
     let stiffness = (d.effects[0].parameters.iter())
         .find(|p| p.name.contains("stiff"))
@@ -116,7 +119,11 @@ fn the_spring_is_found_on_one_of_two_branches() {
     std::fs::remove_dir_all(&folder).expect("the folder");
     let report = report.expect("a diagnosis");
     let d = report.diagnosis();
-    assert_eq!((d.effect.as_str(), d.joint), ("spring", Some(3)), "{d:?}");
+    assert_eq!(
+        (d.verdict.word(), d.verdict.joint()),
+        ("spring", Some(3)),
+        "{d:?}"
+    );
     assert!(d.gap_after < 1e-3 * d.gap_before, "{d:?}");
     let stiffness = (d.effects[0].parameters.iter())
         .find(|p| p.name.contains("stiff"))

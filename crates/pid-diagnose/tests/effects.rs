@@ -88,6 +88,7 @@ fn answers<D: Pick>(law: &dyn Law<D>, e: &[D], memory: usize, joint: usize, v: f
         load: &load,
         t: 0.9,
         dt: 0.004,
+        rest: None,
     };
     let mut friction = Friction {
         forward: c(0.5),
@@ -221,6 +222,7 @@ fn at(id: &str, e: &[f64], v: f64) -> (Friction<f64>, [f64; 2], [f64; 2]) {
         load: &load,
         t: 0.9,
         dt: 0.004,
+        rest: None,
     };
     let mut friction = Friction {
         forward: 0.5,

@@ -1,23 +1,11 @@
 //! Practice cases of an independent simulator, where they lie beside the workspace.
 
-use std::path::{Path, PathBuf};
-
 use pid_diagnose::case::Case;
-use pid_diagnose::diagnose::{Diagnosis, Settings, diagnose};
-
-fn folder(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../../shared/blind")
-        .join(name);
-    if path.is_dir() {
-        return Some(path);
-    }
-    eprintln!("{name}: no practice cases beside the workspace, skipped");
-    None
-}
+use pid_diagnose::diagnosis::{Diagnosis, Verdict};
+use pid_diagnose::search::{Settings, diagnose};
 
 fn run(name: &str) -> Option<Diagnosis> {
-    let case = Case::read(&folder(name)?).expect("a valid case");
+    let case = Case::read(&pid_records::shared(&format!("blind/{name}"))?).expect("a valid case");
     Some(diagnose(&case, &Settings::default()))
 }
 
@@ -33,7 +21,7 @@ fn magnitude(d: &Diagnosis, name: &str) -> f64 {
 #[test]
 fn nothing_is_named_where_nothing_is_missing() {
     let Some(d) = run("p03") else { return };
-    assert_eq!(d.effect, "none");
+    assert_eq!(d.verdict, Verdict::Nothing);
     assert!(d.gap_before < 1.15 * 0.0052, "{}", d.gap_before);
     assert!(
         (d.misfit.0 - 1.0).abs() < 0.05,
@@ -45,7 +33,7 @@ fn nothing_is_named_where_nothing_is_missing() {
 #[test]
 fn a_friction_curve_is_named_with_its_size() {
     let Some(d) = run("p01") else { return };
-    assert_eq!((d.effect.as_str(), d.joint), ("stribeck", Some(1)));
+    assert_eq!((d.verdict.word(), d.verdict.joint()), ("stribeck", Some(1)));
     assert!((magnitude(&d, "static_to_coulomb") / 2.98 - 1.0).abs() < 0.02);
     assert!((magnitude(&d, "stribeck_velocity") / 0.22131 - 1.0).abs() < 0.02);
     assert!(d.gap_after < 1.15 * 0.006862);
@@ -54,7 +42,10 @@ fn a_friction_curve_is_named_with_its_size() {
 #[test]
 fn an_elastic_joint_is_named_with_its_stiffness() {
     let Some(d) = run("p02") else { return };
-    assert_eq!((d.effect.as_str(), d.joint), ("joint_elasticity", Some(1)));
+    assert_eq!(
+        (d.verdict.word(), d.verdict.joint()),
+        ("joint_elasticity", Some(1))
+    );
     assert!(
         (magnitude(&d, "stiffness") / 90.0 - 1.0).abs() < 0.02,
         "{}",
@@ -65,5 +56,5 @@ fn an_elastic_joint_is_named_with_its_stiffness() {
 #[test]
 fn what_is_not_in_the_library_is_unknown() {
     let Some(d) = run("p06") else { return };
-    assert_eq!(d.effect, "unknown");
+    assert_eq!(d.verdict, Verdict::Unknown);
 }

@@ -49,12 +49,10 @@ fn innovations_of_sensor_effects_have_their_derivatives() {
         ("encoder_offset", vec![0.03]),
         ("encoder_eccentricity", vec![0.04, 0.7]),
     ] {
-        let hypothesis = Hypothesis {
-            terms: vec![Term {
-                effect: effects::by_id(id).expect("in the library"),
-                joint: 0,
-            }],
-        };
+        let hypothesis = Hypothesis::new(vec![Term {
+            effect: effects::by_id(id).expect("in the library"),
+            joint: 0,
+        }]);
         let theta = vec![0.0; 14];
         let at = Point {
             theta: theta.clone(),

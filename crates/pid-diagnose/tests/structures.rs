@@ -1,14 +1,14 @@
 //! Robots beyond chains of driven links against records of robots with an effect more: a mimic gripper, a bare Lagrangian, a
 //! coupled wrist.
 
-mod common;
-
-use common::folder;
-use pid_diagnose::diagnose::{Diagnosis, Settings};
+use pid_diagnose::diagnosis::Diagnosis;
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::report::Report;
+use pid_diagnose::search::Settings;
 use pid_runtime::dynamics::{Dynamics, Jacobian};
 use pid_runtime::robot;
+
+use crate::common::folder;
 
 robot! {
     /// Two fingers, one driven, the other opposite to it.
@@ -170,7 +170,11 @@ fn a_spring_is_found_at_a_gripper_whose_fingers_follow_each_other() {
     // The mass of a finger, gain and friction of the drive.
     assert_eq!((nominal.n(), nominal.size()), (1, 4));
     let d = diagnosed(&Gripper, &SprungGripper, &["slide_left"], &[0.05], 1.5);
-    assert_eq!((d.effect.as_str(), d.joint), ("spring", Some(1)), "{d:?}");
+    assert_eq!(
+        (d.verdict.word(), d.verdict.joint()),
+        ("spring", Some(1)),
+        "{d:?}"
+    );
     assert!(d.gap_after < 0.2 * d.gap_before, "{d:?}");
     let (stiffness, std) = magnitude(&d, "stiff");
     assert!(
@@ -188,7 +192,7 @@ fn drag_is_found_at_a_robot_that_is_declared_by_its_lagrangian() {
     assert!(!nominal.has_bodies());
     let d = diagnosed(&Crane, &DraggedCrane, &["slide", "theta"], &[0.0, 0.3], 4.0);
     assert_eq!(
-        (d.effect.as_str(), d.joint),
+        (d.verdict.word(), d.verdict.joint()),
         ("quadratic_drag", Some(1)),
         "{d:?}"
     );
@@ -216,7 +220,11 @@ fn a_spring_is_found_at_the_motor_of_a_coupled_wrist() {
     let drives = nominal.description.drives().expect("coupled drives");
     assert_eq!(drives.positions(&[0.3, 0.5]), [0.3, 0.8]);
     let d = diagnosed(&Wrist, &SprungWrist, &["bend", "tip"], &[0.1, -0.2], 0.8);
-    assert_eq!((d.effect.as_str(), d.joint), ("spring", Some(2)), "{d:?}");
+    assert_eq!(
+        (d.verdict.word(), d.verdict.joint()),
+        ("spring", Some(2)),
+        "{d:?}"
+    );
     assert!(d.gap_after < 0.2 * d.gap_before, "{d:?}");
     let (stiffness, std) = magnitude(&d, "stiff");
     assert!(

@@ -1,12 +1,25 @@
 //! The withheld-effect study: the same plan gives the same cases, what is there is not made again, scores count as they say.
 
-use pid_diagnose::diagnose::Settings;
-use pid_diagnose::study::{Cause, Kind, Outcome, Plan, run, summary};
+use pid_diagnose::diagnosis::Verdict;
+use pid_diagnose::report::Report;
+use pid_diagnose::search::Settings;
+use pid_diagnose::study::{Cause, Kind, Outcome, Plan, run, summary, to_html};
 
 fn folder(name: &str) -> std::path::PathBuf {
     let path = std::env::temp_dir().join(format!("pid-study-{name}-{}", std::process::id()));
     let _ = std::fs::remove_dir_all(&path);
     path
+}
+
+/// The page of a diagnosis: the missing force over time and against four quantities; bars of gaps and shares.
+fn diagnosis_page(case: &std::path::Path) {
+    let report = Report::of_folder(case, &Settings::default(), false).expect("a report");
+    let out = case.join("page");
+    report.write(&out).expect("files");
+    let html = std::fs::read_to_string(out.join("report.html")).expect("a page");
+    let page = pid_page_check::page(&html).unwrap_or_else(|e| panic!("{e}"));
+    assert!(page.plots >= 5 && page.bars == 2, "{page:?}");
+    assert!(html.contains("missing force, N m</text>") || html.contains("missing force, N</text>"));
 }
 
 /// A robot that lacks nothing, seen by an independent simulation: nothing is named, and the innovations are as large as the
@@ -23,7 +36,7 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
     let first = run(&plan, &Settings::default(), &out, &|_, _| {}).expect("a study");
     for o in &first {
         assert!(o.truth.causes.is_empty());
-        assert_eq!(o.diagnosis.effect, "none", "{}", o.id);
+        assert_eq!(o.diagnosis.verdict, Verdict::Nothing, "{}", o.id);
         if o.truth.noise_stated {
             assert!(
                 (o.diagnosis.misfit.0 - 1.0).abs() < 0.1,
@@ -44,8 +57,15 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
     assert_eq!(truth.expect("a cause"), same.expect("a cause"));
     let s = summary(&first);
     assert_eq!((s.false_alarms.hits, s.false_alarms.of), (0, 2));
+    // The page of the study: the reliability diagram; figures, confusions and cases.
+    let page = pid_page_check::page(&to_html(&s, &first)).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!((page.plots, page.bars, page.tables), (1, 0, 3));
+    diagnosis_page(&out.join("cases").join(&first[0].id));
     let mut wrong: Vec<Outcome> = first.clone();
-    wrong[0].diagnosis.effect = "payload".to_owned();
+    wrong[0].diagnosis.verdict = Verdict::Effect {
+        id: "payload".to_owned(),
+        joint: None,
+    };
     wrong[0].diagnosis.confidence = 1.0;
     wrong[1].diagnosis.confidence = 1.0;
     let s = summary(&wrong);
@@ -59,8 +79,10 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
             joint: 1,
         }];
         o.truth.one_axis = one_axis;
-        o.diagnosis.effect = "encoder_offset".to_owned();
-        o.diagnosis.joint = Some(joint);
+        o.diagnosis.verdict = Verdict::Effect {
+            id: "encoder_offset".to_owned(),
+            joint: Some(joint),
+        };
         let s = summary(&[o]);
         s.effect.values().map(|e| e.hits).sum::<usize>()
     };

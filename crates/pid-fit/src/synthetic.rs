@@ -14,6 +14,7 @@ use pid_data::{
 use pid_runtime::dynamics::{Hessian, Jacobian};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 /// How records are made.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,12 +35,6 @@ pub struct Recipe {
     pub noise: Vec<f64>,
     /// Share of the readings that are outliers, and their noise as a multiple of the ordinary one.
     pub outliers: (f64, f64),
-}
-
-/// A standard normal number (G. E. P. Box, M. E. Muller, 1958).
-pub(crate) fn normal(random: &mut ChaCha8Rng) -> f64 {
-    let radius = (-2.0 * (1.0 - random.random_range(0.0..1.0_f64)).ln()).sqrt();
-    radius * (std::f64::consts::TAU * random.random_range(0.0..1.0_f64)).cos()
 }
 
 /// The records of a model with parameters `p`; all of them are for training.
@@ -97,7 +92,7 @@ pub fn records(
                     let outlier = random.random_range(0.0..1.0) < recipe.outliers.0;
                     let size = if outlier { recipe.outliers.1 } else { 1.0 };
                     let noise = recipe.noise[first + k % nq];
-                    let error = normal(&mut random);
+                    let error = random.sample::<f64, _>(StandardNormal);
                     if noise.is_finite() {
                         x + size * noise * error
                     } else {

@@ -1,10 +1,8 @@
 //! A servo in closed loop and switched off: one model on both kinds of measured records.
 
-mod common;
-
 use std::ops::ControlFlow;
 
-use common::records;
+use crate::common::records;
 use pid_data::Horizon;
 use pid_fit::gap::metrics::{FreeRunSettings, StartVelocity, free_run_table};
 use pid_fit::ident::{InitialState, Method, Prepare, Progress, Settings, Weighting, identify};

@@ -11,6 +11,7 @@ use pid_models::Emps;
 use pid_runtime::dynamics::Dynamics;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 const H: f64 = 1e-3;
 const SAMPLES: usize = 4001;
@@ -18,10 +19,6 @@ const P: f64 = 60_000.0;
 const D: f64 = 3_000.0;
 /// Standard deviation of the position readings, m.
 const NOISE: f64 = 1e-5;
-
-fn normal(random: &mut ChaCha8Rng) -> f64 {
-    (0..12).map(|_| random.random_range(0.0..1.0)).sum::<f64>() - 6.0
-}
 
 fn reference(t: f64) -> f64 {
     0.08 * (2.3 * t).sin() + 0.03 * (5.9 * t + 0.4).sin() + 0.01 * (14.1 * t).sin()
@@ -36,7 +33,7 @@ fn record(seed: u64) -> Dataset {
     let mut previous = q[0];
     for k in 0..SAMPLES {
         let now = k as f64 * H;
-        let reading = q[0] + NOISE * normal(&mut random);
+        let reading = q[0] + NOISE * random.sample::<f64, _>(StandardNormal);
         let force = P * (reference(now) - reading) - D * (reading - previous) / H;
         previous = reading;
         t.push(now);

@@ -1,8 +1,6 @@
 //! Measured records: residuals of regressions beside the figures in the data sets' own descriptions.
 
-mod common;
-
-use common::records;
+use crate::common::records;
 use pid_data::{Dataset, InputHold, Role};
 use pid_fit::regress::record::Filtering;
 use pid_fit::regress::solution::JointWeights;

@@ -1,54 +1,55 @@
-//! The page. `maud` escapes every text; only the plots, which are made here, are inserted as they are.
+//! The content of the page; layout and plots are those of `pid_page`.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
+use pid_page::{Footer, Ink, Legend, Page, figure, legend};
 
 use super::plot::{self, Axes};
-use super::{Bound, MissingForce, Motion, ParameterRow, Report, Verdict};
+use super::{Bound, MissingForce, Motion, MotionJoint, ParameterRow, Report, Verdict};
 use pid_fit::gap::metrics::{ChannelError, FreeRunScore};
 use pid_nlp::solver::Iteration;
 
+const SECTIONS: [(&str, &str); 7] = [
+    ("findings", "Findings"),
+    ("parameters", "Parameters"),
+    ("error", "Free-run error"),
+    ("force", "Missing force"),
+    ("motion", "Motion"),
+    ("run", "Run"),
+    ("data", "Data"),
+];
+
 pub(super) fn page(report: &Report) -> String {
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (report.title) }
-                style { (PreEscaped(include_str!("style.css"))) }
-            }
-            body {
-                main {
-                    header {
-                        h1 { (report.title) }
-                        p.lead { (report.model.source) }
-                        nav {
-                            a href="#findings" { "Findings" }
-                            a href="#parameters" { "Parameters" }
-                            a href="#error" { "Free-run error" }
-                            a href="#force" { "Missing force" }
-                            a href="#motion" { "Motion" }
-                            a href="#run" { "Run" }
-                            a href="#data" { "Data" }
-                        }
-                    }
-                    (tiles(report))
-                    (findings(report))
-                    (parameters(report))
-                    (free_run(report))
-                    (missing_force(report))
-                    (motions(report))
-                    (run(report))
-                    (data(report))
-                    footer {
-                        (report.program) " · report schema " (report.schema_version)
-                        " · the same figures are in the JSON file beside this page"
-                    }
-                }
-            }
-        }
-    }
-    .into_string()
+    let settings: Vec<String> = report
+        .settings
+        .iter()
+        .map(|s| format!("{} {}", s.name, s.value))
+        .collect();
+    let records = report.data.experiments.len();
+    let page = Page {
+        title: &report.title,
+        lead: html! { p { (report.model.source) } },
+        sections: &SECTIONS,
+        body: html! {
+            (tiles(report))
+            (findings(report))
+            (parameters(report))
+            (free_run(report))
+            (missing_force(report))
+            (motions(report))
+            (run(report))
+            (data(report))
+        },
+        footer: Footer {
+            program: &format!(
+                "{} · report schema {}",
+                report.program, report.schema_version
+            ),
+            data: &format!("{}, {records} record{}", report.data.name, plural(records)),
+            settings: &settings.join(", "),
+            more: "the same figures are in the JSON file beside this page",
+        },
+    };
+    page.html()
 }
 
 /// Five significant digits, without trailing zeros.
@@ -163,11 +164,11 @@ fn findings(report: &Report) -> Markup {
             @if report.findings.is_empty() {
                 p.about { "Nothing stands out." }
             } @else {
-                ol.findings { @for f in &report.findings { li { (f) } } }
+                ol { @for f in &report.findings { li { (f) } } }
             }
             @if !report.notes.is_empty() {
                 h3 { "Notes" }
-                ul.findings { @for n in &report.notes { li { (n) } } }
+                ul { @for n in &report.notes { li { (n) } } }
             }
         }
     }
@@ -250,7 +251,7 @@ fn rail(p: &ParameterRow) -> Markup {
     html! {
         span.range {
             span.rail {}
-            @if let Some(r) = p.reference { span.mark style=(place(r)) {} }
+            @if let Some(r) = p.reference { span.tick style=(place(r)) {} }
             span class=(class) style=(place(p.value)) {}
         }
     }
@@ -343,61 +344,58 @@ fn missing_force(report: &Report) -> Markup {
 }
 
 fn force(f: &MissingForce) -> Markup {
-    let y = format!("w, {}", unit(&f.unit));
-    let against_v = Axes {
-        x: &format!("velocity, {}", f.velocity_unit),
-        y: &y,
-    };
-    let against_q = Axes {
-        x: &format!("position, {}", f.position_unit),
-        y: &y,
+    let unit = unit(&f.unit);
+    let against = |quantity: &str, of: &str, axis, bins| {
+        let axes = Axes {
+            title: &format!("Missing force on {} against {quantity}", f.joint),
+            x: (quantity, of),
+            y: ("w", &unit),
+        };
+        let svg = plot::scatter(&axes, &f.samples, axis, bins);
+        figure(&svg, &f.joint, &format!("missing force against {quantity}"))
     };
     html! {
         h3 { (f.joint) }
-        div.legend {
-            span { i.dot style="background:var(--forward)" {} "moving forward (v > 0)" }
-            span { i.dot style="background:var(--backward)" {} "moving backward (v < 0)" }
-            span { "line: class means, bars: one standard deviation" }
-        }
+        (legend(&[
+            Legend::Dot(Ink::Forward, "moving forward (v > 0)"),
+            Legend::Dot(Ink::Backward, "moving backward (v < 0)"),
+            Legend::Note("line: class means, bars: one standard deviation"),
+        ]))
         div.plots {
-            figure {
-                (PreEscaped(plot::scatter(&against_v, &f.samples, 1, &f.by_velocity)))
-                figcaption { (f.joint) " " span { "missing force against velocity" } }
-            }
-            figure {
-                (PreEscaped(plot::scatter(&against_q, &f.samples, 0, &f.by_position)))
-                figcaption { (f.joint) " " span { "missing force against position" } }
-            }
+            (against("velocity", &f.velocity_unit, 1, &f.by_velocity))
+            (against("position", &f.position_unit, 0, &f.by_position))
         }
         @let first = f.over_time.iter().take(2);
         @let rest: Vec<_> = f.over_time.iter().skip(2).collect();
-        div.plots { @for e in first { (force_time(f, e, &y)) } }
+        div.plots { @for e in first { (force_time(f, e, &unit)) } }
         @if !rest.is_empty() {
             details {
                 summary { "Over time, " (rest.len()) " more record" (plural(rest.len())) }
-                div.plots { @for e in rest { (force_time(f, e, &y)) } }
+                div.plots { @for e in rest { (force_time(f, e, &unit)) } }
             }
         }
     }
 }
 
-fn force_time(f: &MissingForce, e: &super::ForceTrace, y: &str) -> Markup {
-    html! {
-        figure {
-            (PreEscaped(plot::force_over_time(&Axes { x: "time, s", y }, &e.w, e.band.as_ref())))
-            figcaption { (f.joint) " " span { "over time, " (e.experiment) " (" (e.role) ")" } }
-        }
-    }
+fn force_time(f: &MissingForce, e: &super::ForceTrace, unit: &str) -> Markup {
+    let axes = Axes {
+        title: &format!("Missing force on {} over time, {}", f.joint, e.experiment),
+        x: ("time", "s"),
+        y: ("w", unit),
+    };
+    let svg = plot::force_over_time(&axes, &e.w, e.band.as_ref());
+    let what = format!("over time, {} ({})", e.experiment, e.role);
+    figure(&svg, &f.joint, &what)
 }
 
 fn motions(report: &Report) -> Markup {
     html! {
         section id="motion" {
             h2 { "Measured and simulated motion" }
-            div.legend {
-                span { i style="background:var(--measured)" {} "measured" }
-                span { i style="background:var(--simulated)" {} "simulated" }
-            }
+            (legend(&[
+                Legend::Line(Ink::Measured, "measured"),
+                Legend::Line(Ink::Simulated, "simulated"),
+            ]))
             @if report.motions.is_empty() { p { "No motion was simulated." } }
             @for (k, m) in report.motions.iter().enumerate() {
                 @if k < 4 { (motion(m)) } @else {
@@ -411,27 +409,35 @@ fn motions(report: &Report) -> Markup {
 fn motion(m: &Motion) -> Markup {
     html! {
         h3 { (m.experiment) " " span.badge.plain { (m.role) } " " span.badge.plain { (m.how) } }
-        div.plots {
-            @for j in &m.joints {
-                figure {
-                    (PreEscaped(plot::compare(
-                        &Axes { x: "time, s", y: &format!("position, {}", j.unit) },
-                        Some(&j.q_measured),
-                        &j.q_simulated,
-                    )))
-                    figcaption { (j.joint) " " span { "position" } }
-                }
-                figure {
-                    (PreEscaped(plot::compare(
-                        &Axes { x: "time, s", y: &format!("velocity, {}", j.velocity_unit) },
-                        j.v_measured.as_ref(),
-                        &j.v_simulated,
-                    )))
-                    figcaption { (j.joint) " " span { @if j.v_measured.is_some() { "velocity" } @else { "velocity, not recorded" } } }
-                }
-            }
-        }
+        div.plots { @for j in &m.joints { (position(m, j)) (velocity(m, j)) } }
     }
+}
+
+fn position(m: &Motion, j: &MotionJoint) -> Markup {
+    let axes = Axes {
+        title: &format!(
+            "Measured and simulated position of {}, {}",
+            j.joint, m.experiment
+        ),
+        x: ("time", "s"),
+        y: ("position", &j.unit),
+    };
+    let svg = plot::compare(&axes, Some(&j.q_measured), &j.q_simulated);
+    figure(&svg, &j.joint, "position")
+}
+
+fn velocity(m: &Motion, j: &MotionJoint) -> Markup {
+    let (who, what) = match j.v_measured {
+        Some(_) => ("Measured and simulated", "velocity"),
+        None => ("Simulated", "velocity, not recorded"),
+    };
+    let axes = Axes {
+        title: &format!("{who} velocity of {}, {}", j.joint, m.experiment),
+        x: ("time", "s"),
+        y: ("velocity", &j.velocity_unit),
+    };
+    let svg = plot::compare(&axes, j.v_measured.as_ref(), &j.v_simulated);
+    figure(&svg, &j.joint, what)
 }
 
 fn run(report: &Report) -> Markup {
@@ -499,7 +505,10 @@ fn data(report: &Report) -> Markup {
                     td { (format!("{:?}", j.velocity).to_lowercase()) }
                 } } }
             } }
-            @if !d.warnings.is_empty() { ul.findings { @for w in &d.warnings { li { (w) } } } }
+            @if !d.warnings.is_empty() { ul { @for w in &d.warnings { li { (w) } } } }
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

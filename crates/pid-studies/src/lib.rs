@@ -11,6 +11,7 @@ pub mod coverage;
 pub mod dynamics_speed;
 pub mod hock_schittkowski;
 pub mod intervals;
+pub mod net;
 pub mod paper;
 pub mod scaling;
 pub mod seed_study;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use pid_studies::{
-    Failure, build_budget, constrained, coverage, dynamics_speed, hock_schittkowski, paper,
+    Failure, build_budget, constrained, coverage, dynamics_speed, hock_schittkowski, net, paper,
     scaling, seed_study, shooting_study, withheld,
 };
 
@@ -37,6 +37,8 @@ enum Command {
     Constrained(Words),
     /// Measure the time of one evaluation of the six-axis arm.
     DynamicsSpeed(Words),
+    /// Record results bit for bit, and compare those of a later build with them.
+    Net(Words),
     /// Measure what a robot costs to build.
     BuildBudget(Words),
 }
@@ -49,6 +51,10 @@ struct Words {
 }
 
 fn main() -> ExitCode {
+    // The net runs the front command in a child process.
+    if let Some(code) = net::as_command() {
+        return code;
+    }
     let done = |outcome: Result<(), Failure>| outcome.map(|()| 0);
     let outcome = match Cli::parse().command {
         Command::Withheld(args) => withheld::run(&args),
@@ -63,6 +69,7 @@ fn main() -> ExitCode {
             dynamics_speed::run(&args.words);
             Ok(0)
         }
+        Command::Net(args) => net::command::run(&args.words),
         Command::BuildBudget(args) => done(build_budget::run(&args.words)),
     };
     match outcome {

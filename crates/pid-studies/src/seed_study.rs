@@ -28,7 +28,7 @@ pub fn run(words: &[String]) -> Result<(), Failure> {
     let mut scheme = Scheme::ExplicitEuler;
     let mut scaling = false;
     let mut prepare = Prepare::Everything;
-    let mut folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared"));
+    let mut folder = pid_records::beside("");
     let mut args = words.iter().cloned();
     while let Some(arg) = args.next() {
         match arg.as_str() {

@@ -29,7 +29,7 @@ pub fn run(words: &[String]) -> Result<(), Failure> {
     let mut nodes = vec![1, 2, 3, 5, 10, 20, 50, 100, 200, 300, 301];
     let (mut count, mut curvature, mut lift) = (10, Curvature::Exact, None);
     let mut prepare = Prepare::Everything;
-    let mut folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared"));
+    let mut folder = pid_records::beside("");
     let mut args = words.iter().cloned();
     while let Some(arg) = args.next() {
         let mut value = || args.next().ok_or(format!("{arg} takes a value"));

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use pid_diagnose::diagnose::Settings;
+use pid_diagnose::search::Settings;
 use pid_diagnose::study::{self, Plan};
 
 use crate::{Failure, write};

@@ -57,7 +57,7 @@ pub use pid_cli as cli;
 #[cfg(feature = "diagnose")]
 pub use pid_diagnose as diagnosis;
 #[cfg(feature = "diagnose")]
-pub use pid_diagnose::{case::Case, diagnose::diagnose};
+pub use pid_diagnose::{case::Case, diagnosis::Verdict, search::diagnose};
 #[cfg(feature = "diagnose")]
 pub use pid_interpret as interpret;
 #[cfg(feature = "report")]

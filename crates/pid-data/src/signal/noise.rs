@@ -76,19 +76,14 @@ pub fn choose_cutoff(x: &[f64], rate: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::StandardNormal;
 
-    /// Deterministic noise of standard deviation 1: sums of twelve uniform numbers of a linear congruence.
+    /// Normal noise of standard deviation 1, always the same.
     fn noise(n: usize) -> Vec<f64> {
-        let mut state = 12345_u64;
-        let mut uniform = || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (state >> 11) as f64 / (1_u64 << 53) as f64
-        };
-        (0..n)
-            .map(|_| (0..12).map(|_| uniform()).sum::<f64>() - 6.0)
-            .collect()
+        let random = ChaCha8Rng::seed_from_u64(12345);
+        random.sample_iter(StandardNormal).take(n).collect()
     }
 
     fn motion(i: usize, n: usize) -> f64 {

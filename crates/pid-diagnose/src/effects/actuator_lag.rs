@@ -27,7 +27,10 @@ static INFO: Info = Info {
         ("sensor_delay", "for slow motion both shift the input"),
     ],
     regime: "fast changes of the input",
-    simulator_field: Some("MuJoCo actuator dyntype filterexact"),
+    equals: &[],
+    mujoco: Some("actuator dyntype filterexact"),
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for ActuatorLag {

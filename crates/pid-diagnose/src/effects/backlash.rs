@@ -49,7 +49,10 @@ static INFO: Info = Info {
         ),
     ],
     regime: "reversals of the load",
-    simulator_field: Some("MuJoCo: a second joint and a tendon with stiffness and a dead band"),
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for Backlash {

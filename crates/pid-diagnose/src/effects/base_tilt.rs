@@ -3,7 +3,7 @@
 //! Source: ISO 9946; W. Khalil, E. Dombre 2002, section 11.6.
 
 use crate::constants::{Constant, Constants};
-use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The base is not level.
@@ -28,7 +28,10 @@ static INFO: Info = Info {
         "in the plane of a planar arm an offset of joint 1 is exactly the same",
     )],
     regime: "gravity on every joint",
-    simulator_field: Some("MuJoCo option gravity"),
+    equals: &[("encoder_offset", EqualWhen::FirstOfVerticalPlane)],
+    mujoco: Some("option gravity"),
+    isaac: Some("simulation gravity, orientation of the base"),
+    urdf: Some("origin of the base joint, rpy"),
 };
 
 impl Model for BaseTilt {

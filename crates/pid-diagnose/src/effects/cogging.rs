@@ -59,7 +59,10 @@ static INFO: Info = Info {
     amplitudes: &[0, 1],
     confusions: &[("spring", "over less than a period a ripple is a spring")],
     regime: "slow motion over several periods",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for Cogging {

@@ -2,7 +2,7 @@
 //!
 //! Source: B. Armstrong-Hélouvry, Control of Machines with Friction, 1991, section 5.3.
 
-use crate::effect::{Friction, Info, Kind, Law, Model, Site, Unit, parameter};
+use crate::effect::{EqualWhen, Friction, Info, Kind, Law, Model, Site, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// Friction differs between directions.
@@ -24,7 +24,10 @@ static INFO: Info = Info {
         "an offset does not grow with speed; only the viscous part and the tie to the friction level tell them apart",
     )],
     regime: "both directions of motion",
-    simulator_field: None,
+    equals: &[("current_offset", EqualWhen::NoViscousFriction)],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for CoulombAsymmetry {
@@ -37,8 +40,6 @@ impl<D: Scalar> Law<D> for CoulombAsymmetry {
     fn friction(&self, e: &[D], at: &Site<'_, D>, _memory: &[D], f: &mut Friction<D>) {
         f.forward = f.forward * (e[0] + 1.0);
         f.backward = f.backward * (-e[0] + 1.0);
-        let v = at.v[at.joint].value();
-        let sign = if v > 0.0 { 1.0 } else { -1.0 };
-        f.viscous = f.viscous * (e[0] * sign + 1.0);
+        f.viscous = f.viscous * (e[0] * at.direction() + 1.0);
     }
 }

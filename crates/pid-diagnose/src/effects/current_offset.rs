@@ -2,7 +2,7 @@
 //!
 //! Source: data sheets of current sensors.
 
-use crate::effect::{Commands, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Commands, EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// A constant error of the input.
@@ -27,7 +27,10 @@ static INFO: Info = Info {
         ),
     ],
     regime: "any motion",
-    simulator_field: None,
+    equals: &[("coulomb_asymmetry", EqualWhen::NoViscousFriction)],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for CurrentOffset {

@@ -24,7 +24,10 @@ static INFO: Info = Info {
         "more dry friction looks alike while input and motion agree in sign; it differs where gravity drives and the input brakes",
     )],
     regime: "small inputs",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for DriveDeadZone {

@@ -27,7 +27,10 @@ static INFO: Info = Info {
         "over a fraction of a turn it is an offset and an error of scale",
     )],
     regime: "motion over a large arc",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for EncoderEccentricity {

@@ -2,7 +2,7 @@
 //!
 //! Source: W. Khalil, E. Dombre 2002, section 11.3.
 
-use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The encoder zero is wrong.
@@ -30,7 +30,10 @@ static INFO: Info = Info {
         ),
     ],
     regime: "gravity and the coupling to other joints",
-    simulator_field: Some("MuJoCo joint ref, URDF calibration"),
+    equals: &[("base_tilt", EqualWhen::FirstOfVerticalPlane)],
+    mujoco: Some("joint ref"),
+    isaac: None,
+    urdf: Some("joint calibration"),
 };
 
 impl Model for EncoderOffset {

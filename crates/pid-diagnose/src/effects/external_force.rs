@@ -42,7 +42,10 @@ static INFO: Info = Info {
         ),
     ],
     regime: "the time windows",
-    simulator_field: Some("MuJoCo xfrc_applied"),
+    equals: &[],
+    mujoco: Some("xfrc_applied"),
+    isaac: Some("set_external_force_and_torque"),
+    urdf: None,
 };
 
 impl Model for ExternalForce {

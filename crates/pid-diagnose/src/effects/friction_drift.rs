@@ -27,7 +27,10 @@ static INFO: Info = Info {
         "within a short window any wrong friction level looks alike; this has a trend over t",
     )],
     regime: "the trend over t, repeated in every record",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for FrictionDrift {

@@ -33,7 +33,10 @@ static INFO: Info = Info {
         ),
     ],
     regime: "large inputs",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for GainErrorNonlinear {

@@ -2,7 +2,7 @@
 //!
 //! Source: K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 1997, section 2.3.
 
-use crate::effect::{Commands, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Commands, EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The drive acts later.
@@ -27,7 +27,10 @@ static INFO: Info = Info {
         ),
     ],
     regime: "fast changes of the input",
-    simulator_field: None,
+    equals: &[("sensor_delay", EqualWhen::OneJoint)],
+    mujoco: Some("actuator delay"),
+    isaac: Some("DelayedPDActuator min_delay and max_delay"),
+    urdf: None,
 };
 
 impl Model for InputDelay {

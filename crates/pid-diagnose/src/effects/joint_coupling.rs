@@ -33,7 +33,10 @@ static INFO: Info = Info {
     amplitudes: &[0, 2],
     confusions: &[("spring", "a spring does not load the other joint")],
     regime: "motion of the other joint while this one rests",
-    simulator_field: Some("MuJoCo fixed tendon with stiffness"),
+    equals: &[],
+    mujoco: Some("fixed tendon with stiffness"),
+    isaac: Some("fixed tendon with stiffness"),
+    urdf: None,
 };
 
 impl Model for JointCoupling {

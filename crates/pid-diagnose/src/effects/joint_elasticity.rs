@@ -39,7 +39,10 @@ static INFO: Info = Info {
         ),
     ],
     regime: "load changes and resonance",
-    simulator_field: Some("MuJoCo: a second joint and a tendon with stiffness"),
+    equals: &[],
+    mujoco: Some("a second joint and a tendon with stiffness"),
+    isaac: Some("a second joint with stiffness and damping of its drive"),
+    urdf: None,
 };
 
 impl Model for JointElasticity {

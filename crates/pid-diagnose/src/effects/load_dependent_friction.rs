@@ -24,7 +24,10 @@ static INFO: Info = Info {
         "the sign of this follows the motion, that of a gain law the input",
     )],
     regime: "load that varies at the same speed",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for LoadDependentFriction {

@@ -33,7 +33,10 @@ static INFO: Info = Info {
         "a cable pulls at rest too, this only in motion",
     )],
     regime: "motion of the joint before, while this one rests",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for MotorCoupling {
@@ -69,12 +72,7 @@ impl<D: Scalar> Law<D> for MotorCoupling {
             return;
         };
         let w = at.v[at.joint] + e[2] * at.v[other];
-        // tanh, from the side on which the exponential is small.
-        let x = w / e[3];
-        let small = (-(x.magnitude() * 2.0)).exponential();
-        let size = (-small + 1.0) / (small + 1.0);
-        let sign = if x.value() < 0.0 { -1.0 } else { 1.0 };
-        let drag = e[0] * w + e[1] * size * sign;
+        let drag = e[0] * w + e[1] * (w / e[3]).hyperbolic_tangent();
         f.value[at.joint] += -drag;
         f.value[other] += -(drag * e[2]);
     }

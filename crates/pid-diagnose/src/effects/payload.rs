@@ -3,7 +3,7 @@
 //! Source: W. Khalil, M. Gautier, P. Lemoine, IEEE ICRA 2007.
 
 use crate::constants::Constants;
-use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// An unmodelled mass at the tool.
@@ -28,7 +28,13 @@ static INFO: Info = Info {
         ),
     ],
     regime: "gravity and acceleration of the last link",
-    simulator_field: Some("MuJoCo body, URDF link inertial"),
+    equals: &[(
+        "unmodelled_rotor_inertia",
+        EqualWhen::OneJointWithoutGravity,
+    )],
+    mujoco: Some("body mass and inertia"),
+    isaac: Some("link mass and inertia"),
+    urdf: Some("link inertial"),
 };
 
 impl Model for Payload {

@@ -40,7 +40,10 @@ static INFO: Info = Info {
         ("backlash", "backlash transmits nothing within its travel"),
     ],
     regime: "reversals and standstill",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 /// `exp(−x)`, `A = (1 − exp(−x))/x` and `(1 − A)/x` for x ≥ 0.

@@ -25,7 +25,10 @@ static INFO: Info = Info {
         "a wide Stribeck curve bends the other way at low speed",
     )],
     regime: "fast motion",
-    simulator_field: Some("MuJoCo fluid model (density)"),
+    equals: &[],
+    mujoco: Some("fluid model (density)"),
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for QuadraticDrag {
@@ -43,6 +46,6 @@ impl<D: Scalar> Law<D> for QuadraticDrag {
         f: &mut Forces<'_, D>,
         _constants: &Constants<D>,
     ) {
-        f.rate[at.joint] += e[0] * at.v[at.joint].magnitude();
+        f.rate[at.joint] += e[0] * at.speed();
     }
 }

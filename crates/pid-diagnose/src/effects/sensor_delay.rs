@@ -2,7 +2,7 @@
 //!
 //! Source: K. J. Åström, B. Wittenmark 1997, section 2.3.
 
-use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The readings come later.
@@ -27,7 +27,10 @@ static INFO: Info = Info {
         ("actuator_lag", "a lag also attenuates"),
     ],
     regime: "fast motion",
-    simulator_field: Some("MuJoCo sensor delay"),
+    equals: &[("input_delay", EqualWhen::OneJoint)],
+    mujoco: Some("sensor delay"),
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for SensorDelay {

@@ -32,7 +32,10 @@ static INFO: Info = Info {
         ),
     ],
     regime: "the whole range of the position",
-    simulator_field: Some("MuJoCo joint stiffness and springref"),
+    equals: &[],
+    mujoco: Some("joint stiffness and springref"),
+    isaac: Some("drive stiffness with a constant target, in place of a position control"),
+    urdf: None,
 };
 
 impl Model for Spring {

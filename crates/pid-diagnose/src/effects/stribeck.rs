@@ -36,7 +36,10 @@ static INFO: Info = Info {
         ("quadratic_drag", "drag grows with speed, this falls"),
     ],
     regime: "slow motion, below a few Stribeck velocities",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: Some("actuator friction (static) and dynamic_friction: a jump in place of the curve"),
+    urdf: None,
 };
 
 impl Model for Stribeck {

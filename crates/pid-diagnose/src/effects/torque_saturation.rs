@@ -24,7 +24,10 @@ static INFO: Info = Info {
         "a gain law bends smoothly, a limit has a corner",
     )],
     regime: "large inputs",
-    simulator_field: Some("MuJoCo actuator forcerange, URDF effort"),
+    equals: &[],
+    mujoco: Some("actuator forcerange"),
+    isaac: Some("actuator effort_limit"),
+    urdf: Some("limit effort"),
 };
 
 impl Model for TorqueSaturation {

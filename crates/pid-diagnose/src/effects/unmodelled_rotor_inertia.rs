@@ -3,7 +3,7 @@
 //! Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002, section 9.4.
 
 use crate::constants::{Constant, Constants};
-use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The rotor is heavier than stated.
@@ -31,7 +31,10 @@ static INFO: Info = Info {
         "link inertia also enters the off-diagonal terms of later joints",
     )],
     regime: "accelerations of a joint beyond the first",
-    simulator_field: Some("MuJoCo joint armature"),
+    equals: &[("payload", EqualWhen::OneJointWithoutGravity)],
+    mujoco: Some("joint armature"),
+    isaac: Some("actuator armature"),
+    urdf: None,
 };
 
 impl Model for UnmodelledRotorInertia {

@@ -21,7 +21,10 @@ static INFO: Info = Info {
     amplitudes: &[],
     confusions: &[("sensor_delay", "a delayed encoder shifts the position too")],
     regime: "the velocity channel alone",
-    simulator_field: None,
+    equals: &[],
+    mujoco: None,
+    isaac: None,
+    urdf: None,
 };
 
 impl Model for VelocityFilterLag {

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
 use pid_interpret::nominal::Nominal;
@@ -93,14 +94,23 @@ struct Robot {
     drive_noise: f64,
 }
 
+/// A case before its records.
+struct Drawn {
+    truth: Truth,
+    robot: Robot,
+    nominal: Nominal,
+    /// Deviations of the true values from the nominal ones, in tolerances.
+    theta: Vec<f64>,
+}
+
 impl Plan {
     /// Name of the `i`-th case.
     pub fn id(&self, i: usize) -> String {
         format!("s{}_{i:04}", self.seed)
     }
 
-    /// Records and cause of the `i`-th case.
-    pub(super) fn make(&self, i: usize) -> Result<(Files, Truth), NominalError> {
+    /// What is drawn of the `i`-th case before its records, and the numbers that go on from there.
+    fn drawn(&self, i: usize) -> Result<(Drawn, ChaCha8Rng), NominalError> {
         let mut random =
             ChaCha8Rng::seed_from_u64(self.seed.wrapping_mul(1_000_003).wrapping_add(i as u64));
         let family = random
@@ -115,16 +125,49 @@ impl Plan {
         let theta: Vec<f64> = (0..n * PER_JOINT)
             .map(|_| random.random_range(-0.9..0.9))
             .collect();
-        let plant = Plant::<f64>::new(&nominal, &theta);
         let causes = self.causes(&robot, &nominal, &velocity, &mut random);
+        let drawn = Drawn {
+            truth: Truth {
+                causes,
+                joints: n,
+                one_axis: robot.planar && robot.joints.iter().all(|j| !j.prismatic),
+                noise_stated,
+                velocity,
+            },
+            robot,
+            nominal,
+            theta,
+        };
+        Ok((drawn, random))
+    }
+
+    /// What is hidden in the `i`-th case, without its records.
+    ///
+    /// # Errors
+    /// If the drawn robot is not one; none is known.
+    pub fn truth(&self, i: usize) -> Result<Truth, NominalError> {
+        Ok(self.drawn(i)?.0.truth)
+    }
+
+    /// Records and cause of the `i`-th case.
+    pub(super) fn make(&self, i: usize) -> Result<(Files, Truth), NominalError> {
+        let (drawn, mut random) = self.drawn(i)?;
+        let Drawn {
+            truth,
+            robot,
+            nominal,
+            theta,
+        } = drawn;
+        let plant = Plant::<f64>::new(&nominal, &theta);
+        let velocity = &truth.velocity;
         let mut files: Files = vec![
             (
                 "nominal.toml".to_owned(),
-                nominal_text(&robot, noise_stated, &velocity),
+                nominal_text(&robot, truth.noise_stated, velocity),
             ),
             (
                 "dataset.toml".to_owned(),
-                dataset_text(&self.id(i), &robot, &velocity),
+                dataset_text(&self.id(i), &robot, velocity),
             ),
         ];
         for (name, _, motion) in RECORDS {
@@ -132,20 +175,13 @@ impl Plan {
                 &robot,
                 &nominal,
                 &plant,
-                &causes,
+                &truth.causes,
                 motion,
-                &velocity,
+                velocity,
                 &mut random,
             );
             files.push((name.to_owned(), text));
         }
-        let truth = Truth {
-            causes,
-            joints: n,
-            one_axis: robot.planar && robot.joints.iter().all(|j| !j.prismatic),
-            noise_stated,
-            velocity,
-        };
         Ok((files, truth))
     }
 
@@ -439,7 +475,7 @@ fn nominal_text(robot: &Robot, noise: bool, velocity: &str) -> String {
 
 fn dataset_text(id: &str, robot: &Robot, velocity: &str) -> String {
     let mut s = format!(
-        "name = \"{id}\"\ntitle = \"drawn case\"\nsource = \"pid study\"\nlicense = \"as this program\"\nkind = \"simulated\"\ninput_hold = \"zero-order\"\n"
+        "name = \"{id}\"\ntitle = \"drawn case\"\nsource = \"simtrue study\"\nlicense = \"as this program\"\nkind = \"simulated\"\ninput_hold = \"zero-order\"\n"
     );
     for (k, j) in robot.joints.iter().enumerate() {
         let kind = if j.prismatic { "prismatic" } else { "revolute" };
@@ -460,13 +496,9 @@ fn dataset_text(id: &str, robot: &Robot, velocity: &str) -> String {
     s
 }
 
-/// Normal number by the polar form of Box and Muller.
+/// Normal number of mean 0 and standard deviation 1.
 fn normal(random: &mut ChaCha8Rng) -> f64 {
-    let (a, b): (f64, f64) = (
-        random.random_range(f64::MIN_POSITIVE..1.0),
-        random.random_range(0.0..1.0),
-    );
-    (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+    random.sample(StandardNormal)
 }
 
 /// One record under a controller with the nominal robot's inverse dynamics as feedforward and proportional-derivative feedback.

@@ -26,7 +26,8 @@ pub use draw::{Plan, Truth};
 pub use score::{Bin, Interval, Share, Summary, summary};
 
 use crate::case::{Case, CaseError};
-use crate::diagnose::{Diagnosis, Settings, diagnose};
+use crate::diagnosis::Diagnosis;
+use crate::search::{Settings, diagnose};
 
 /// A study that cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -100,6 +101,32 @@ fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>, StudyE
         })
 }
 
+/// Writes the records of the `i`-th case of a plan to `cases/ID` below a folder and its cause to `truth/ID.json`, unless they are
+/// there. Returns the folder of the records.
+///
+/// # Errors
+/// If a file cannot be written, or the cause is not of this program's making.
+pub fn lay_out(plan: &Plan, i: usize, out: &Path) -> Result<PathBuf, StudyError> {
+    let id = plan.id(i);
+    let here = out.join("cases").join(&id);
+    let truth_path = folder(out.join("truth"))?.join(format!("{id}.json"));
+    if read::<Truth>(&truth_path)?.is_none() {
+        let (files, truth) = plan.make(i).map_err(|e| StudyError::Case {
+            id,
+            source: Box::new(e.into()),
+        })?;
+        folder(here.clone())?;
+        for (name, text) in files {
+            let path = here.join(name);
+            file(&path, std::fs::write(&path, text))?;
+        }
+        // Last, so that a case is complete when its cause is there.
+        let text = serde_json::to_string_pretty(&truth).unwrap_or_default();
+        file(&truth_path, std::fs::write(&truth_path, text))?;
+    }
+    Ok(here)
+}
+
 /// Makes the cases of a plan, diagnoses them and opens the causes; `progress` is told how many are done, of how many.
 ///
 /// # Errors
@@ -110,31 +137,15 @@ pub fn run(
     out: &Path,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Vec<Outcome>, StudyError> {
-    let cases = folder(out.join("cases"))?;
-    let truths = folder(out.join("truth"))?;
+    let truths = out.join("truth");
     let results = folder(out.join("results"))?;
     let done = AtomicUsize::new(0);
     let mut outcomes: Vec<Outcome> = (0..plan.cases)
         .into_par_iter()
         .map(|i| {
             let id = plan.id(i);
-            let truth_path = truths.join(format!("{id}.json"));
             let result_path = results.join(format!("{id}.json"));
-            let here = cases.join(&id);
-            if read::<Truth>(&truth_path)?.is_none() {
-                let (files, truth) = plan.make(i).map_err(|e| StudyError::Case {
-                    id: id.clone(),
-                    source: Box::new(e.into()),
-                })?;
-                folder(here.clone())?;
-                for (name, text) in files {
-                    let path = here.join(name);
-                    file(&path, std::fs::write(&path, text))?;
-                }
-                // Last, so that a case is complete when its cause is there.
-                let text = serde_json::to_string_pretty(&truth).unwrap_or_default();
-                file(&truth_path, std::fs::write(&truth_path, text))?;
-            }
+            let here = lay_out(plan, i, out)?;
             if read::<Diagnosis>(&result_path)?.is_none() {
                 let case = Case::read(&here).map_err(|source| StudyError::Case {
                     id: id.clone(),

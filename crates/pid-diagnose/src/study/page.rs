@@ -1,13 +1,10 @@
-//! The report of a study as one page.
+//! The content of the page of a study; layout and plots are those of `pid_page`.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
+use pid_page::{Axis, Footer, Ink, Page, Plot, figure, table};
 
 use super::Outcome;
 use super::score::{Share, Summary, right, tier};
-
-const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}\
-table{border-collapse:collapse;margin:.6rem 0}td,th{padding:.2rem .8rem .2rem 0;text-align:left;border-bottom:1px solid #ddd}\
-.wrong{color:#a22}";
 
 fn share(x: &Share) -> String {
     match x.value() {
@@ -73,38 +70,47 @@ impl Summary {
 }
 
 pub(super) fn page(s: &Summary, outcomes: &[Outcome]) -> String {
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                title { "Withheld-effect study" }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { "Withheld-effect study" }
-                p { (outcomes.len()) " cases; the cause of each was opened after its diagnosis." }
-                table { @for (name, x) in s.lines() { tr { td { (name) } td { (x) } } } }
+    let figures: Vec<Vec<String>> = s.lines().into_iter().map(|(a, b)| vec![a, b]).collect();
+    let said: Vec<Vec<String>> = s
+        .confusion
+        .iter()
+        .flat_map(|(hidden, row)| {
+            row.iter()
+                .map(move |(said, n)| vec![hidden.to_string(), said.to_string(), n.to_string()])
+        })
+        .collect();
+    let page = Page {
+        title: "Withheld-effect study",
+        lead: html! { p { (outcomes.len()) " cases; the cause of each was opened after its diagnosis." } },
+        sections: &[],
+        body: html! {
+            section { h2 { "Figures" } (table(&["figure", "value"], &figures)) }
+            section {
                 h2 { "Stated confidence and share of right verdicts" }
-                (diagram(s))
-                h2 { "What was said of what" }
-                table {
-                    tr { th { "hidden" } th { "said" } th { "cases" } }
-                    @for (hidden, row) in &s.confusion {
-                        @for (said, count) in row {
-                            tr { td { (hidden) } td { (said) } td { (count) } }
-                        }
-                    }
-                }
-                h2 { "Cases" }
-                table {
-                    tr { th { "case" } th { "hidden" } th { "tier" } th { "said" } th { "confidence" } th { "gap before, after, floor" } }
-                    @for o in outcomes { (row(o)) }
+                div.single {
+                    (figure(&diagram(s), "", "marks: share of right verdicts, bars: 95 % interval, dashes: as stated"))
                 }
             }
-        }
-    }
-    .into_string()
+            section { h2 { "What was said of what" } (table(&["hidden", "said", "cases"], &said)) }
+            section {
+                h2 { "Cases" }
+                div.scroll { table {
+                    thead { tr {
+                        th { "case" } th { "hidden" } th { "tier" } th { "said" } th.num { "confidence" }
+                        th.num { "gap before" } th.num { "after" } th.num { "floor" }
+                    } }
+                    tbody { @for o in outcomes { (row(o)) } }
+                } }
+            }
+        },
+        footer: Footer {
+            program: concat!("pid-diagnose ", env!("CARGO_PKG_VERSION")),
+            data: &format!("{} simulated cases", outcomes.len()),
+            settings: "",
+            more: "summary.json beside this page holds the same figures",
+        },
+    };
+    page.html()
 }
 
 fn row(o: &Outcome) -> Markup {
@@ -116,34 +122,39 @@ fn row(o: &Outcome) -> Markup {
         .collect::<Vec<_>>()
         .join(" + ");
     let d = &o.diagnosis;
+    let word = d.verdict.word();
     let said = d
-        .joint
-        .map_or_else(|| d.effect.clone(), |j| format!("{} at {j}", d.effect));
+        .verdict
+        .joint()
+        .map_or_else(|| word.to_owned(), |j| format!("{word} at {j}"));
     html! {
-        tr class=(if right(o) { "" } else { "wrong" }) {
+        tr class=[(!right(o)).then_some("wrong")] {
             td { (o.id) }
             td { (if hidden.is_empty() { "none" } else { hidden.as_str() }) }
             td { (tier(o)) }
             td { (said) }
-            td { (format!("{:.2}", d.confidence)) }
-            td { (format!("{:.4}, {:.4}, {:.4}", d.gap_before, d.gap_after, d.gap_floor)) }
+            td.num { (format!("{:.2}", d.confidence)) }
+            @for gap in [d.gap_before, d.gap_after, d.gap_floor] { td.num { (format!("{gap:.4}")) } }
         }
     }
 }
 
-/// Points of the reliability diagram with the diagonal.
+/// Share of right verdicts against the confidence that was stated.
 fn diagram(s: &Summary) -> Markup {
-    let at = |x: f64| 20.0 + 260.0 * x;
-    html! {
-        svg viewBox="0 0 300 300" width="300" height="300" role="img" aria-label="reliability diagram" {
-            rect x="20" y="20" width="260" height="260" fill="none" stroke="#999" {}
-            line x1="20" y1="280" x2="280" y2="20" stroke="#bbb" {}
-            @for b in &s.reliability {
-                @let i = b.right.interval();
-                @let x = format!("{:.1}", at(b.stated));
-                line x1=(x) x2=(x) y1=(format!("{:.1}", 300.0 - at(i.low))) y2=(format!("{:.1}", 300.0 - at(i.high))) stroke="#4a7ab5" {}
-                circle cx=(x) cy=(format!("{:.1}", 300.0 - at(b.right.value().unwrap_or(0.0)))) r="4" fill="#4a7ab5" {}
-            }
-        }
+    let mut plot = Plot::new(
+        "Share of right verdicts against stated confidence",
+        Axis::new("stated confidence", "1", (0.0, 1.0)),
+        Axis::new("share of right verdicts", "1", (-0.02, 1.02)),
+    );
+    plot.straight(Ink::Stated, (0.0, 0.0), (1.0, 1.0));
+    for b in &s.reliability {
+        let interval = b.right.interval();
+        plot.interval(Ink::Series(0), b.stated, (interval.low, interval.high));
     }
+    let shares = s.reliability.iter();
+    plot.marks(
+        Ink::Series(0),
+        shares.filter_map(|b| Some((b.stated, b.right.value()?))),
+    );
+    plot.draw()
 }

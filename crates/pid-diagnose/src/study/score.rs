@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::{Cause, Kind, Outcome, Truth};
-use crate::diagnose::Ranked;
+use crate::circumstances::Circumstances;
+use crate::diagnosis::{Ranked, Verdict};
+use crate::effects;
 
 /// A share with the numbers it is of.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -111,23 +113,33 @@ fn caused(truth: &Truth, effect: &str, joint: Option<usize>) -> bool {
         .any(|c| c.kind.id() == effect || same_map(truth, c, effect, joint))
 }
 
-/// Causes and effects whose records are the same: a robot of one joint cannot tell a late command from a late reading, nor one
-/// whose joints all turn about one horizontal axis a tilt about it from an offset of its first encoder.
+/// Causes and effects whose records are the same, by [`Info::equal_to`](crate::effect::Info::equal_to).
 fn same_map(truth: &Truth, cause: &Cause, effect: &str, joint: Option<usize>) -> bool {
-    match (cause.kind.id(), effect) {
-        ("input_delay", "sensor_delay") | ("sensor_delay", "input_delay") => truth.joints == 1,
-        ("base_tilt", "encoder_offset") => truth.one_axis && joint == Some(1),
-        ("encoder_offset", "base_tilt") => truth.one_axis && cause.joint == 0,
-        _ => false,
-    }
+    let (Some(own), Some(other)) = (effects::by_id(cause.kind.id()), effects::by_id(effect)) else {
+        return false;
+    };
+    // Every robot of the study has viscous friction, and gravity counts as one that acts: its direction is no part of the truth.
+    let at = Circumstances {
+        joints: truth.joints,
+        joint: cause.joint,
+        gravity: true,
+        vertical_plane: truth.one_axis,
+        viscous: true,
+    };
+    let there = !other.info().has_joint || joint == Some(cause.joint + 1);
+    there && own.info().equal_to(&at).any(|id| id == effect)
 }
 
 /// Whether the verdict is right: an effect of the case, `none` or `unknown` as it was hidden.
 pub(super) fn right(o: &Outcome) -> bool {
     if o.truth.causes.is_empty() {
-        return o.diagnosis.effect == "none";
+        return o.diagnosis.verdict == Verdict::Nothing;
     }
-    caused(&o.truth, &o.diagnosis.effect, o.diagnosis.joint)
+    caused(
+        &o.truth,
+        o.diagnosis.verdict.word(),
+        o.diagnosis.verdict.joint(),
+    )
 }
 
 /// Tier by the gap of the nominal structure over the floor.
@@ -155,7 +167,7 @@ pub fn summary(outcomes: &[Outcome]) -> Summary {
     let (mut gaps, mut errors) = (Vec::new(), Vec::new());
     for o in outcomes {
         let d = &o.diagnosis;
-        let said = d.effect.as_str();
+        let said = d.verdict.word();
         let hit = right(o);
         let hidden: Vec<&str> = o.truth.causes.iter().map(|c| c.kind.id()).collect();
         let name = if hidden.is_empty() {
@@ -186,8 +198,8 @@ pub fn summary(outcomes: &[Outcome]) -> Summary {
             continue;
         }
         s.effect.entry(tier(o).to_owned()).or_default().add(hit);
-        s.gave_up.add(said == "unknown");
-        s.missed.add(said == "none");
+        s.gave_up.add(d.verdict == Verdict::Unknown);
+        s.missed.add(d.verdict == Verdict::Nothing);
         let listed = |r: &Ranked| caused(&o.truth, &r.effect, r.joint);
         s.top3.add(hit || d.ranking.iter().take(3).any(listed));
         if hidden.len() == 2 {
@@ -203,8 +215,10 @@ pub fn summary(outcomes: &[Outcome]) -> Summary {
         for c in o.truth.causes.iter().filter(|c| c.kind.id() == said) {
             if c.kind.has_joint() {
                 let other = matches!(c.kind, Kind::JointCoupling { .. }) && c.joint == 0;
-                s.joint
-                    .add(d.joint == Some(c.joint + 1) || (other && d.joint == Some(2)));
+                s.joint.add(
+                    d.verdict.joint() == Some(c.joint + 1)
+                        || (other && d.verdict.joint() == Some(2)),
+                );
             }
             if hidden.len() == 1 {
                 gaps.push(d.gap_after / d.gap_floor);
@@ -215,7 +229,7 @@ pub fn summary(outcomes: &[Outcome]) -> Summary {
             // One cable between the first two joints, seen from the other: K/2 (q₁ + ρ q₂)² = K ρ²/2 (q₂ + q₁/ρ)².
             if let Kind::JointCoupling { ratio, .. } = c.kind
                 && c.joint == 0
-                && d.joint == Some(2)
+                && d.verdict.joint() == Some(2)
             {
                 value *= ratio * ratio;
             }

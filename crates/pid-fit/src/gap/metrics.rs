@@ -10,6 +10,8 @@
 //!
 //! and, as in K. Schäfer et al., Section V-A, `J = 1/N Σ_i |x_i − x_i^d|²` over positions and recorded velocities. Windows that
 //! diverge, and windows that cannot start because a sample is missing, are counted and left out.
+//!
+//! The gap of a diagnosis is another figure: relative to the motion, from the states of a predictor.
 
 use std::ops::Range;
 

@@ -6,6 +6,7 @@ use crate::ident::Likelihood;
 use crate::transcribe::{Loss, Prior};
 use pid_data::Dataset;
 use pid_runtime::dynamics::{Dynamics, ParamInfo};
+use pid_toml::{Place, Source, Spanned};
 use serde::Deserialize;
 
 /// A file of assumptions that cannot be used.
@@ -13,46 +14,45 @@ use serde::Deserialize;
 #[non_exhaustive]
 pub enum AssumptionsError {
     /// Not TOML of this format.
-    #[error("{file}: {message}\n  help: docs/assumptions-format.md describes the keys")]
-    Toml {
-        /// The file.
-        file: String,
-        /// What the parser says, with line and column.
-        message: String,
-    },
+    #[error("{0}\n  the keys: docs/assumptions-format.md")]
+    Toml(#[from] pid_toml::Mistake),
     /// A joint that the data set does not have.
     #[error(
-        "{file}: [noise.{joint}]: the data set has no joint `{joint}`; its joints are {joints}"
+        "{place}: [noise.{joint}]: the data set has no joint `{joint}`; its joints are {joints}\n  help: {mend}"
     )]
     UnknownJoint {
-        /// The file.
-        file: String,
+        /// Where the name stands.
+        place: Place,
         /// The name.
         joint: String,
         /// The joints there are.
         joints: String,
+        /// What to write instead.
+        mend: String,
     },
     /// A parameter that the model does not have.
     #[error(
-        "{file}: {place}: the model has no parameter `{name}`\n  help: its parameters are {parameters}"
+        "{place}: {table}: the model has no parameter `{name}`; its parameters are {parameters}\n  help: {mend}"
     )]
     UnknownParameter {
-        /// The file.
-        file: String,
-        /// Table or key.
-        place: String,
+        /// Where the name stands.
+        place: Place,
+        /// The table.
+        table: String,
         /// The name.
         name: String,
         /// The parameters there are.
         parameters: String,
+        /// What to write instead.
+        mend: String,
     },
     /// A number that cannot be meant.
-    #[error("{file}: {place} = {value}: {demand}")]
+    #[error("{place}: {key} = {value}: {demand}")]
     Value {
-        /// The file.
-        file: String,
+        /// Where the value stands.
+        place: Place,
         /// Table and key.
-        place: String,
+        key: String,
         /// What stands there.
         value: f64,
         /// What is needed.
@@ -60,11 +60,11 @@ pub enum AssumptionsError {
     },
     /// Width of a prior said twice, or not at all.
     #[error(
-        "{file}: [prior.{name}] states {count} of `deviation`, `tolerance` and `relative_tolerance`\n  help: state exactly one"
+        "{place}: [prior.{name}] states {count} of `deviation`, `tolerance` and `relative_tolerance`\n  help: state exactly one"
     )]
     PriorWidth {
-        /// The file.
-        file: String,
+        /// Where the prior stands.
+        place: Place,
         /// The parameter.
         name: String,
         /// How many are stated.
@@ -88,15 +88,18 @@ pub struct Assumptions {
 struct File {
     #[serde(default)]
     loss: LossName,
-    threshold: Option<f64>,
-    freedom: Option<f64>,
+    threshold: Option<Number>,
+    freedom: Option<Number>,
     #[serde(default)]
-    noise: BTreeMap<String, Noise>,
+    noise: BTreeMap<Spanned<String>, Noise>,
     #[serde(default)]
-    prior: BTreeMap<String, PriorTable>,
+    prior: BTreeMap<Spanned<String>, PriorTable>,
     #[serde(default)]
-    hold: BTreeMap<String, f64>,
+    hold: BTreeMap<Spanned<String>, Number>,
 }
+
+/// A number and its place.
+type Number = Spanned<f64>;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -110,18 +113,18 @@ enum LossName {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Noise {
-    position: Option<f64>,
-    resolution: Option<f64>,
-    velocity: Option<f64>,
+    position: Option<Number>,
+    resolution: Option<Number>,
+    velocity: Option<Number>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PriorTable {
-    value: Option<f64>,
-    deviation: Option<f64>,
-    tolerance: Option<f64>,
-    relative_tolerance: Option<f64>,
+    value: Option<Number>,
+    deviation: Option<Number>,
+    tolerance: Option<Number>,
+    relative_tolerance: Option<Number>,
 }
 
 /// Threshold of Huber's loss without one: 95 % efficiency for normal errors.
@@ -140,103 +143,23 @@ impl Assumptions {
         model: &dyn Dynamics,
         dataset: &Dataset,
     ) -> Result<Self, AssumptionsError> {
-        let read: File = toml::from_str(text).map_err(|e| AssumptionsError::Toml {
-            file: file.to_owned(),
-            message: e.to_string().trim_end().to_owned(),
-        })?;
-        let params = model.params();
-        let positive = |place: String, value: f64| {
-            if value.is_finite() && value > 0.0 {
-                Ok(value)
-            } else {
-                Err(AssumptionsError::Value {
-                    file: file.to_owned(),
-                    place,
-                    value,
-                    demand: "a number above zero is needed",
-                })
-            }
+        let reader = Reader {
+            source: Source::new(file, text),
+            params: model.params(),
         };
-        let loss = match read.loss {
-            LossName::Square => Loss::Square,
-            LossName::Huber => Loss::Huber {
-                threshold: positive("threshold".into(), read.threshold.unwrap_or(THRESHOLD))?,
-            },
-            LossName::StudentT => Loss::StudentT {
-                freedom: positive("freedom".into(), read.freedom.unwrap_or(FREEDOM))?,
-            },
-        };
-        let nq = dataset.nq();
-        let mut noise = vec![None; 2 * nq];
-        for (name, table) in &read.noise {
-            let Some(j) = dataset.joints.iter().position(|j| j.name == *name) else {
-                return Err(AssumptionsError::UnknownJoint {
-                    file: file.to_owned(),
-                    joint: name.clone(),
-                    joints: list(dataset.joints.iter().map(|j| j.name.as_str())),
-                });
-            };
-            let at = |key: &str| format!("[noise.{name}] {key}");
-            let part = |key: &str, value: Option<f64>| -> Result<Option<f64>, AssumptionsError> {
-                value.map(|value| positive(at(key), value)).transpose()
-            };
-            let position = part("position", table.position)?;
-            let resolution = part("resolution", table.resolution)?;
-            if position.is_some() || resolution.is_some() {
-                // A rounded reading is off by a uniform error of variance δ²/12.
-                let square =
-                    position.unwrap_or(0.0).powi(2) + resolution.unwrap_or(0.0).powi(2) / 12.0;
-                noise[j] = Some(square.sqrt());
-            }
-            noise[nq + j] = part("velocity", table.velocity)?;
-        }
-        let mut priors = Vec::new();
-        let mut values = Vec::new();
-        for (name, table) in &read.prior {
-            let j = find(file, &format!("[prior.{name}]"), name, params)?;
-            let info = &params[j];
-            let mean = within(
-                file,
-                format!("[prior.{name}] value"),
-                table.value.unwrap_or(info.nominal),
-                info,
-            )?;
-            let widths = [
-                table.deviation,
-                // Uniform within ± tolerance has this deviation.
-                table.tolerance.map(|t| t / 3.0_f64.sqrt()),
-                table
-                    .relative_tolerance
-                    .map(|t| t * mean.abs() / 3.0_f64.sqrt()),
-            ];
-            let stated: Vec<f64> = widths.iter().flatten().copied().collect();
-            let [deviation] = stated.as_slice() else {
-                return Err(AssumptionsError::PriorWidth {
-                    file: file.to_owned(),
-                    name: name.clone(),
-                    count: stated.len(),
-                });
-            };
-            priors.push(Prior {
-                parameter: j,
-                mean,
-                deviation: positive(format!("[prior.{name}] width"), *deviation)?,
-            });
-            values.push((j, mean));
-        }
+        let read: File = reader.source.parse()?;
+        let (priors, mut values) = reader.priors(&read.prior)?;
         let mut hold = Vec::new();
         for (name, value) in &read.hold {
-            let j = find(file, "[hold]", name, params)?;
-            values.push((
-                j,
-                within(file, format!("[hold] {name}"), *value, &params[j])?,
-            ));
+            let j = reader.find("[hold]", name)?;
+            let key = format!("[hold] {}", name.as_ref());
+            values.push((j, reader.within(key, value, j)?));
             hold.push(j);
         }
         Ok(Self {
             likelihood: Likelihood {
-                noise,
-                loss,
+                noise: reader.noise(&read.noise, dataset)?,
+                loss: reader.loss(&read)?,
                 priors,
             },
             hold,
@@ -245,43 +168,150 @@ impl Assumptions {
     }
 }
 
-fn within(
-    file: &str,
-    place: String,
-    value: f64,
-    info: &ParamInfo,
-) -> Result<f64, AssumptionsError> {
-    if (info.lower..=info.upper).contains(&value) {
-        Ok(value)
-    } else {
+/// The file and the parameters it may name.
+struct Reader<'a> {
+    source: Source<'a>,
+    params: &'a [ParamInfo],
+}
+
+impl Reader<'_> {
+    fn loss(&self, read: &File) -> Result<Loss, AssumptionsError> {
+        let number = |key: &str, value: &Option<Number>, absent: f64| match value {
+            Some(value) => self.positive(key.to_owned(), value, *value.as_ref()),
+            None => Ok(absent),
+        };
+        Ok(match read.loss {
+            LossName::Square => Loss::Square,
+            LossName::Huber => Loss::Huber {
+                threshold: number("threshold", &read.threshold, THRESHOLD)?,
+            },
+            LossName::StudentT => Loss::StudentT {
+                freedom: number("freedom", &read.freedom, FREEDOM)?,
+            },
+        })
+    }
+
+    /// Standard deviations of the positions, then of the velocities; `None` where the file says nothing.
+    fn noise(
+        &self,
+        tables: &BTreeMap<Spanned<String>, Noise>,
+        dataset: &Dataset,
+    ) -> Result<Vec<Option<f64>>, AssumptionsError> {
+        let nq = dataset.nq();
+        let mut noise = vec![None; 2 * nq];
+        for (at, table) in tables {
+            let name = at.as_ref();
+            let joints = || dataset.joints.iter().map(|j| j.name.as_str());
+            let Some(j) = joints().position(|j| j == name) else {
+                return Err(AssumptionsError::UnknownJoint {
+                    place: self.source.place_of(at),
+                    joint: name.clone(),
+                    joints: pid_toml::list(joints()),
+                    mend: pid_toml::one_of(name, joints()),
+                });
+            };
+            let part = |key: &str, value: &Option<Number>| {
+                let read = |value: &Number| {
+                    self.positive(format!("[noise.{name}] {key}"), value, *value.as_ref())
+                };
+                value.as_ref().map(read).transpose()
+            };
+            let position = part("position", &table.position)?;
+            let resolution = part("resolution", &table.resolution)?;
+            if position.is_some() || resolution.is_some() {
+                // A rounded reading is off by a uniform error of variance δ²/12.
+                let square =
+                    position.unwrap_or(0.0).powi(2) + resolution.unwrap_or(0.0).powi(2) / 12.0;
+                noise[j] = Some(square.sqrt());
+            }
+            noise[nq + j] = part("velocity", &table.velocity)?;
+        }
+        Ok(noise)
+    }
+
+    /// Priors, and the values they start from.
+    fn priors(
+        &self,
+        tables: &BTreeMap<Spanned<String>, PriorTable>,
+    ) -> Result<(Vec<Prior>, Vec<(usize, f64)>), AssumptionsError> {
+        let mut priors = Vec::new();
+        let mut values = Vec::new();
+        for (at, table) in tables {
+            let name = at.as_ref();
+            let j = self.find(&format!("[prior.{name}]"), at)?;
+            let mean = match &table.value {
+                Some(value) => self.within(format!("[prior.{name}] value"), value, j)?,
+                None => self.params[j].nominal,
+            };
+            // Uniform within ± tolerance has the deviation tolerance/√3.
+            let uniform = 3.0_f64.sqrt();
+            let widths = [
+                (&table.deviation, 1.0, 1.0),
+                (&table.tolerance, 1.0, uniform),
+                (&table.relative_tolerance, mean.abs(), uniform),
+            ];
+            let stated: Vec<(&Number, f64, f64)> = widths
+                .iter()
+                .filter_map(|(width, factor, divisor)| Some((width.as_ref()?, *factor, *divisor)))
+                .collect();
+            let [(width, factor, divisor)] = stated.as_slice() else {
+                return Err(AssumptionsError::PriorWidth {
+                    place: self.source.place_of(at),
+                    name: name.clone(),
+                    count: stated.len(),
+                });
+            };
+            let deviation = *width.as_ref() * factor / divisor;
+            priors.push(Prior {
+                parameter: j,
+                mean,
+                deviation: self.positive(format!("[prior.{name}] width"), width, deviation)?,
+            });
+            values.push((j, mean));
+        }
+        Ok((priors, values))
+    }
+
+    /// `value`, which the file states at `at`, if it is finite and above zero.
+    fn positive(&self, key: String, at: &Number, value: f64) -> Result<f64, AssumptionsError> {
+        if value.is_finite() && value > 0.0 {
+            return Ok(value);
+        }
         Err(AssumptionsError::Value {
-            file: file.to_owned(),
-            place,
+            place: self.source.place_of(at),
+            key,
             value,
+            demand: "a number above zero is needed",
+        })
+    }
+
+    /// A value within the bounds of parameter `j`.
+    fn within(&self, key: String, value: &Number, j: usize) -> Result<f64, AssumptionsError> {
+        let info = &self.params[j];
+        let x = *value.as_ref();
+        if (info.lower..=info.upper).contains(&x) {
+            return Ok(x);
+        }
+        Err(AssumptionsError::Value {
+            place: self.source.place_of(value),
+            key,
+            value: x,
             demand: "a value within the parameter's bounds in the model is needed",
         })
     }
-}
 
-fn find(
-    file: &str,
-    place: &str,
-    name: &str,
-    params: &[ParamInfo],
-) -> Result<usize, AssumptionsError> {
-    params
-        .iter()
-        .position(|p| p.name == name)
-        .ok_or_else(|| AssumptionsError::UnknownParameter {
-            file: file.to_owned(),
-            place: place.to_owned(),
-            name: name.to_owned(),
-            parameters: list(params.iter().map(|p| p.name.as_ref())),
+    /// Position of a parameter by its name.
+    fn find(&self, table: &str, name: &Spanned<String>) -> Result<usize, AssumptionsError> {
+        let names = || self.params.iter().map(|p| p.name.as_ref());
+        let found = names().position(|p| p == name.as_ref());
+        found.ok_or_else(|| AssumptionsError::UnknownParameter {
+            place: self.source.place_of(name),
+            table: table.to_owned(),
+            name: name.as_ref().clone(),
+            parameters: pid_toml::list(names()),
+            mend: pid_toml::one_of(name.as_ref(), names()),
         })
-}
-
-fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    names.collect::<Vec<_>>().join(", ")
+    }
 }
 
 #[cfg(test)]
@@ -327,18 +357,29 @@ mod tests {
     #[test]
     fn mistakes_name_file_place_and_mend() {
         for (text, parts) in [
-            ("los = 1", ["a.toml", "unknown field `los`"]),
+            (
+                "los = 1",
+                ["a.toml:1:1: unknown field `los`", "did you mean `loss`?"],
+            ),
+            ("loss = \"hubr\"", ["a.toml:1:8: ", "did you mean `huber`?"]),
+            (
+                "[prior.m]\nvalue = \"1\"",
+                ["a.toml:2:9: ", "write a number"],
+            ),
             (
                 "[noise.shft]\nposition = 1",
-                ["[noise.shft]", "its joints are shaft"],
+                [
+                    "a.toml:1:8: [noise.shft]",
+                    "its joints are shaft\n  help: did you mean `shaft`?",
+                ],
             ),
             (
                 "[noise.shaft]\nposition = -1",
-                ["[noise.shaft] position = -1", "above zero"],
+                ["a.toml:2:12: [noise.shaft] position = -1", "above zero"],
             ),
             (
                 "[prior.mass]\ntolerance = 1",
-                ["[prior.mass]", "m, l, gain_shaft"],
+                ["a.toml:1:8: [prior.mass]", "m, l, gain_shaft"],
             ),
             ("[prior.m]\nvalue = 0.5", ["states 0 of", "exactly one"]),
             (
@@ -347,7 +388,7 @@ mod tests {
             ),
             (
                 "[prior.m]\nvalue = 9\ndeviation = 1",
-                ["[prior.m] value = 9", "bounds"],
+                ["a.toml:2:9: [prior.m] value = 9", "bounds"],
             ),
             (
                 "loss = \"huber\"\nthreshold = 0",

@@ -2,6 +2,9 @@
 
 use super::{Callback, Progress, Run};
 use pid_nlp::solver::Iteration;
+use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -24,33 +27,6 @@ pub enum Sampling {
     Sobol,
 }
 
-/// SplitMix64 (G. Steele, D. Lea, C. Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0xd1b5_4a32_d192_ed03)
-    }
-
-    /// Uniform in [0, 1).
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// A permutation of 0 … n − 1 (R. Fisher, F. Yates).
-    fn permutation(&mut self, n: usize) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..n).collect();
-        for i in (1..n).rev() {
-            order.swap(i, (self.uniform() * (i + 1) as f64) as usize);
-        }
-        order
-    }
-}
-
 /// Seeded starts within the bounds, the given one first; `count` in all.
 pub fn draw(
     sampling: Sampling,
@@ -60,12 +36,12 @@ pub fn draw(
     count: usize,
     seed: u64,
 ) -> Vec<Vec<f64>> {
-    let mut random = Random::new(seed);
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut all = vec![start.to_vec()];
     let drawn = count.saturating_sub(1);
     for _ in 0..drawn {
         let around = (0..start.len()).map(|k| {
-            let shift = random.uniform() - 0.5;
+            let shift = random.random_range(-0.5..0.5);
             let value = if lower[k] < 0.0 && upper[k] > 0.0 && upper[k].is_finite() {
                 start[k] + shift * 2.0 / 3.0 * (upper[k] - lower[k]).min(f64::MAX)
             } else {
@@ -84,11 +60,12 @@ pub fn draw(
             continue;
         }
         let logarithmic = low > 0.0 && high >= 10.0 * low;
-        let order = random.permutation(drawn);
+        let mut order: Vec<usize> = (0..drawn).collect();
+        order.shuffle(&mut random);
         for (index, (point, part)) in all[1..].iter_mut().zip(order).enumerate() {
             let share = match sampling {
                 Sampling::Sobol => sobol(index, k, seed),
-                _ => (part as f64 + random.uniform()) / drawn as f64,
+                _ => (part as f64 + random.random::<f64>()) / drawn as f64,
             };
             let value = if logarithmic {
                 low * (high / low).powf(share)
@@ -105,8 +82,7 @@ pub fn draw(
 fn sobol(point: usize, coordinate: usize, seed: u64) -> f64 {
     const DIMENSIONS: usize = sobol_burley::NUM_DIMENSIONS as usize;
     let table = (coordinate / DIMENSIONS) as u64;
-    let mixed = Random::new(seed ^ (table << 32)).uniform();
-    let seed = (mixed * f64::from(u32::MAX)) as u32;
+    let seed = ChaCha8Rng::seed_from_u64(seed ^ (table << 32)).random::<u32>();
     let (point, coordinate) = (point as u32, (coordinate % DIMENSIONS) as u32);
     f64::from(sobol_burley::sample(point, coordinate, seed))
 }

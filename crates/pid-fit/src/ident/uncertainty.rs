@@ -288,6 +288,8 @@ fn clusters(solved: &Solved<'_>, width: &[f64]) -> Option<Mat<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     fn solved<'a>(
         hessian: &'a Mat<f64>,
@@ -435,13 +437,10 @@ mod tests {
     #[test]
     fn autocorrelation_of_a_first_order_process_is_found() {
         let mut x = 0.0;
-        let mut state = 7_u64;
+        let mut random = ChaCha8Rng::seed_from_u64(7);
         let series: Vec<f64> = (0..200_000)
             .map(|_| {
-                state = state
-                    .wrapping_mul(6364136223846793005)
-                    .wrapping_add(1442695040888963407);
-                x = 0.8 * x + ((state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5);
+                x = 0.8 * x + random.random_range(-0.5..0.5);
                 x
             })
             .collect();

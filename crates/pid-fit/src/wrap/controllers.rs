@@ -1,6 +1,7 @@
 //! Files of controllers (`docs/controller-format.md`): which gains and limits closed the loop of each record.
 
 use pid_data::{Dataset, Experiment, InputQuantity};
+use pid_toml::{Place, Source, Spanned};
 use serde::Deserialize;
 
 use pid_runtime::control::{INPUTS, NotOnePerJoint, UNLIMITED};
@@ -13,18 +14,13 @@ pub enum ControlError {
     #[error(transparent)]
     Inputs(#[from] NotOnePerJoint),
     /// Not TOML of this format.
-    #[error("{file}: {message}\n  help: docs/controller-format.md describes the keys")]
-    Toml {
-        /// The file.
-        file: String,
-        /// What the parser says, with line and column.
-        message: String,
-    },
+    #[error("{0}\n  the keys: docs/controller-format.md")]
+    Toml(#[from] pid_toml::Mistake),
     /// Numbers for more or fewer joints than there are.
-    #[error("{file}: record `{record}`: {key} has {found} values, the model has {joints} joints")]
+    #[error("{place}: record `{record}`: {key} has {found} values, the model has {joints} joints")]
     Length {
-        /// The file.
-        file: String,
+        /// Where the list stands; the record, where it has none.
+        place: Place,
         /// Pattern of the record.
         record: String,
         /// The key.
@@ -53,10 +49,10 @@ pub enum ControlError {
         record: String,
     },
     /// A number that cannot be meant.
-    #[error("{file}: record `{record}`: {key} = {value}: {demand}")]
+    #[error("{place}: record `{record}`: {key} = {value}: {demand}")]
     Value {
-        /// The file.
-        file: String,
+        /// Where the list with the value stands.
+        place: Place,
         /// Pattern of the record.
         record: String,
         /// The key.
@@ -75,16 +71,23 @@ pub struct Controllers {
     entries: Vec<Entry>,
 }
 
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 struct Entry {
     name: String,
-    #[serde(default)]
     p: Vec<f64>,
-    #[serde(default)]
     d: Vec<f64>,
-    #[serde(default)]
     limit: Vec<f64>,
+    off: bool,
+}
+
+/// An entry as written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawEntry {
+    name: Spanned<String>,
+    p: Option<Spanned<Vec<f64>>>,
+    d: Option<Spanned<Vec<f64>>>,
+    limit: Option<Spanned<Vec<f64>>>,
     #[serde(default)]
     off: bool,
 }
@@ -92,7 +95,47 @@ struct Entry {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    record: Vec<Entry>,
+    record: Vec<RawEntry>,
+}
+
+impl RawEntry {
+    fn check(self, source: &Source<'_>, joints: usize) -> Result<Entry, ControlError> {
+        let list = |key, list: Option<Spanned<Vec<f64>>>| {
+            let needed = key == "p" && !self.off;
+            let place = || match &list {
+                Some(list) => source.place_of(list),
+                None => source.place_of(&self.name),
+            };
+            let values = list.as_ref().map_or(&[][..], |list| list.as_ref());
+            if values.len() != joints && (needed || !values.is_empty()) {
+                return Err(ControlError::Length {
+                    place: place(),
+                    record: self.name.as_ref().clone(),
+                    key,
+                    found: values.len(),
+                    joints,
+                });
+            }
+            let bad = |x: &&f64| !x.is_finite() || key == "limit" && **x <= 0.0;
+            match values.iter().find(bad) {
+                Some(value) => Err(ControlError::Value {
+                    place: place(),
+                    record: self.name.as_ref().clone(),
+                    key,
+                    value: *value,
+                    demand: "a finite number, for a limit above zero, is needed",
+                }),
+                None => Ok(values.to_vec()),
+            }
+        };
+        Ok(Entry {
+            p: list("p", self.p)?,
+            d: list("d", self.d)?,
+            limit: list("limit", self.limit)?,
+            off: self.off,
+            name: self.name.into_inner(),
+        })
+    }
 }
 
 impl Controllers {
@@ -101,38 +144,14 @@ impl Controllers {
     /// # Errors
     /// [`ControlError`].
     pub fn parse(file: &str, text: &str, joints: usize) -> Result<Self, ControlError> {
-        let read: File = toml::from_str(text).map_err(|e| ControlError::Toml {
-            file: file.to_owned(),
-            message: e.to_string().trim_end().to_owned(),
-        })?;
-        for entry in &read.record {
-            let lists = [("p", &entry.p), ("d", &entry.d), ("limit", &entry.limit)];
-            for (key, list) in lists {
-                let needed = key == "p" && !entry.off;
-                if list.len() != joints && (needed || !list.is_empty()) {
-                    return Err(ControlError::Length {
-                        file: file.to_owned(),
-                        record: entry.name.clone(),
-                        key,
-                        found: list.len(),
-                        joints,
-                    });
-                }
-                let bad = |x: &&f64| !x.is_finite() || key == "limit" && **x <= 0.0;
-                if let Some(value) = list.iter().find(bad) {
-                    return Err(ControlError::Value {
-                        file: file.to_owned(),
-                        record: entry.name.clone(),
-                        key,
-                        value: *value,
-                        demand: "a finite number, for a limit above zero, is needed",
-                    });
-                }
-            }
-        }
+        let source = Source::new(file, text);
+        let read: File = source.parse()?;
+        let entries = read.record.into_iter();
         Ok(Self {
             file: file.to_owned(),
-            entries: read.record,
+            entries: entries
+                .map(|entry| entry.check(&source, joints))
+                .collect::<Result<_, _>>()?,
         })
     }
 
@@ -205,12 +224,15 @@ mod tests {
         for (text, part) in [
             (
                 "[[record]]\nname = \"*\"\np = [1.0, 2.0]",
-                "p has 2 values, the model has 1",
+                "c.toml:3:5: record `*`: p has 2 values, the model has 1",
             ),
-            ("[[record]]\nname = \"*\"", "p has 0 values"),
+            (
+                "[[record]]\nname = \"*\"",
+                "c.toml:2:8: record `*`: p has 0 values",
+            ),
             (
                 "[[record]]\nname = \"*\"\np = [1.0]\nlimit = [0.0]",
-                "limit = 0",
+                "c.toml:4:9: record `*`: limit = 0",
             ),
             ("[[record]]\nname = \"*\"\nkp = [1.0]", "unknown field `kp`"),
         ] {

@@ -1,5 +1,7 @@
 //! From checked values to the nominal structure: links, joints, drives, and the parameter of every value.
 
+use std::path::PathBuf;
+
 use pid_derive::model::{About, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot};
 
 use super::general::DriveValues;
@@ -60,6 +62,9 @@ impl Assembly {
             robot: self.robot,
             tolerances: self.tolerances,
             measurement,
+            effects: Vec::new(),
+            simulated: None,
+            file: PathBuf::new(),
             drives: None,
         }
     }

@@ -4,8 +4,8 @@ use pid_derive::plausible;
 
 use super::assemble::{Assembly, JointValues, Value};
 use super::error::NominalError;
-use super::file::{RawFile, RawJoint, RawTolerance, Source};
-use super::{Nominal, measured};
+use super::file::{RawFile, RawHalfWidths, RawJoint, RawTolerance, Source};
+use super::{Nominal, measured, stated};
 
 pub(super) fn nominal(source: &Source<'_>) -> Result<Nominal, NominalError> {
     let raw: RawFile = source.parse()?;
@@ -14,19 +14,30 @@ pub(super) fn nominal(source: &Source<'_>) -> Result<Nominal, NominalError> {
             file: source.file.to_owned(),
         });
     }
-    let shares = Shares::new(source, &raw.tolerance)?;
+    let shares = match &raw.tolerance {
+        Some(tolerance) => Shares::new(source, tolerance)?,
+        None => Shares::none(source, &raw.joint)?,
+    };
     let measurement = measured::of_file(source, &raw)?;
     let gravity = source.list(&raw.robot.gravity, "robot", "gravity")?;
     let mut reader = Reader {
         source,
         shares,
+        fitted: raw.simulated.is_some(),
         names: Vec::new(),
     };
     let mut assembly = Assembly::new(raw.robot.name.clone(), gravity);
     for joint in &raw.joint {
         assembly.joint(reader.joint(joint)?);
     }
-    Ok(assembly.finish(measurement))
+    let effects = stated::effects(source, &raw.effect, &reader.names)?;
+    let simulated = raw.simulated.as_ref();
+    let simulated = simulated.map(|s| stated::simulated(source, s, raw.joint.len()));
+    let mut nominal = assembly.finish(measurement);
+    nominal.effects = effects;
+    nominal.simulated = simulated.transpose()?;
+    nominal.file = source.file.to_owned();
+    Ok(nominal)
 }
 
 /// Tolerances as the file states them.
@@ -40,6 +51,27 @@ struct Shares {
 }
 
 impl Shares {
+    /// Without the table every joint states tolerances of its own.
+    fn none(source: &Source<'_>, joints: &[RawJoint]) -> Result<Self, NominalError> {
+        match joints.iter().find(|j| j.tolerance.is_none()) {
+            Some(joint) => Err(source.error(
+                &joint.name,
+                &format!("joint {}", joint.name.get_ref()),
+                "tolerance",
+                "absent",
+                "add a table [tolerance] for all joints, or [joint.tolerance] for this one",
+            )),
+            None => Ok(Self {
+                mass: 0.0,
+                com: 0.0,
+                inertia: 0.0,
+                rotor_inertia: 0.0,
+                gain: 0.0,
+                friction: 0.0,
+            }),
+        }
+    }
+
     fn new(source: &Source<'_>, raw: &RawTolerance) -> Result<Self, NominalError> {
         let number = |value, key| {
             let mend = "a tolerance is zero (the value is exact) or positive";
@@ -56,9 +88,59 @@ impl Shares {
     }
 }
 
+/// Half widths of a joint's values.
+struct HalfWidths {
+    mass: f64,
+    com: [f64; 3],
+    inertia: [f64; 6],
+    rotor_inertia: f64,
+    coulomb: f64,
+    viscous: f64,
+    gain: f64,
+}
+
+impl HalfWidths {
+    fn new(source: &Source<'_>, raw: &RawHalfWidths, item: &str) -> Result<Self, NominalError> {
+        let item = format!("{item}, tolerance");
+        let mend = "a tolerance is zero (the value is exact) or positive";
+        let number = |value, key| source.number(value, &item, key, |x| x >= 0.0, mend);
+        let com = source.list(&raw.com, &item, "com")?;
+        let inertia = source.list(&raw.inertia, &item, "inertia")?;
+        if com.iter().any(|x| *x < 0.0) {
+            return Err(source.error(&raw.com, &item, "com", format!("{com:?}"), mend));
+        }
+        if inertia.iter().any(|x| *x < 0.0) {
+            return Err(source.error(&raw.inertia, &item, "inertia", format!("{inertia:?}"), mend));
+        }
+        Ok(Self {
+            mass: number(&raw.mass, "mass")?,
+            com,
+            inertia,
+            rotor_inertia: number(&raw.rotor_inertia, "rotor_inertia")?,
+            coulomb: number(&raw.coulomb, "coulomb")?,
+            viscous: number(&raw.viscous, "viscous")?,
+            gain: number(&raw.motor_gain, "motor_gain")?,
+        })
+    }
+
+    /// Puts them in place of those that shares give.
+    fn apply(&self, values: &mut JointValues) {
+        let put = |value: &mut Value, half_width: f64| value.half_width = half_width;
+        put(&mut values.mass, self.mass);
+        (values.com.iter_mut().zip(self.com)).for_each(|(v, h)| put(v, h));
+        (values.inertia.iter_mut().zip(self.inertia)).for_each(|(v, h)| put(v, h));
+        put(&mut values.rotor_inertia, self.rotor_inertia);
+        put(&mut values.coulomb, self.coulomb);
+        put(&mut values.viscous, self.viscous);
+        put(&mut values.gain, self.gain);
+    }
+}
+
 struct Reader<'a> {
     source: &'a Source<'a>,
     shares: Shares,
+    /// Whether a fit made the values: within their tolerances they need not be those of a body.
+    fitted: bool,
     /// Names of the joints so far.
     names: Vec<String>,
 }
@@ -88,7 +170,7 @@ impl Reader<'_> {
             half_width: share * nominal.abs(),
         };
         let shares = &self.shares;
-        let values = JointValues {
+        let mut values = JointValues {
             prismatic,
             axis,
             parent,
@@ -112,6 +194,9 @@ impl Reader<'_> {
             sharpness: sharpness(source, raw, &item)?,
             name: name.clone(),
         };
+        if let Some(own) = &raw.tolerance {
+            HalfWidths::new(source, own, &item)?.apply(&mut values);
+        }
         self.names.push(name);
         Ok(values)
     }
@@ -169,7 +254,9 @@ impl Reader<'_> {
         let mass = source.number(&raw.mass, item, "mass", |x| x > 0.0, "a mass is positive")?;
         let com = source.list(&raw.com, item, "com")?;
         let inertia = source.list(&raw.inertia, item, "inertia")?;
-        if let Err(e) = plausible::check(mass, inertia) {
+        if !self.fitted
+            && let Err(e) = plausible::check(mass, inertia)
+        {
             let mend = format!("{e}; entries are xx, yy, zz, xy, xz, yz about the centre of mass");
             return Err(source.error(&raw.inertia, item, "inertia", format!("{inertia:?}"), mend));
         }

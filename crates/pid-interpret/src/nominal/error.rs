@@ -16,13 +16,8 @@ pub enum NominalError {
         error: io::Error,
     },
     /// Not TOML, or with keys that are unknown, missing or of the wrong type.
-    #[error("{}: {message}\n  help: see docs/nominal-format.md for the keys and their values", .file.display())]
-    Syntax {
-        /// The file.
-        file: PathBuf,
-        /// What the TOML parser says, with line and column.
-        message: String,
-    },
+    #[error("{0}\n  the keys: docs/nominal-format.md")]
+    Syntax(pid_toml::Mistake),
     /// No joint.
     #[error("{}: no joint listed\n  help: add a `[[joint]]` table per moving link, base to tip", .file.display())]
     NoJoint {
@@ -33,12 +28,10 @@ pub enum NominalError {
     #[error(transparent)]
     Declared(#[from] DeclaredError),
     /// A value that cannot be.
-    #[error("{}:{line}: {item}: `{key}` is {found}\n  help: {mend}", .file.display())]
+    #[error("{place}: {item}: `{key}` is {found}\n  help: {mend}")]
     Value {
-        /// The file.
-        file: PathBuf,
-        /// Line of the value, from 1.
-        line: usize,
+        /// Where the value stands.
+        place: pid_toml::Place,
         /// `robot`, `tolerance` or `joint j2`.
         item: String,
         /// The key.

@@ -2,18 +2,22 @@
 
 use std::path::Path;
 
+use pid_toml::{Place, Spanned};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use toml::Spanned;
 
 use super::error::NominalError;
+use super::stated::{RawEffect, RawSimulated};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawFile {
     pub(super) robot: RawRobot,
-    pub(super) tolerance: RawTolerance,
+    pub(super) tolerance: Option<RawTolerance>,
     pub(super) joint: Vec<RawJoint>,
+    #[serde(default)]
+    pub(super) effect: Vec<RawEffect>,
+    pub(super) simulated: Option<RawSimulated>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -62,8 +66,23 @@ pub(super) struct RawJoint {
     pub(super) q_resolution: Option<Spanned<f64>>,
     pub(super) q_noise_std: Option<Spanned<f64>>,
     pub(super) dq_noise_std: Option<Spanned<f64>>,
+    pub(super) input_noise_std: Option<Spanned<f64>>,
     pub(super) torque_peak: Option<Spanned<f64>>,
     pub(super) speed_scale: Option<Spanned<f64>>,
+    pub(super) tolerance: Option<RawHalfWidths>,
+}
+
+/// Tolerances of one joint's own values, in their units.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawHalfWidths {
+    pub(super) mass: Spanned<f64>,
+    pub(super) com: Spanned<[f64; 3]>,
+    pub(super) inertia: Spanned<[f64; 6]>,
+    pub(super) rotor_inertia: Spanned<f64>,
+    pub(super) coulomb: Spanned<f64>,
+    pub(super) viscous: Spanned<f64>,
+    pub(super) motor_gain: Spanned<f64>,
 }
 
 /// A `measurement.toml`.
@@ -106,15 +125,14 @@ pub(super) struct Source<'a> {
 
 impl Source<'_> {
     pub(super) fn parse<T: DeserializeOwned>(&self) -> Result<T, NominalError> {
-        toml::from_str(self.text).map_err(|e| NominalError::Syntax {
-            file: self.file.to_owned(),
-            message: e.to_string().trim_end().to_owned(),
-        })
+        let name = self.file.display().to_string();
+        let source = pid_toml::Source::new(&name, self.text);
+        source.parse().map_err(NominalError::Syntax)
     }
 
-    fn line<T>(&self, value: &Spanned<T>) -> usize {
-        let before = self.text.get(..value.span().start).unwrap_or(self.text);
-        1 + before.bytes().filter(|&b| b == b'\n').count()
+    pub(super) fn place<T>(&self, value: &Spanned<T>) -> Place {
+        let name = self.file.display().to_string();
+        pid_toml::Source::new(&name, self.text).place_of(value)
     }
 
     /// An error at a value.
@@ -127,8 +145,7 @@ impl Source<'_> {
         mend: impl Into<String>,
     ) -> NominalError {
         NominalError::Value {
-            file: self.file.to_owned(),
-            line: self.line(value),
+            place: self.place(value),
             item: item.to_owned(),
             key,
             found: found.to_string(),
@@ -191,16 +208,16 @@ impl Source<'_> {
         match words.iter().find(|(word, _)| word == found) {
             Some(&(_, meaning)) => Ok(meaning),
             None => {
-                let known: Vec<String> = words
-                    .iter()
-                    .map(|(word, _)| format!("\"{word}\""))
-                    .collect();
+                let names = words.iter().map(|(word, _)| *word);
+                let known: Vec<String> = names.clone().map(|w| format!("\"{w}\"")).collect();
+                let meant = pid_toml::nearest(found, names)
+                    .map_or_else(String::new, |w| format!("; did you mean \"{w}\"?"));
                 Err(self.error(
                     value,
                     item,
                     key,
                     format!("\"{found}\""),
-                    format!("write one of {}", known.join(", ")),
+                    format!("write one of {}{meant}", known.join(", ")),
                 ))
             }
         }

@@ -5,7 +5,7 @@
 //! coordinate must be of the form `gain u − viscous v − coulomb s(v)`, as for a chain. A robot with drives on several joints is
 //! described in the coordinates of its drives ([`Drives`]).
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use pid_derive::equations::applied_force;
 use pid_derive::links::links;
@@ -62,6 +62,9 @@ pub(super) fn nominal(
         robot,
         tolerances,
         measurement,
+        effects: Vec::new(),
+        simulated: None,
+        file: PathBuf::new(),
         tool_link,
         drives,
     })

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use toml::Spanned;
+use pid_toml::Spanned;
 
 use super::error::NominalError;
 use super::file::{
@@ -61,6 +61,7 @@ struct One<'a> {
     velocity: Option<&'a Spanned<String>>,
     q_resolution: Option<&'a Spanned<f64>>,
     q_noise_std: Option<&'a Spanned<f64>>,
+    input_noise_std: Option<&'a Spanned<f64>>,
     dq_noise_std: Option<&'a Spanned<f64>>,
     torque_peak: Option<&'a Spanned<f64>>,
     speed_scale: Option<&'a Spanned<f64>>,
@@ -72,6 +73,7 @@ impl<'a> From<&'a RawJoint> for One<'a> {
             velocity: Some(&raw.velocity),
             q_resolution: raw.q_resolution.as_ref(),
             q_noise_std: raw.q_noise_std.as_ref(),
+            input_noise_std: raw.input_noise_std.as_ref(),
             dq_noise_std: raw.dq_noise_std.as_ref(),
             torque_peak: raw.torque_peak.as_ref(),
             speed_scale: raw.speed_scale.as_ref(),
@@ -85,6 +87,7 @@ impl<'a> From<&'a RawMeasuredJoint> for One<'a> {
             velocity: raw.velocity.as_ref(),
             q_resolution: raw.q_resolution.as_ref(),
             q_noise_std: raw.q_noise_std.as_ref(),
+            input_noise_std: None,
             dq_noise_std: raw.dq_noise_std.as_ref(),
             torque_peak: raw.torque_peak.as_ref(),
             speed_scale: raw.speed_scale.as_ref(),
@@ -212,7 +215,10 @@ fn measurement<'a>(
                 None if filter_hz.is_some() => Velocity::Derived { filter_hz },
                 None => measured,
             },
-            input_noise: input_noise.map(|share| share * peak.unwrap_or(0.0) / driven.gain.abs()),
+            input_noise: match number(joint.input_noise_std, "input_noise_std")? {
+                Some(own) => Some(own),
+                None => input_noise.map(|share| share * peak.unwrap_or(0.0) / driven.gain.abs()),
+            },
             torque_peak: peak,
             speed_scale: size(joint.speed_scale, "speed_scale")?,
         });

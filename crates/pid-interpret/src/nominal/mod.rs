@@ -28,15 +28,18 @@ mod file;
 mod general;
 mod law;
 mod measured;
+mod stated;
+mod write;
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use pid_derive::model::Robot;
 
 pub use declared::declaration;
 pub use drives::Drives;
 pub use error::{DeclaredError, NominalError};
+pub use stated::{Effect, EffectParameter, Fault, Simulated, SimulatedJoint, Written};
 
 /// A nominal description.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +47,9 @@ pub struct Nominal {
     robot: Robot,
     tolerances: Vec<Tolerance>,
     measurement: Measurement,
+    effects: Vec<Effect>,
+    simulated: Option<Simulated>,
+    file: PathBuf,
     tool_link: Option<usize>,
     drives: Option<Drives>,
 }
@@ -225,6 +231,48 @@ impl Nominal {
     /// How the robot is measured.
     pub fn measurement(&self) -> &Measurement {
         &self.measurement
+    }
+
+    /// Effects beside the nominal structure, as a diagnosis named them.
+    pub fn effects(&self) -> &[Effect] {
+        &self.effects
+    }
+
+    /// How a diagnosis simulated the robot with them.
+    pub fn simulated(&self) -> Option<&Simulated> {
+        self.simulated.as_ref()
+    }
+
+    /// The file it was read from; empty if from none.
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// The same robot with other values, in the order of [`Nominal::tolerances`], their half widths kept, and with effects.
+    ///
+    /// # Panics
+    /// If there are not as many values as parameters.
+    pub fn extended(
+        &self,
+        values: &[f64],
+        effects: Vec<Effect>,
+        simulated: Option<Simulated>,
+    ) -> Self {
+        assert_eq!(
+            values.len(),
+            self.tolerances.len(),
+            "one value per parameter"
+        );
+        let mut out = self.clone();
+        for ((tolerance, param), &value) in
+            (out.tolerances.iter_mut().zip(&mut out.robot.params)).zip(values)
+        {
+            tolerance.nominal = value;
+            param.nominal = value;
+            (param.lower, param.upper) = tolerance.range(Ranges::Tolerance);
+        }
+        (out.effects, out.simulated) = (effects, simulated);
+        out
     }
 }
 

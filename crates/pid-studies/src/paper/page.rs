@@ -1,11 +1,12 @@
-//! The study as a page and as text.
+//! The content of the study's page, and the study as text. Layout and plots are those of `pid_page`.
 
 use std::fmt::Write;
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 use pid_data::Role;
 use pid_fit::transcribe::Scheme;
 use pid_models::{TwoLink, two_link};
+use pid_page::{Footer, Page, table};
 use pid_runtime::dynamics::Dynamics;
 
 use super::plot::{Axes, Series, chart, curve, joint_chart};
@@ -129,15 +130,6 @@ fn best_euler(f: &Findings) -> f64 {
         (o.job.scheme, o.job.substeps) == (Scheme::ExplicitEuler, 1)
     });
     euler.objectives().first().copied().unwrap_or(f64::INFINITY)
-}
-
-pub(super) fn table(head: &[&str], rows: &[Vec<String>]) -> Markup {
-    html! {
-        div.wide { table {
-            thead { tr { @for h in head { th { (h) } } } }
-            tbody { @for row in rows { tr { @for cell in row { td { (cell) } } } } }
-        } }
-    }
 }
 
 /// Rows of "paper says / we find".
@@ -340,7 +332,7 @@ fn optima(f: &Findings, scheme: Scheme) -> Vec<Vec<String>> {
         .collect()
 }
 
-fn figure_two(f: &Findings) -> Vec<String> {
+fn figure_two(f: &Findings) -> Vec<Markup> {
     let Some(record) = f.dataset.with_role(Role::Train).next() else {
         return Vec::new();
     };
@@ -357,12 +349,12 @@ fn figure_two(f: &Findings) -> Vec<String> {
                 motion("five nodes", five.runs.first()),
                 motion("full discretization", full.runs.first()),
             ];
-            joint_chart(joint, &series)
+            joint_chart("record `train`", joint, &series)
         })
         .collect()
 }
 
-fn figure_three(f: &Findings) -> String {
+fn figure_three(f: &Findings) -> Markup {
     let kinds = HESSIANS
         .iter()
         .map(|&(hessian, name)| (hessian, false, name.to_owned()))
@@ -375,7 +367,7 @@ fn figure_three(f: &Findings) -> String {
                 .outcomes
                 .iter()
                 .filter(|o| (o.job.hessian, o.job.lift) == (hessian, lift))
-                .filter_map(|o| Some(Some((o.job.nodes? as f64, o.objective?))))
+                .filter_map(|o| Some((o.job.nodes? as f64, o.objective?)))
                 .collect(),
         })
         .collect();
@@ -386,33 +378,33 @@ fn figure_three(f: &Findings) -> String {
         points: full
             .runs
             .iter()
-            .filter_map(|o| Some(Some((robot::SAMPLES as f64, o.objective?))))
+            .filter_map(|o| Some((robot::SAMPLES as f64, o.objective?)))
             .collect(),
     });
     let axes = Axes {
-        x: "nodes M",
-        y: "J",
-        log_x: true,
-        log_y: true,
+        title: "Objective against the number of nodes",
+        x: ("nodes M", "count"),
+        y: ("objective J", "1"),
+        log: true,
     };
     chart(&axes, &series)
 }
 
-fn figure_four(f: &Findings) -> String {
+fn figure_four(f: &Findings) -> Markup {
     let of = |k: usize, label: &str| Series {
         label: label.to_owned(),
         line: true,
         points: f
             .sizes
             .iter()
-            .map(|s| Some((s.nodes.unwrap_or(robot::SAMPLES) as f64, s.densities()[k]?)))
+            .filter_map(|s| Some((s.nodes.unwrap_or(robot::SAMPLES) as f64, s.densities()[k]?)))
             .collect(),
     };
     let axes = Axes {
-        x: "nodes M (the last point: full discretization)",
-        y: "relative density",
-        log_x: true,
-        log_y: true,
+        title: "Relative densities of the derivatives against the number of nodes",
+        x: ("nodes M (the last point: full discretization)", "count"),
+        y: ("relative density", "1"),
+        log: true,
     };
     chart(&axes, &[of(0, "Dr"), of(1, "Dg"), of(2, "DH")])
 }
@@ -458,11 +450,6 @@ fn hessians(f: &Findings) -> Vec<Vec<String>> {
     rows
 }
 
-const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:62rem;padding:0 1rem;color:#1c1c1c;background:#fff}\
-h1{font-size:1.6rem}h2{font-size:1.2rem;margin-top:2.2rem}table{border-collapse:collapse;font-size:.88rem}\
-th,td{border-bottom:1px solid #ddd;padding:.3rem .6rem;text-align:left;vertical-align:top}th{background:#f5f5f3}\
-.wide{overflow-x:auto}svg{max-width:100%;height:auto}code{background:#f2f2f0;padding:0 .3em}";
-
 /// The page.
 pub(super) fn html(f: &Findings) -> String {
     let (head, rows) = table_two(f);
@@ -483,56 +470,70 @@ pub(super) fn html(f: &Findings) -> String {
     ]
     .concat();
     let optima_head = [&["J of the fit", "share of starts"], &records[..]].concat();
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "The paper's study on the idealised two-link robot" }
-                style { (PreEscaped(STYLE)) }
+    let plan = &f.plan;
+    let page = Page {
+        title: "The paper's study on the idealised two-link robot",
+        lead: html! {
+            p {
+                "K. Schäfer, M. Runge, K. Flaßkamp, C. Büskens, "
+                em { "Parameter Identification for Dynamical Systems Using Optimal Control Techniques" }
+                ". Records simulated with the values of Table II, N = " (robot::SAMPLES) ", explicit Euler unless said otherwise; "
+                (plan.starts) " starts, at most " (plan.max_iterations) " iterations and " (plan.limit) " s for each solve; what did not end before is counted as such and keeps its best point. Made by "
+                code { (f.command) } " in " (format!("{:.0}", f.seconds)) " s."
             }
-            body {
-                h1 { "The paper's study on the idealised two-link robot" }
-                p {
-                    "K. Schäfer, M. Runge, K. Flaßkamp, C. Büskens, "
-                    em { "Parameter Identification for Dynamical Systems Using Optimal Control Techniques" }
-                    ". Records simulated with the values of Table II, N = " (robot::SAMPLES) ", explicit Euler unless said otherwise; "
-                    (f.plan.starts) " starts, at most " (f.plan.max_iterations) " iterations and " (f.plan.limit) " s for each solve; what did not end before is counted as such and keeps its best point. Made by "
-                    code { (f.command) } " (" (f.program) ") in " (format!("{:.0}", f.seconds)) " s."
-                }
-                @if f.interrupted { p { strong { "Interrupted: runs that were not finished are missing." } } }
-                h2 { "Paper says, we find" }
-                (table(&["", "paper", "here"], &comparison(f)))
+            @if f.interrupted { p { strong { "Interrupted: runs that were not finished are missing." } } }
+        },
+        sections: &[],
+        body: html! {
+            section { h2 { "Paper says, we find" } (table(&["", "paper", "here"], &comparison(f))) }
+            section {
                 h2 { "Table I and figure 4: sizes and densities" }
                 (table(&["transcription", "n", "m", "nnz Dr", "nnz Dg", "nnz DH", "rd Dr", "rd Dg", "rd DH"], &sizes(f)))
-                (PreEscaped(figure_four(f)))
+                (figure_four(f))
+            }
+            section {
                 h2 { "Table II: what the record determines" }
                 p { "The 19 parameters are redundant; motions under known currents fix these combinations. Best run of full discretization for each scheme." }
                 (table(&head, &rows))
+            }
+            section {
                 h2 { "Figure 2: data and trajectories" }
                 p { "First start, exact Hessian." }
-                @for plot in figure_two(f) { (PreEscaped(plot)) }
+                @for plot in figure_two(f) { (plot) }
+            }
+            section {
                 h2 { "Figure 3: objective against the number of nodes" }
                 p { "Every run that is feasible to 1e-6. A lifted start is the solution of the same problem with a node at every sample." }
-                (PreEscaped(figure_three(f)))
+                (figure_three(f))
+            }
+            section {
                 h2 { "Hessians side by side" }
                 p { "Shares count starts within 1 % and 15 % of the lowest J of any run, " (number(best_euler(f))) ". ∞: not feasible, or the motion could not be integrated. BFGS is damped and keeps the last " (MEMORY) " steps." }
                 (table(&side, &hessians(f)))
+            }
+            section {
                 h2 { "Open question: order and step of the scheme" }
                 p { "A scheme's own error goes into the parameters: the last columns are J of an accurate simulation with them." }
                 (table(&scheme_head, &schemes(f)))
+            }
+            section {
                 h2 { "Open question: local optima, and which data separate them" }
                 p { "Full discretization, exact Hessian; an optimum is a value of J within 0.1 %. Records on which the accurate J of two optima differs separate them." }
                 @for scheme in [Scheme::ExplicitEuler, Scheme::Trapezoidal] {
                     h3 { (scheme.label()) }
                     (table(&optima_head, &optima(f, scheme)))
                 }
-                (vs050::html(&f.arm))
             }
-        }
-    }
-    .into_string()
+            section { (vs050::html(&f.arm)) }
+        },
+        footer: Footer {
+            program: &f.program,
+            data: "simulated: the two-link robot with the values of Table II, the VS-050 with assumed masses",
+            settings: &f.command,
+            more: "paper.json beside this page holds every run",
+        },
+    };
+    page.html()
 }
 
 /// The comparison and the table of Hessians as text.
@@ -554,3 +555,6 @@ pub(super) fn text(f: &Findings) -> String {
     out.push_str(&vs050::text(&f.arm));
     out
 }
+
+#[cfg(test)]
+mod tests;

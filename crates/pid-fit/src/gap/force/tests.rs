@@ -2,6 +2,9 @@ use super::*;
 use crate::integrate::test_models::{PENDULUM, Pendulum};
 use crate::integrate::{Drive, Settings, simulate};
 use pid_data::{InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 /// A record of the pendulum with white noise of 1e-4 rad on the position.
 fn record(noise: f64) -> (Dataset, Experiment) {
@@ -21,16 +24,10 @@ fn record(noise: f64) -> (Dataset, Experiment) {
         Settings::default(),
     )
     .unwrap();
-    let mut state = 9_u64;
-    let mut uniform = || {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        (state >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let mut random = ChaCha8Rng::seed_from_u64(9);
     let q =
         m.q.iter()
-            .map(|q| q + noise * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0))
+            .map(|q| q + noise * random.sample::<f64, _>(StandardNormal))
             .collect();
     let experiment = Experiment {
         name: "e".into(),

@@ -2,9 +2,10 @@
 
 use std::fmt::Write;
 
-use maud::{Markup, PreEscaped, html as markup};
+use maud::{Markup, html as markup};
+use pid_page::table;
 
-use super::super::page::{optional, table};
+use super::super::page::optional;
 use super::super::plot::{curve, joint_chart};
 use super::super::study::{FEASIBLE, HESSIANS, Second};
 use super::{Arm, Fit, HORIZON, KINDS, MEMORY, records};
@@ -105,7 +106,7 @@ fn scores(arm: &Arm) -> Vec<Vec<String>> {
 }
 
 /// Measured and simulated angles of one record.
-fn plots(arm: &Arm, record: usize) -> Vec<String> {
+fn plots(arm: &Arm, record: usize) -> Vec<Markup> {
     let Some(e) = arm.dataset.experiments.get(record) else {
         return Vec::new();
     };
@@ -125,7 +126,7 @@ fn plots(arm: &Arm, record: usize) -> Vec<String> {
                 let (hessian, data) = label(hessian, both);
                 series.push(thin(format!("simulated: {hessian}; {data}"), q, joint));
             }
-            joint_chart(joint, &series)
+            joint_chart(&e.name, joint, &series)
         })
         .collect()
 }
@@ -186,7 +187,7 @@ pub(in super::super) fn html(arm: &Arm) -> Markup {
         (table(&head, &scores(arm)))
         @for (k, name) in arm.records.iter().enumerate() {
             h3 { (name) ": " (arm.dataset.experiments[k].note) }
-            @for plot in plots(arm, k) { (PreEscaped(plot)) }
+            @for plot in plots(arm, k) { (plot) }
         }
     }
 }

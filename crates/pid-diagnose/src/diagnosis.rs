@@ -1,0 +1,403 @@
+//! What a diagnosis says: the verdict, the effects it names, and the figures it rests on.
+//!
+//! Nothing here is computed. [`Diagnosis`] is the form of `diagnosis.json`; the search fills it once, from its evidence.
+
+use serde::{Deserialize, Serialize};
+
+use crate::channel::Reading;
+use crate::free::Form;
+use crate::timing::Alignment;
+
+/// Version of the JSON form.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// The cause that is stated. In JSON the fields `effect` (one word) and `joint`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "Words", from = "Words")]
+pub enum Verdict {
+    /// The nominal structure within its tolerances leaves no more than noise. Word: `none`.
+    Nothing,
+    /// Effects of the library explain the records, or most of what the gap has beyond its floor
+    /// (then [`Diagnosis::remainder`] says what is left). The first effect stands here, all of them in [`Diagnosis::effects`].
+    Effect {
+        /// Its identifier, which is its word.
+        id: String,
+        /// Its joint from 1; `None` for an effect of the whole robot.
+        joint: Option<usize>,
+    },
+    /// Only friction is missing, outside its stated tolerance. Word: `friction`.
+    OutsideTolerance {
+        /// The first joint concerned, from 1.
+        joint: usize,
+    },
+    /// Something is missing that no effect of the library explains. Word: `unknown`.
+    Unknown,
+}
+
+impl Verdict {
+    /// Word of [`Verdict::Nothing`].
+    pub const NOTHING: &'static str = "none";
+    /// Word of [`Verdict::OutsideTolerance`].
+    pub const FRICTION: &'static str = "friction";
+    /// Word of [`Verdict::Unknown`].
+    pub const UNKNOWN: &'static str = "unknown";
+
+    /// The verdict in one word, as in the field `effect` of `diagnosis.json`.
+    pub fn word(&self) -> &str {
+        match self {
+            Verdict::Nothing => Self::NOTHING,
+            Verdict::Effect { id, .. } => id,
+            Verdict::OutsideTolerance { .. } => Self::FRICTION,
+            Verdict::Unknown => Self::UNKNOWN,
+        }
+    }
+
+    /// The joint that is blamed, from 1.
+    pub fn joint(&self) -> Option<usize> {
+        match self {
+            Verdict::Effect { joint, .. } => *joint,
+            Verdict::OutsideTolerance { joint } => Some(*joint),
+            Verdict::Nothing | Verdict::Unknown => None,
+        }
+    }
+}
+
+/// [`Verdict`] as two fields.
+#[derive(Serialize, Deserialize)]
+struct Words {
+    effect: String,
+    joint: Option<usize>,
+}
+
+impl From<Verdict> for Words {
+    fn from(verdict: Verdict) -> Self {
+        Words {
+            effect: verdict.word().to_owned(),
+            joint: verdict.joint(),
+        }
+    }
+}
+
+impl From<Words> for Verdict {
+    fn from(Words { effect, joint }: Words) -> Self {
+        match (effect.as_str(), joint) {
+            (Self::NOTHING, _) => Verdict::Nothing,
+            (Self::UNKNOWN, _) => Verdict::Unknown,
+            (Self::FRICTION, Some(joint)) => Verdict::OutsideTolerance { joint },
+            _ => Verdict::Effect { id: effect, joint },
+        }
+    }
+}
+
+/// A parameter of a named effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Magnitude {
+    /// Name.
+    pub name: String,
+    /// Value, SI units.
+    pub value: f64,
+    /// Standard deviation; `None` if the records do not determine it.
+    pub std: Option<f64>,
+}
+
+/// A named effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Named {
+    /// Identifier.
+    pub effect: String,
+    /// Joint from 1.
+    pub joint: Option<usize>,
+    /// Magnitudes.
+    pub parameters: Vec<Magnitude>,
+    /// Where it shows.
+    pub regime: String,
+}
+
+/// A line of the ranking.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ranked {
+    /// Identifier.
+    pub effect: String,
+    /// Joint from 1.
+    pub joint: Option<usize>,
+    /// Twice the gain in log-likelihood over the nominal structure, less the penalty.
+    pub score: f64,
+    /// Posterior probability among the refitted candidates.
+    pub probability: f64,
+}
+
+impl Ranked {
+    /// `effect` or `effect:joint`.
+    pub fn label(&self) -> String {
+        self.joint
+            .map_or(self.effect.clone(), |j| format!("{}:{j}", self.effect))
+    }
+}
+
+/// What is left beside the named effects where no verdict explains the records down to their noise.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Remainder {
+    /// Share of the squared gap beyond the floor that the named effects explain on the test records.
+    pub explained: f64,
+    /// Whether intervals and scores count the model's own error, correlated as it is, in place of noise.
+    #[serde(default = "counted")]
+    pub own_error: bool,
+    /// Where the force lives that is still missing beside them; empty if it was not looked for.
+    pub missing_force: Vec<Share>,
+    /// A law without a name, if one describes most of the gap, and better than the named effects.
+    #[serde(default)]
+    pub nameless: Option<Nameless>,
+}
+
+fn counted() -> bool {
+    true
+}
+
+/// A nominal value outside its stated tolerance.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Beyond {
+    /// Name, as [`role_name`](crate::nominal::role_name) gives it.
+    pub parameter: String,
+    /// Joint from 1.
+    pub joint: usize,
+    /// Unit of the values.
+    pub unit: String,
+    /// As stated.
+    pub stated: f64,
+    /// Its tolerance.
+    pub tolerance: f64,
+    /// As found.
+    pub value: f64,
+    /// Standard deviation; `None` if the records do not determine it.
+    pub std: Option<f64>,
+}
+
+impl Beyond {
+    /// In words: which value, as found and as stated.
+    pub fn words(&self) -> String {
+        let std = self.std.map_or(String::new(), |s| format!(" ± {s:.1e}"));
+        format!(
+            "{} friction of joint {} {:.4}{std} {} (stated {:.4} ± {:.4})",
+            self.parameter, self.joint, self.value, self.unit, self.stated, self.tolerance
+        )
+    }
+}
+
+/// A cause without a name.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Nameless {
+    /// What it is of, and over what.
+    pub form: Form,
+    /// Joint from 1.
+    pub joint: usize,
+    /// Positions or times, SI.
+    pub at: Vec<f64>,
+    /// Forces or relative changes of the gain there, straight between them, SI.
+    pub values: Vec<f64>,
+    /// Standard deviations; `None` where the records do not determine a value.
+    pub stds: Vec<Option<f64>>,
+    /// Share of the squared gap beyond the floor that it explains on the test records.
+    pub explained: f64,
+}
+
+impl Nameless {
+    /// Where it bends most, for certain: where the change of its slope is the largest number of its deviations.
+    pub fn bend(&self) -> Option<f64> {
+        let bent = |i: usize| {
+            let [a, b, c] = [0, 1, 2].map(|k| self.stds[i + k]);
+            let f = &self.values[i..i + 3];
+            let std = (a?.powi(2) + 4.0 * b?.powi(2) + c?.powi(2)).sqrt();
+            Some((i + 1, (f[2] - 2.0 * f[1] + f[0]).abs() / std.max(1e-300)))
+        };
+        (0..self.values.len().saturating_sub(2))
+            .filter_map(bent)
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+            .map(|(i, _)| self.at[i])
+    }
+
+    /// In words: what, of which joint, and where it bends or how far it goes.
+    pub fn words(&self) -> String {
+        let joint = self.joint;
+        match self.form {
+            Form::ForceOverPosition => {
+                let bend = self
+                    .bend()
+                    .map_or_else(String::new, |q| format!(", bending most at {q:.3}"));
+                format!("a force over the position of joint {joint}{bend}")
+            }
+            Form::GainOverTime => {
+                let change = self.values.last().zip(self.values.first());
+                let percent = change.map_or(0.0, |(last, first)| 100.0 * (last - first));
+                format!(
+                    "a gain of the drive of joint {joint} that changes by {percent:+.0} % within a record"
+                )
+            }
+        }
+    }
+}
+
+/// Where the missing force of one joint lives.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Share {
+    /// Joint from 1.
+    pub joint: usize,
+    /// Share in the squared missing force of all joints, each in units of its typical torque.
+    pub share: f64,
+    /// Root mean square of the missing force, N·m or N.
+    pub rms: f64,
+    /// The quantity it goes with most.
+    pub regime: String,
+    /// How far it is a function of that quantity and the direction, 0 to 1.
+    pub explained: f64,
+}
+
+/// When the input of one joint acts, and when its velocity shows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Signals {
+    /// Joint from 1.
+    pub joint: usize,
+    /// The input against the force that moves the joint, all records; `None` where they tell nothing of it.
+    pub input: Option<Alignment>,
+    /// The velocity reading against the derivative of the positions, all records; `None` where no velocity is recorded.
+    pub velocity: Option<Reading>,
+}
+
+/// How well a further motion would separate the first two rivals.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Next {
+    /// The rivals.
+    pub rivals: (String, String),
+    /// Expected logarithm of the likelihood ratio in favour of the right one, the lesser of both cases.
+    pub log_odds: f64,
+}
+
+/// Figures of what is left; the largest over joints and channels of their median over records, and over records.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Residue {
+    /// Largest mean square of a window over that of its record.
+    pub burst: f64,
+    /// Largest line of a spectrum over its mean, the median over the records.
+    pub line: f64,
+    /// What these figures are the largest of; not in the JSON form.
+    #[serde(skip)]
+    pub of: Extent,
+    /// Sum of squared correlations of neighbours up to ten samples apart, times the number of samples and over ten, the median
+    /// over the records: 1 for white noise.
+    pub memory: f64,
+    /// Root mean square of these correlations.
+    #[serde(default)]
+    pub correlation: f64,
+    /// Mean squared innovation on the test records over that on the train records.
+    pub unseen: f64,
+}
+
+/// Numbers that the figures of [`Residue`] are taken over, those of the record that has most.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Extent {
+    /// Frequencies of a spectrum.
+    pub frequencies: f64,
+    /// Windows of a record.
+    pub windows: f64,
+    /// Samples of a window, the fewest.
+    pub samples: f64,
+}
+
+/// The verdict and what it rests on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Diagnosis {
+    /// [`SCHEMA_VERSION`].
+    pub schema_version: u32,
+    /// Data set.
+    pub case: String,
+    /// The cause that is stated; fields `effect` and `joint` of the JSON form.
+    #[serde(flatten)]
+    pub verdict: Verdict,
+    /// All named effects.
+    pub effects: Vec<Named>,
+    /// Gap of the nominal structure within its tolerances, test records.
+    pub gap_before: f64,
+    /// Gap with the named effects.
+    pub gap_after: f64,
+    /// Interval of 95 % of the gap before and after, from the windows of the test records.
+    pub gap_intervals: ((f64, f64), (f64, f64)),
+    /// What noise alone leaves.
+    pub gap_floor: f64,
+    /// Gap per joint after: position, velocity.
+    pub gap_joints: Vec<(f64, Option<f64>)>,
+    /// The same before.
+    #[serde(default)]
+    pub gap_joints_before: Vec<(f64, Option<f64>)>,
+    /// Share of each joint and channel in the squared gap before: position, velocity; they add up to 1.
+    #[serde(default)]
+    pub gap_shares: Vec<(f64, Option<f64>)>,
+    /// Where the missing force of the nominal structure lives, joint by joint; empty if it was not looked for.
+    #[serde(default)]
+    pub missing_force: Vec<Share>,
+    /// When inputs act and readings show, joint by joint; empty if it was not looked for.
+    #[serde(default)]
+    pub signals: Vec<Signals>,
+    /// What reading the records found odd, and iterations of the verdict's fit that ended at their limit.
+    #[serde(default)]
+    pub warnings: Vec<String>,
+    /// The motion that would separate the rivals that are left, if there are any and it was looked for.
+    #[serde(default)]
+    pub next_experiment: Option<Next>,
+    /// What is left beside the named effects; absent where the records are explained down to their noise.
+    #[serde(default)]
+    pub remainder: Option<Remainder>,
+    /// Friction outside its tolerance, without which no effect would explain the records.
+    #[serde(default)]
+    pub beyond_tolerance: Vec<Beyond>,
+    /// Candidates, best first.
+    pub ranking: Vec<Ranked>,
+    /// Stated probability that the verdict is right.
+    pub confidence: f64,
+    /// Effects that the records cannot tell from the named one.
+    pub confusion_set: Vec<String>,
+    /// Where the effect shows.
+    pub regime: String,
+    /// Mean squared innovation of the nominal structure and of the verdict; 1 where the noise is as stated.
+    pub misfit: (f64, f64),
+    /// What the verdict's model leaves.
+    #[serde(default)]
+    pub residue: Residue,
+    /// Processor-independent effort: refits made.
+    pub refits: usize,
+    /// Time, s.
+    pub seconds: f64,
+}
+
+impl Diagnosis {
+    /// As JSON, indented.
+    pub fn to_json(&self) -> String {
+        // Only numbers, texts and lists: writing to memory cannot fail.
+        serde_json::to_string_pretty(self).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Verdict;
+
+    #[test]
+    fn a_verdict_is_two_fields_and_comes_back() {
+        let effect = |joint| Verdict::Effect {
+            id: "payload".to_owned(),
+            joint,
+        };
+        for (verdict, json) in [
+            (Verdict::Nothing, r#"{"effect":"none","joint":null}"#),
+            (Verdict::Unknown, r#"{"effect":"unknown","joint":null}"#),
+            (
+                Verdict::OutsideTolerance { joint: 2 },
+                r#"{"effect":"friction","joint":2}"#,
+            ),
+            (effect(None), r#"{"effect":"payload","joint":null}"#),
+            (effect(Some(1)), r#"{"effect":"payload","joint":1}"#),
+        ] {
+            assert_eq!(serde_json::to_string(&verdict).expect("text"), json);
+            let back: Verdict = serde_json::from_str(json).expect("a verdict");
+            assert_eq!(back, verdict);
+        }
+    }
+}

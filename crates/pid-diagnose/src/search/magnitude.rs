@@ -1,0 +1,300 @@
+//! Physical magnitudes of fitted effects with their standard deviations.
+
+use nalgebra::{DMatrix, DVector};
+use pid_data::Role;
+
+use super::measure::misfit;
+use crate::case::{Case, Velocity};
+use crate::criteria::Criteria;
+use crate::diagnosis::{Magnitude, Named};
+use crate::fit::{Basis, Fit, PRIOR, Quadratic};
+use crate::predict::rows;
+use pid_interpret::nominal::Role as Part;
+
+/// Curvature of a fit with 1 where a parameter has no influence, and which these are.
+pub(super) fn curvature(fit: &Fit) -> (DMatrix<f64>, Vec<bool>) {
+    let mut h = fit.quadratic.h.clone();
+    let dead: Vec<bool> = (0..h.nrows()).map(|i| h[(i, i)] <= 0.0).collect();
+    for (i, dead) in dead.iter().enumerate() {
+        if *dead {
+            h[(i, i)] = 1.0;
+        }
+    }
+    (h, dead)
+}
+
+/// Size of the last effect of a fit over its standard deviation, the largest of its amplitudes; 0 if it is not determined.
+///
+/// An effect with an absent point is judged at the nominal parameters found: where a tolerance alone separates the two, its
+/// likelihood speaks for it and not its size. One without such a point brings freedom of its own and must be determined beside them.
+pub(super) fn size_in_deviations(criteria: &Criteria, fit: &Fit) -> f64 {
+    let Some(term) = fit.hypothesis.terms.last() else {
+        return 0.0;
+    };
+    let info = term.effect.info();
+    let scale = misfit(fit).max(1.0);
+    let (mut h, mut dead) = curvature(fit);
+    let mut size = fit.point.theta.len();
+    let absent: [usize; 1] = [0];
+    let own: &[usize] = if info.amplitudes.is_empty() {
+        &absent
+    } else {
+        h = h.remove_rows(0, size).remove_columns(0, size);
+        dead.drain(..size);
+        size = 0;
+        info.amplitudes
+    };
+    let first = fit.point.e.len() - info.parameters.len();
+    let Some(factor) = h.cholesky() else {
+        return 0.0;
+    };
+    let covariance = factor.inverse() * (scale * criteria.shared);
+    own.iter()
+        .filter(|&&a| !dead[size + first + a])
+        .map(|&a| {
+            let i = size + first + a;
+            fit.point.e[first + a].abs() / covariance[(i, i)].sqrt()
+        })
+        .fold(0.0, f64::max)
+}
+
+/// All deviations that have a tolerance.
+fn every_direction(case: &Case) -> Basis {
+    let free: Vec<usize> = (0..case.nominal.size())
+        .filter(|&i| case.nominal.values[i].half_width > 0.0)
+        .collect();
+    let mut columns = DMatrix::zeros(case.nominal.size(), free.len());
+    for (c, &i) in free.iter().enumerate() {
+        columns[(i, c)] = 1.0;
+    }
+    Basis { columns }
+}
+
+/// Covariances of (θ, e) at a fit, with derivatives of its own: from the curvature, widened where the misfit is larger than the
+/// noise, and from the scores of blocks of time ("sandwich": P. J. Huber, 5th Berkeley Symposium, 1967; blocks of dependent rows:
+/// K.-Y. Liang, S. L. Zeger, Biometrika 73, 1986),
+///
+/// ```text
+/// H⁻¹ (Σ_b (s_b − s̄)(s_b − s̄)ᵀ + P) H⁻¹,   s_b = Σ_{k∈b} J_kᵀ ε_k,   P the curvature of the prior
+/// ```
+///
+/// Borrowed derivatives would make parameters that only a tolerance separates look well determined; so would the directions of the
+/// fit, which leave out what the nominal structure does not show: a common scale of all forces is nothing to see without the
+/// effect, and beside it all that tolerances leave of its size.
+pub(super) fn covariances(
+    case: &Case,
+    criteria: &Criteria,
+    fit: &Fit,
+) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+    let basis = &every_direction(case);
+    let (size, rank) = basis.columns.shape();
+    let ne = fit.point.e.len();
+    let lin = fit.linearised(case, basis);
+    let quadratic = Quadratic::new(basis, &lin, &fit.point);
+    let mut h = quadratic.h;
+    for i in 0..size + ne {
+        if h[(i, i)] <= 0.0 {
+            h[(i, i)] = 1.0;
+        }
+    }
+    let inverse = h.cholesky()?.inverse();
+    let mut scores: Vec<DVector<f64>> = Vec::new();
+    let mut at = 0;
+    let channels: usize = (0..case.n())
+        .map(|j| 1 + usize::from(case.velocity[j] == Velocity::Measured))
+        .sum();
+    for record in case.records.iter().filter(|r| r.role == Role::Train) {
+        let end = at + rows(record) * channels;
+        let block = ((criteria.block / record.h) as usize).max(1) * channels;
+        while at < end.min(lin.r.len()) {
+            let m = block.min(end - at);
+            scores.push(lin.j.rows(at, m).transpose() * lin.r.rows(at, m));
+            at += m;
+        }
+    }
+    let count = scores.len() as f64;
+    let mean = scores.iter().fold(DVector::zeros(rank + ne), |a, s| a + s) / count.max(1.0);
+    let mut meat = DMatrix::zeros(rank + ne, rank + ne);
+    for s in &scores {
+        let d = s - &mean;
+        meat.ger(1.0, &d, &d, 1.0);
+    }
+    meat *= count / (count - 1.0).max(1.0);
+    let mut wide = DMatrix::zeros(size + ne, rank + ne);
+    wide.view_mut((0, 0), (size, rank))
+        .copy_from(&basis.columns);
+    for i in 0..ne {
+        wide[(size + i, rank + i)] = 1.0;
+    }
+    let mut middle = &wide * meat * wide.transpose();
+    for i in 0..size {
+        middle[(i, i)] += 1.0 / (PRIOR * PRIOR);
+    }
+    let scale = misfit(fit).max(1.0);
+    let sandwich = &inverse * middle * &inverse;
+    Some((inverse * (scale * criteria.shared), sandwich))
+}
+
+/// Standard deviations of the deviations θ, in tolerances, the larger of the two that [`covariances`] gives.
+pub(super) fn deviations(case: &Case, criteria: &Criteria, fit: &Fit) -> Option<Vec<f64>> {
+    let (curved, blocks) = covariances(case, criteria, fit)?;
+    let variance = |i: usize| curved[(i, i)].max(blocks[(i, i)]).max(0.0);
+    Some(
+        (0..fit.point.theta.len())
+            .map(|i| variance(i).sqrt())
+            .collect(),
+    )
+}
+
+/// How many of its own standard deviations the amplitudes of each effect of a fit reach, `√(eᵀ C⁻¹ e / m)` over its m amplitudes
+/// (A. Wald 1943), C the larger of the two [`covariances`]; an effect without an absent point is judged by its first parameter.
+/// Phases, rests and edges tell where an effect is, not that there is one.
+pub(super) fn sizes(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<f64> {
+    let Some((curved, blocks)) = covariances(case, criteria, fit) else {
+        return vec![0.0; fit.hypothesis.terms.len()];
+    };
+    let size = fit.point.theta.len();
+    let (starts, _) = fit.hypothesis.offsets();
+    let (_, dead) = curvature(fit);
+    fit.hypothesis
+        .terms
+        .iter()
+        .zip(starts)
+        .map(|(term, at)| {
+            let own = match term.effect.info().amplitudes {
+                [] => &[0][..],
+                amplitudes => amplitudes,
+            };
+            // Nothing is known of an amplitude without influence, like that of a force across the plane of a planar arm.
+            let own: Vec<usize> = own
+                .iter()
+                .copied()
+                .filter(|a| !dead[size + at + a])
+                .collect();
+            let m = own.len();
+            let e = DVector::from_fn(m, |i, _| fit.point.e[at + own[i]]);
+            [&curved, &blocks]
+                .iter()
+                .map(|c| {
+                    let place = |i: usize| size + at + own[i];
+                    let part = DMatrix::from_fn(m, m, |i, k| c[(place(i), place(k))]);
+                    part.cholesky()
+                        .map_or(0.0, |f| (e.dot(&f.solve(&e)) / m.max(1) as f64).sqrt())
+                })
+                .fold(f64::INFINITY, f64::min)
+        })
+        .collect()
+}
+
+/// The effects of a fit with their magnitudes and standard deviations, the larger of the two that [`covariances`] gives.
+pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
+    let size = fit.point.theta.len();
+    // A parameter without any influence is not determined; the others are.
+    let (_, dead) = curvature(fit);
+    let both = covariances(case, criteria, fit);
+    let mut at = 0;
+    fit.hypothesis
+        .terms
+        .iter()
+        .map(|term| {
+            let info = term.effect.info();
+            let k = info.parameters.len();
+            let e = &fit.point.e[at..at + k];
+            // What is shown in torque rests on the motor gain, which is fitted within its tolerance.
+            let stated = case.nominal.gain(term.joint);
+            let place = case.nominal.place(term.joint, Part::Gain);
+            let gain_slope = place.map_or(0.0, |i| case.nominal.values[i].half_width);
+            let at_gain = place.unwrap_or(0);
+            let gain = stated + gain_slope * fit.point.theta[at_gain];
+            let rated = case.scale[term.joint].torque / stated.abs();
+            let shown = term.effect.shown(e, gain, rated);
+            let own_dead: Vec<bool> = dead[size + at..size + at + k].to_vec();
+            let places: Vec<usize> = (size + at..size + at + k)
+                .chain(std::iter::once(at_gain))
+                .collect();
+            let part =
+                |c: &DMatrix<f64>| DMatrix::from_fn(k + 1, k + 1, |a, b| c[(places[a], places[b])]);
+            let own = both.as_ref().map(|(c, s)| (part(c), part(s)));
+            at += k;
+            let mut slopes: Vec<Vec<f64>> = (0..k)
+                .map(|i| {
+                    let step =
+                        1e-6 * (e[i].abs() + 1e-3 * case.unit(info.parameters[i].unit, term.joint));
+                    let mut moved = e.to_vec();
+                    moved[i] += step;
+                    term.effect
+                        .shown(&moved, gain, rated)
+                        .iter()
+                        .zip(&shown)
+                        .map(|(a, b)| (a.1 - b.1) / step)
+                        .collect()
+                })
+                .collect();
+            let step = 1e-6 * gain;
+            slopes.push(
+                term.effect
+                    .shown(e, gain + step, rated)
+                    .iter()
+                    .zip(&shown)
+                    .map(|(a, b)| (a.1 - b.1) / step * gain_slope)
+                    .collect(),
+            );
+            let parameters = shown
+                .iter()
+                .enumerate()
+                .map(|(s, (name, x))| {
+                    let lost = (0..k).any(|a| own_dead[a] && slopes[a][s] != 0.0);
+                    let spread = |c: &DMatrix<f64>| {
+                        (0..=k)
+                            .flat_map(|a| (0..=k).map(move |b| (a, b)))
+                            .map(|(a, b)| slopes[a][s] * c[(a, b)] * slopes[b][s])
+                            .sum::<f64>()
+                    };
+                    let variance = own
+                        .as_ref()
+                        .filter(|_| !lost)
+                        .map(|(curved, blocks)| spread(curved).max(spread(blocks)));
+                    Magnitude {
+                        name: (*name).to_owned(),
+                        value: *x,
+                        std: variance
+                            .filter(|v| *v >= 0.0 && v.is_finite())
+                            .map(f64::sqrt),
+                    }
+                })
+                // The rest of a spring without stiffness is nowhere.
+                .filter(|m| m.value.is_finite())
+                .collect();
+            Named {
+                effect: info.id.to_owned(),
+                joint: term.shown_joint(),
+                parameters,
+                regime: info.regime.to_owned(),
+            }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::{SIZE, named, pendulum};
+    use crate::fit::{Effort, Point, basis, fit};
+
+    #[test]
+    fn a_force_that_cannot_act_across_the_plane_has_a_size_within_it() {
+        // On from 1 to 3 s; the pendulum turns about y.
+        let windows = [1.0, 3.0, 1e5, 1e5, 1e5, 1e5];
+        let force = |x: f64, z: f64| [&[x, 0.0, z][..], &windows].concat();
+        let pushed = named(&["external_force"]);
+        let case = pendulum(&pushed, &force(0.6, -0.3), 6.0, &|_| {});
+        let at = Point {
+            theta: vec![0.0; SIZE],
+            e: force(0.5, 0.0),
+        };
+        let found = fit(&case, &basis(&case), &pushed, at, Effort::full(14));
+        assert!((found.point.e[0] - 0.6).abs() < 0.06, "{:?}", found.point.e);
+        let size = sizes(&case, &Criteria::default(), &found)[0];
+        assert!(size > 3.0, "{size}");
+    }
+}

@@ -1,0 +1,139 @@
+//! From a case to a verdict.
+//!
+//! The nominal structure is fitted within its tolerances; all effects at all joints are screened on top; the best are refitted in
+//! full and ranked by their objective with a penalty per parameter; a second effect is looked for on top of the first. An effect is
+//! named only if it gains more than chance and multiplicity allow, on the train records and on records never fitted.
+//!
+//! [`search`] is the whole procedure in five phases. It returns [`Evidence`]; [`Evidence::diagnosis`] makes the diagnosis of it.
+
+mod backward;
+mod candidates;
+mod evidence;
+mod exchange;
+mod forward;
+mod intervals;
+mod magnitude;
+mod measure;
+mod nameless;
+mod noise_like;
+mod odds;
+mod partial;
+mod refit;
+mod settings;
+mod tolerance;
+mod whiteness;
+
+use std::time::Instant;
+
+use pid_data::Role;
+
+use crate::case::Case;
+use crate::diagnosis::{Diagnosis, Verdict};
+use crate::excerpt::{excerpt, restore_tests};
+use crate::fit::{Fit, value};
+pub use evidence::{Evidence, Surroundings};
+pub(crate) use intervals::intervals;
+use measure::{measured, noise_alone};
+pub use settings::Settings;
+
+/// Diagnoses a case.
+pub fn diagnose(case: &Case, settings: &Settings) -> Diagnosis {
+    search(case, settings).diagnosis(Surroundings::default())
+}
+
+/// Searches a case for its cause.
+pub fn search(case: &Case, settings: &Settings) -> Evidence {
+    // Of long records the parts that decide.
+    let short = excerpt(case, settings.joint_seconds);
+    let evidence = explain(&short, settings);
+    let evidence = with_a_test_record(&short, settings, evidence);
+    on_whole_records(case, evidence)
+}
+
+/// Effects within the tolerances; where none explains the records, friction outside its tolerance; where that does not either, what
+/// effects explain in part.
+fn explain(case: &Case, settings: &Settings) -> Evidence {
+    let started = Instant::now();
+    let select = |case: &Case| {
+        let selection = forward::select(case, settings);
+        Evidence::of_selection(selection, &settings.criteria, started)
+    };
+    let stated = select(case);
+    if !stated.unexplained || stated.remainder.is_some() {
+        return stated;
+    }
+    let wider = tolerance::widened(case, settings, &stated).map(|wide| select(&wide));
+    let part = |found: Evidence| match found.unexplained {
+        true => partial::add_part(found, settings),
+        false => found,
+    };
+    match wider {
+        Some(wider) => {
+            let refits = stated.refits + wider.refits;
+            tolerance::beyond(stated, part(Evidence { refits, ..wider }))
+        }
+        None => part(stated),
+    }
+}
+
+/// The evidence with a test record among those that are fitted, where that gives a verdict that train records do not.
+///
+/// A cause that no train record brings out (a drive that reaches its limit on a test record only) cannot be found by a fit to
+/// train records. Where the nominal structure follows these and not the test records, the test record it follows least is fitted
+/// too, and the gap is that of the test records left; the verdict's regime says so.
+fn with_a_test_record(case: &Case, settings: &Settings, evidence: Evidence) -> Evidence {
+    let criteria = &settings.criteria;
+    let named = |e: &Evidence| {
+        !e.effects.is_empty() || matches!(e.verdict(), Verdict::OutsideTolerance { .. })
+    };
+    let explained = |e: &Evidence| named(e) && e.remainder.is_none();
+    let followed = !explained(&evidence) && evidence.misfit.1 < criteria.largest_misfit;
+    if !followed || evidence.residue.unseen < criteria.unseen {
+        return evidence;
+    }
+    let tests: Vec<usize> = (0..case.records.len())
+        .filter(|&i| case.records[i].role == Role::Test)
+        .collect();
+    let worst = tests.iter().copied().max_by(|&a, &b| {
+        let misfit = |i| misfit_of_record(case, &evidence.base, i);
+        misfit(a).total_cmp(&misfit(b))
+    });
+    let Some(worst) = worst.filter(|_| tests.len() > 1) else {
+        return evidence;
+    };
+    let mut wider = case.clone();
+    wider.records[worst].role = Role::Train;
+    let mut again = explain(&wider, settings);
+    // What no train record shows and the library explains only in part is no verdict.
+    if !explained(&again) {
+        return evidence;
+    }
+    again.promoted = Some(case.records[worst].name.clone());
+    again.before.total = evidence.before.total;
+    again
+}
+
+/// Mean squared innovation of a fit on one record.
+fn misfit_of_record(case: &Case, fit: &Fit, record: usize) -> f64 {
+    let mut alone = case.clone();
+    for (k, r) in alone.records.iter_mut().enumerate() {
+        r.role = if k == record { Role::Test } else { Role::Train };
+    }
+    let v = value(&alone, &fit.hypothesis, &fit.point, &fit.gains, Role::Test);
+    v.total() / v.number().max(1.0)
+}
+
+/// The gaps on the whole test records, where parts of them were looked at so far.
+fn on_whole_records(case: &Case, mut evidence: Evidence) -> Evidence {
+    let e = &mut evidence;
+    let fits = [&mut e.base, &mut e.fit].into_iter();
+    if restore_tests(case, &mut e.case, fits.chain(&mut e.rivals)) {
+        e.before = measured(&e.case, &e.base);
+        e.after = measured(&e.case, &e.fit);
+        if e.remainder.as_ref().is_none_or(|r| !r.own_error) {
+            // Otherwise the levels are those of the model's errors.
+            e.floor = noise_alone(&e.case, &e.fit).typical;
+        }
+    }
+    evidence
+}

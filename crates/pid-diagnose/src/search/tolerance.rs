@@ -1,0 +1,249 @@
+//! Friction outside the tolerance that was stated for it.
+//!
+//! Friction is what a description knows least, and no effect of the library stands for another level of it. Where nothing explains
+//! the records and the nominal structure is fitted with a friction value at the end of its tolerance, both friction values of that
+//! joint may lie anywhere from zero upwards, and everything is looked for once more.
+
+use pid_interpret::nominal::Role;
+
+use super::evidence::Evidence;
+use super::magnitude::deviations;
+use super::measure::share;
+use super::settings::Settings;
+use crate::case::Case;
+use crate::diagnosis::{Beyond, Remainder};
+use crate::fit::{Effort, Fit, all_gains, basis, fit};
+use crate::nominal::role_name;
+use crate::simulate::Hypothesis;
+
+/// The friction values of a joint.
+const FRICTION: [Role; 2] = [Role::Coulomb, Role::Viscous];
+/// Deviation, in tolerances, from which a value counts as held by its tolerance: the bound is 1.
+const HELD: f64 = 0.999;
+
+/// The evidence of a search with wider ranges, with what lies outside the stated ones; what was before is the nominal structure
+/// within them.
+pub(super) fn beyond(stated: Evidence, wider: Evidence) -> Evidence {
+    let beyond = outside(&stated.case, &wider);
+    let mut base = wider.base;
+    let theta = &mut base.point.theta;
+    theta.clone_from(&stated.base.point.theta);
+    let values = stated.case.nominal.values.iter();
+    for (k, (old, own)) in values.zip(&wider.case.nominal.values).enumerate() {
+        if FRICTION.contains(&own.role) && own.half_width > 0.0 {
+            let value = old.nominal + old.half_width * theta[k];
+            theta[k] = (value - own.nominal) / own.half_width;
+        }
+    }
+    base.gains = all_gains(&wider.case, &base.hypothesis, &base.point);
+    let (before, floor) = (stated.before, wider.floor);
+    let after = wider.after.total;
+    let remainder = wider.remainder.map(|left| Remainder {
+        explained: if before.total > floor {
+            share(before.total, after, floor)
+        } else {
+            left.explained
+        },
+        ..left
+    });
+    Evidence {
+        misfit: (stated.misfit.0, wider.misfit.1),
+        base,
+        before,
+        remainder,
+        beyond,
+        ..wider
+    }
+}
+
+/// The case with wider ranges of the friction values that a tolerance holds, as wide as the nominal structure needs them.
+pub(super) fn widened(case: &Case, settings: &Settings, found: &Evidence) -> Option<Case> {
+    let nothing = Hypothesis::default();
+    let mut wide = case.clone();
+    wide.noise.clone_from(&found.case.noise);
+    let mut at = found.base.clone();
+    let before = at.train.objective();
+    let mut held: Vec<usize> = [&found.base, &found.fit]
+        .iter()
+        .flat_map(|f| at_an_end(case, f))
+        .map(|(joint, _)| joint)
+        .collect();
+    held.sort_unstable();
+    held.dedup();
+    for middle in settings.budget.friction_middles {
+        if held.is_empty() {
+            break;
+        }
+        for &joint in &held {
+            for place in FRICTION
+                .iter()
+                .filter_map(|&role| case.nominal.place(joint, role))
+            {
+                let stated = &case.nominal.values[place];
+                let (value, tolerance) = (middle * stated.nominal, stated.half_width);
+                // A value of which no deviation is stated is meant exactly.
+                if tolerance > 0.0 && value > 0.0 && (tolerance < value || middle > 1.0) {
+                    let own = &mut wide.nominal.values[place];
+                    let now = own.nominal + own.half_width * at.point.theta[place];
+                    (own.nominal, own.half_width) = (value, value);
+                    at.point.theta[place] = (now - value) / value;
+                }
+            }
+        }
+        let directions = basis(&wide);
+        let effort = Effort::full(settings.budget.steps);
+        at = fit(&wide, &directions, &nothing, at.point.clone(), effort);
+        held = at_an_end(&wide, &at)
+            .into_iter()
+            .filter(|(joint, deviation)| *deviation > 0.0 && held.contains(joint))
+            .map(|(joint, _)| joint)
+            .collect();
+        held.dedup();
+    }
+    wide.noise.clone_from(&case.noise);
+    (at.train.objective() < (1.0 - settings.criteria.friction_decrease) * before).then_some(wide)
+}
+
+/// Joints with a friction value at the end of its range, and that deviation.
+fn at_an_end(case: &Case, fit: &Fit) -> Vec<(usize, f64)> {
+    let places = (0..case.n()).flat_map(|joint| FRICTION.map(|role| (joint, role)));
+    places
+        .filter_map(|(joint, role)| {
+            let place = case.nominal.place(joint, role)?;
+            Some((joint, fit.point.theta[place]))
+        })
+        .filter(|(_, deviation)| deviation.abs() > HELD)
+        .collect()
+}
+
+/// Unit of a friction value.
+fn unit(role: Role, revolute: bool) -> &'static str {
+    match (role, revolute) {
+        (Role::Coulomb, true) => "N m",
+        (Role::Coulomb, false) => "N",
+        (_, true) => "N m s/rad",
+        (_, false) => "N s/m",
+    }
+}
+
+/// The friction values that lie outside what was stated.
+fn outside(case: &Case, wider: &Evidence) -> Vec<Beyond> {
+    let std = deviations(&wider.case, &wider.criteria, &wider.fit);
+    let mut out = Vec::new();
+    for joint in 0..case.n() {
+        for role in FRICTION {
+            let Some(place) = case.nominal.place(joint, role) else {
+                continue;
+            };
+            let (stated, own) = (
+                &case.nominal.values[place],
+                &wider.case.nominal.values[place],
+            );
+            let value = own.nominal + own.half_width * wider.fit.point.theta[place];
+            if (value - stated.nominal).abs() > (1.0 + 1e-6) * stated.half_width {
+                out.push(Beyond {
+                    parameter: role_name(role).to_owned(),
+                    joint: joint + 1,
+                    unit: unit(role, case.nominal.joints[joint].revolute).to_owned(),
+                    stated: stated.nominal,
+                    tolerance: stated.half_width,
+                    value,
+                    std: std.as_ref().map(|s| own.half_width * s[place]),
+                });
+            }
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::pendulum;
+    use crate::diagnosis::{Diagnosis, Verdict};
+    use crate::effect::Term;
+    use crate::effects;
+
+    /// A pendulum with an effect whose description states other friction (Coulomb, viscous; ± 40 %) than it has: 0.1 N·m and
+    /// 0.08 N·m·s/rad.
+    fn misjudged(effect: Option<(&str, &[f64])>, stated: [f64; 2]) -> Diagnosis {
+        let terms = effect
+            .iter()
+            .map(|(id, _)| Term {
+                effect: effects::by_id(id).expect("an effect"),
+                joint: 0,
+            })
+            .collect();
+        let hypothesis = Hypothesis::new(terms);
+        let mut case = pendulum(&hypothesis, effect.map_or(&[], |e| e.1), 6.0, &|_| {});
+        for (role, value) in FRICTION.into_iter().zip(stated) {
+            let place = case.nominal.place(0, role).expect("a friction");
+            let own = &mut case.nominal.values[place];
+            (own.nominal, own.half_width) = (value, 0.4 * value);
+        }
+        crate::search::diagnose(&case, &Settings::default())
+    }
+
+    #[test]
+    fn friction_that_is_stated_too_low_is_the_cause() {
+        let d = misjudged(None, [0.1, 0.02]);
+        assert_eq!(d.verdict, Verdict::OutsideTolerance { joint: 1 });
+        let [viscous] = &d.beyond_tolerance[..] else {
+            panic!("{:?}", d.beyond_tolerance);
+        };
+        assert_eq!(viscous.parameter, "viscous");
+        let std = viscous.std.expect("determined");
+        assert!(
+            (viscous.value - 0.08).abs() < 4.0 * std && std < 0.004,
+            "{viscous:?}"
+        );
+        assert!(
+            d.gap_before > 3.0 * d.gap_after,
+            "{} {}",
+            d.gap_before,
+            d.gap_after
+        );
+        let described = misjudged(None, [0.1, 0.08]);
+        assert_eq!(described.verdict, Verdict::Nothing);
+        assert!(
+            d.gap_after < 1.1 * described.gap_after,
+            "{} {}",
+            d.gap_after,
+            described.gap_after
+        );
+        assert!(
+            viscous
+                .words()
+                .starts_with("viscous friction of joint 1 0.08")
+                && viscous
+                    .words()
+                    .contains("N m s/rad (stated 0.0200 ± 0.0080)"),
+            "{}",
+            viscous.words()
+        );
+    }
+
+    #[test]
+    fn an_effect_is_found_beside_friction_that_is_stated_too_high() {
+        let d = misjudged(Some(("joint_elasticity", &[0.004, 0.001])), [0.4, 0.08]);
+        assert_eq!(
+            (d.verdict.word(), d.verdict.joint()),
+            ("joint_elasticity", Some(1))
+        );
+        assert!(
+            (d.effects[0].parameters[0].value - 250.0).abs() < 15.0,
+            "{:?}",
+            d.effects
+        );
+        let coulomb = &d.beyond_tolerance[0];
+        assert_eq!(coulomb.parameter, "coulomb");
+        assert!((coulomb.value - 0.1).abs() < 0.02, "{coulomb:?}");
+    }
+
+    #[test]
+    fn friction_within_its_tolerance_is_no_cause() {
+        let d = misjudged(None, [0.12, 0.07]);
+        assert_eq!(d.verdict, Verdict::Nothing);
+        assert!(d.beyond_tolerance.is_empty(), "{:?}", d.beyond_tolerance);
+    }
+}
