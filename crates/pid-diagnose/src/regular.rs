@@ -23,11 +23,15 @@ const AROUND: usize = 3;
 pub fn needed(t: &[f64]) -> Option<Vec<f64>> {
     let (first, last) = (*t.first()?, *t.last()?);
     let n = t.len();
-    let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-    steps.sort_by(f64::total_cmp);
-    let median = *steps.get(steps.len() / 2)?;
-    // A pause in the record must not stretch the step: the median counts the samples.
-    let count = (((last - first) / median).round() as usize).max(1);
+    let steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
+    let mut sorted = steps.clone();
+    sorted.sort_by(f64::total_cmp);
+    let median = *sorted.get(sorted.len() / 2)?;
+    // A pause counts the rows that it lost, so that it does not stretch the step of the others. The median alone would not do: where
+    // stamps are uneven it is not the mean, and over thousands of rows their difference adds up to whole steps.
+    let count: usize = (steps.iter())
+        .map(|step| ((step / median).round() as usize).max(1))
+        .sum();
     let h = (last - first) / count as f64;
     let strays = (0..n).any(|k| (t[k] - first - k as f64 * h).abs() > TOLERATED * h);
     strays.then(|| (0..=count).map(|k| first + k as f64 * h).collect())

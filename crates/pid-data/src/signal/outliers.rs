@@ -6,26 +6,30 @@
 //! r_k = x_k − Σ_i L_i(t_k) x_i,        i = k−2, k−1, k+1, k+2        (Lagrange weights L_i of the actual stamps)
 //! ```
 //!
-//! and with the robust deviation of these residuals (1.4826 times the median of |r|; F. R. Hampel, J. Amer. Stat. Assoc. 69, 1974),
-//! over the whole channel and near the reading, whichever is larger. A large residual alone is no error: at an impact or where dry
-//! friction lets go the motion has a kink. An error is a reading whose neighbours agree with each other once it is left out; a
-//! kink stays where it is. Up to two wrong readings may stand side by side.
+//! and with the robust deviation of these residuals (1.4826 times the median of |r|; F. R. Hampel,
+//! J. Amer. Stat. Assoc. 69, 1974), over the whole channel and near the reading, whichever is
+//! larger. A large residual alone is no error: at an impact or where dry friction lets go the
+//! motion has a kink. An error is a reading whose neighbours agree with each other once it is left
+//! out; a kink stays where it is. Up to two wrong readings may stand side by side.
 
-/// Residual beyond which a reading is suspected, in robust deviations. White noise exceeds it once in 10¹⁵ readings; the slack over
-/// the usual 3 to 6 is for channels whose spread varies within a record.
+/// Residual beyond which a reading is suspected, in robust deviations. White noise exceeds it once
+/// in 10¹⁵ readings; the slack over the usual 3 to 6 is for channels whose spread varies within a
+/// record.
 const SUSPECT: f64 = 8.0;
-/// Residual of the neighbours, over that of the reading, up to which they agree without it. Without noise it is 0 for a wrong
-/// reading and 0.3 for a kink.
+/// Residual of the neighbours, over that of the reading, up to which they agree without it. Without
+/// noise it is 0 for a wrong reading and 0.3 for a kink.
 const AGREE: f64 = 0.15;
 /// Readings on either side over which the local deviation is taken.
 const NEAR: usize = 25;
-/// Share of a channel's readings beyond which what looks like errors is the nature of the channel (a chattering input).
+/// Share of a channel's readings beyond which what looks like errors is the nature of the channel
+/// (a chattering input).
 const MOST: f64 = 0.01;
 
 /// Indices of wrong readings of one channel, increasing; missing readings (NaN) are skipped.
 ///
-/// `t` are the stamps (s), increasing; `x` the readings; `least` a deviation below which nothing is noticed (a quantum of the
-/// sensor), in the unit of `x`. Empty where more than 1 % of the readings would be left out.
+/// `t` are the stamps (s), increasing; `x` the readings; `least` a deviation below which nothing is
+/// noticed (a quantum of the sensor), in the unit of `x`. Empty where more than 1 % of the readings
+/// would be left out.
 pub fn outliers(t: &[f64], x: &[f64], least: f64) -> Vec<usize> {
     let mut known: Vec<usize> = (0..x.len()).filter(|&i| x[i].is_finite()).collect();
     let count = known.len();
@@ -49,7 +53,9 @@ pub fn outliers(t: &[f64], x: &[f64], least: f64) -> Vec<usize> {
         if residual(t, x, &known, i).is_none_or(|r| r.abs() <= limit) {
             continue;
         }
-        for group in [i..i + 1, i..i + 2, i.saturating_sub(1)..i + 1] {
+        // A neighbour alone explains it as well as the reading; both only where neither does.
+        let before = i.saturating_sub(1);
+        for group in [i..i + 1, i + 1..i + 2, before..i, i..i + 2, before..i + 1] {
             if let Some(left) = agree_without(t, x, &known, group.clone(), limit) {
                 found.extend(known[group].iter().copied());
                 known = left;
@@ -109,7 +115,8 @@ fn residual(t: &[f64], x: &[f64], known: &[usize], i: usize) -> Option<f64> {
     Some(x[known[i]] - predicted)
 }
 
-/// Robust deviation of the residuals around each known reading: that of the channel or that of the neighbourhood, whichever is larger.
+/// Robust deviation of the residuals around each known reading: that of the channel or that of the
+/// neighbourhood, whichever is larger.
 fn scales(t: &[f64], x: &[f64], known: &[usize], least: f64) -> Vec<f64> {
     let sizes: Vec<f64> = (0..known.len())
         .map(|i| residual(t, x, known, i).map_or(0.0, f64::abs))
@@ -166,7 +173,7 @@ mod tests {
     fn clean_motion_has_none() {
         for seed in 0..50 {
             let (t, x) = record(seed, tones);
-            assert_eq!(outliers(&t, &x, 0.0), [0_usize; 0], "seed {seed}");
+            assert_eq!(outliers(&t, &x, 0.0), [], "seed {seed}");
         }
     }
 
@@ -192,7 +199,7 @@ mod tests {
         // Velocity jumps by 2 rad/s at an impact: 4e-3 rad a sample beside a noise of 5e-5.
         for seed in 0..50 {
             let (t, x) = record(seed, |t| (t - 3.0).abs());
-            assert_eq!(outliers(&t, &x, 0.0), [0_usize; 0], "seed {seed}");
+            assert_eq!(outliers(&t, &x, 0.0), [], "seed {seed}");
         }
     }
 
@@ -204,7 +211,7 @@ mod tests {
             .iter()
             .map(|&t| (0.01 * (0.5 * t).sin() / quantum).round() * quantum)
             .collect();
-        assert_eq!(outliers(&t, &x, quantum), [0_usize; 0]);
+        assert_eq!(outliers(&t, &x, quantum), []);
     }
 
     #[test]
@@ -213,6 +220,6 @@ mod tests {
         for k in (10..2990).step_by(40) {
             x[k] += 1.0;
         }
-        assert_eq!(outliers(&t, &x, 0.0), [0_usize; 0]);
+        assert_eq!(outliers(&t, &x, 0.0), []);
     }
 }

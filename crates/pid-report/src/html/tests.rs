@@ -1,9 +1,9 @@
 use super::*;
-use crate::data::{Dataset, Role};
-use crate::report::{
+use crate::{
     CheckRow, DataSection, Direction, ForceBin, ForceTrace, ModelSection, OutcomeSection,
     SCHEMA_VERSION, Setting, StartRow, Trace,
 };
+use pid_data::{Dataset, Role};
 
 const MANIFEST: &str = "name = \"cart\"\ntitle = \"Cart <1> & track\"\nsource = \"s\"\nlicense = \"l\"\nkind = \"simulated\"\n\
     [[joint]]\nname = \"x\"\ntype = \"prismatic\"\ninput = \"force\"\ninput_unit = \"N\"\nvelocity = \"absent\"\n\
