@@ -1,4 +1,4 @@
-//! What you learn: simulate a declared robot, identify it from the record, read the result.
+//! Simulates a declared robot, identifies it from the record and prints the result.
 #![allow(clippy::print_stdout, reason = "an example prints what it found")]
 
 use std::ops::ControlFlow;

@@ -1,4 +1,4 @@
-//! What you learn: declare a robot of your own, evaluate its dynamics and their exact derivatives.
+//! Declares a robot and evaluates its dynamics.
 #![allow(clippy::print_stdout, reason = "an example prints what it found")]
 
 use simtrue::robot;

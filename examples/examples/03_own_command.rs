@@ -1,4 +1,4 @@
-//! What you learn: the whole command line for a robot of your own. Try
+//! The whole command line for a robot of your own. Try
 //!
 //! ```sh
 //! cargo run --release --example 03_own_command -- models

@@ -1,10 +1,12 @@
-//! A six-axis arm with all inertial parameters open: the example-robot-data URDF of the Universal Robots UR10, fixed links
-//! merged. The dynamics benchmarks of other tools use the same arm, so it is the one to compare speed with.
+//! A six-axis arm with all inertial parameters open: the example-robot-data URDF of the Universal
+//! Robots UR10, fixed links merged. The dynamics benchmarks of other tools use the same arm, so its
+//! speed can be compared.
 //!
-//! Source: `ur_description/urdf/ur10_robot.urdf` of the example-robot-data package (J. Carpentier et al., Gepetto team,
-//! LAAS-CNRS): joint origins, masses, and inertias of homogeneous cylinders. Ten standard parameters per link, in which the
-//! torques are linear, and four of the drive per joint: 84. Friction and gains are not part of the source; their nominal
-//! values are of the size usual for such drives.
+//! Source: `ur_description/urdf/ur10_robot.urdf` of the example-robot-data package (J. Carpentier
+//! et al., Gepetto team, LAAS-CNRS): joint origins, masses, and inertias of homogeneous cylinders.
+//! Ten standard parameters per link, in which the torques are linear, and four of the drive per
+//! joint: 84. Friction and gains are not part of the source; their nominal values are of the size
+//! usual for such drives.
 
 use pid_runtime::robot;
 

@@ -1,15 +1,17 @@
 //! Pole on a cart, given by its Lagrangian.
 //!
-//! Source: A. Barto, R. Sutton, C. Anderson, *Neuronlike adaptive elements that can solve difficult learning control
-//! problems*, IEEE Transactions on Systems, Man, and Cybernetics, 1983: cart of 1 kg, uniform pole of 0.1 kg and half length
-//! 0.5 m. With the moment of inertia `m l²/3` of the pole about its centre and θ from the upright pole,
+//! Source: A. Barto, R. Sutton, C. Anderson, *Neuronlike adaptive elements that can solve difficult
+//! learning control problems*, IEEE Transactions on Systems, Man, and Cybernetics, 1983: cart of 1
+//! kg, uniform pole of 0.1 kg and half length 0.5 m. With the moment of inertia `m l²/3` of the
+//! pole about its centre and θ from the upright pole,
 //!
 //! ```text
 //! L = ½ (M + m) ẋ² + m l ẋ θ̇ cos θ + ½ (4/3) m l² θ̇² − m g l cos θ
 //! ```
 //!
-//! (R. Florian, *Correct equations for the dynamics of the cart-pole system*, 2007). Friction is viscous here on both
-//! coordinates, with nominal values of the size that paper has for dry friction.
+//! (R. Florian, *Correct equations for the dynamics of the cart-pole system*, 2007). Friction is
+//! viscous here on both coordinates, with nominal values of the size that paper has for dry
+//! friction.
 
 use pid_runtime::robot;
 

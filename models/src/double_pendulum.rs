@@ -1,13 +1,16 @@
-//! The double pendulum of DFKI, design C.1: two links in the vertical plane, quasi-direct drives at shoulder and elbow.
+//! The double pendulum of DFKI, design C.1: two links in the vertical plane, quasi-direct drives at
+//! shoulder and elbow.
 //!
-//! Source: F. Wiebe et al., *Open Source Dual-Purpose Acrobot and Pendubot Platform*, IEEE Robotics & Automation Magazine
-//! 2024, DOI 10.1109/MRA.2023.3341257. `q = 0`: both links hang down; `q2` is relative to link 1; positive turns are
-//! counter-clockwise seen from positive x, as z is up and y to the right. Link 1 is 0.2 m long, link 2 0.3 m, the gear
-//! ratio of both drives is 6, g = 9.81 m/s².
+//! Source: F. Wiebe et al., *Open Source Dual-Purpose Acrobot and Pendubot Platform*, IEEE Robotics
+//! & Automation Magazine 2024, DOI 10.1109/MRA.2023.3341257. `q = 0`: both links hang down; `q2` is
+//! relative to link 1; positive turns are counter-clockwise seen from positive x, as z is up and y
+//! to the right. Link 1 is 0.2 m long, link 2 0.3 m, the gear ratio of both drives is 6, g = 9.81
+//! m/s².
 //!
-//! As in the source the inertias are about the joint axes, the centres of mass lie on the links, and a rotor adds
-//! `6² · Ir` to its joint. The couplings of the rotors with the motion of the links (of order `6 Ir`, 0.4 g·m²) are left
-//! out. Nominal values are the published parameter set "model_1.0"; the same rotors sit at both joints.
+//! As in the source the inertias are about the joint axes, the centres of mass lie on the links,
+//! and a rotor adds `6² · Ir` to its joint. The couplings of the rotors with the motion of the
+//! links (of order `6 Ir`, 0.4 g·m²) are left out. Nominal values are the published parameter set
+//! "model_1.0"; the same rotors sit at both joints.
 
 use pid_runtime::robot;
 
@@ -46,8 +49,8 @@ robot! {
             viscous: N*m*s/rad = 0.001 in 0.0..=0.5;
             /// Coulomb friction.
             dry: N*m = [0.16, 0.12] in 0.0..=1.0;
-            /// Sharpness of the transition of Coulomb friction at rest; above 60 s/rad the records' steps of 2 ms no longer
-            /// resolve it.
+            /// Sharpness of the transition of Coulomb friction at rest; steps of 2 ms resolve up to
+            /// 60 s/rad.
             sharp: s/rad = 30.0 in 5.0..=60.0;
 
             armature = 36*rotor;

@@ -1,15 +1,17 @@
-//! EMPS, the electro-mechanical positioning system: a carriage on a ball screw, one prismatic joint without gravity.
+//! EMPS, the electro-mechanical positioning system: a carriage on a ball screw, one prismatic joint
+//! without gravity.
 //!
-//! Source: A. Janot, M. Gautier, M. Brunot, *Data Set and Reference Models of EMPS*, Workshop on Nonlinear System
-//! Identification Benchmarks, Eindhoven 2019. The reference model is
+//! Source: A. Janot, M. Gautier, M. Brunot, *Data Set and Reference Models of EMPS*, Workshop on
+//! Nonlinear System Identification Benchmarks, Eindhoven 2019. The reference model is
 //!
 //! ```text
 //! M q'' = u − Fv q' − Fc sign(q') − offset          [N]
 //! ```
 //!
-//! with the published values M = 95.1089 kg, Fv = 203.5034 N·s/m, Fc = 20.3935 N, offset = −3.1648 N (nominal values
-//! here). `u` is the force of the drive: control voltage times the published total gain 35.1507 N/V. The sign is smoothed
-//! to `tanh(sharp q')`; at the nominal 1000 s/m it is 96 % complete at 2 mm/s, against 0.1 m/s of the records' motions.
+//! with the published values M = 95.1089 kg, Fv = 203.5034 N·s/m, Fc = 20.3935 N, offset = −3.1648
+//! N (nominal values here). `u` is the force of the drive: control voltage times the published
+//! total gain 35.1507 N/V. The sign is smoothed to `tanh(sharp q')`; at the nominal 1000 s/m it is
+//! 96 % complete at 2 mm/s, against 0.1 m/s of the records' motions.
 
 use pid_runtime::robot;
 

@@ -50,7 +50,7 @@ use thiserror::Error;
 pub struct Entry {
     /// Name on the command line, `two_link`.
     pub name: &'static str,
-    /// What it is, one line.
+    /// One line that describes it.
     pub summary: &'static str,
     /// Where equations and nominal values come from.
     pub source: &'static str,

@@ -1,10 +1,12 @@
 //! Franka Emika Panda, seven joints.
 //!
-//! Sources: kinematics by Franka Emika, *Franka Control Interface documentation*, Denavit-Hartenberg parameters in Craig's
-//! convention; inertial parameters by C. Gaz, M. Cognetti, A. Oliva, P. Robuffo Giordano, A. De Luca, *Dynamic Identification
-//! of the Franka Emika Panda Robot With Retrieval of Feasible Parameters Using Penalty-Based Optimization*, IEEE Robotics and
-//! Automation Letters 4(4), 2019, in the rounded form in which they are distributed with the manufacturer's robot description
-//! (centre of mass of link 1 at z = −0.04762 m). Frames are those of Craig's convention: z along the joint axis.
+//! Sources: kinematics by Franka Emika, *Franka Control Interface documentation*,
+//! Denavit-Hartenberg parameters in Craig's convention; inertial parameters by C. Gaz, M. Cognetti,
+//! A. Oliva, P. Robuffo Giordano, A. De Luca, *Dynamic Identification of the Franka Emika Panda
+//! Robot With Retrieval of Feasible Parameters Using Penalty-Based Optimization*, IEEE Robotics and
+//! Automation Letters 4(4), 2019, in the rounded form in which they are distributed with the
+//! manufacturer's robot description (centre of mass of link 1 at z = −0.04762 m). Frames are those
+//! of Craig's convention: z along the joint axis.
 //!
 //! | joint | a (previous), m | d, m | α (previous) |
 //! |---|---|---|---|
@@ -16,8 +18,9 @@
 //! | 6 | 0 | 0 | π/2 |
 //! | 7 | 0.088 | 0 | π/2 |
 //!
-//! Inertial parameters are in the linear form, ten per link. Friction: nominal values of the size usual for such drives, the
-//! transition of dry friction at rest fixed. Input is the torque of the drive at the joint.
+//! Inertial parameters are in the linear form, ten per link. Friction: nominal values of the size
+//! usual for such drives, the transition of dry friction at rest fixed. Input is the torque of the
+//! drive at the joint.
 
 use pid_runtime::robot;
 

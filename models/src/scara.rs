@@ -1,10 +1,11 @@
-//! A four-axis SCARA robot with the kinematics of the Adept Cobra 600: two parallel vertical axes, a quill that moves down, a
-//! flange that turns.
+//! A four-axis SCARA robot with the kinematics of the Adept Cobra 600: two parallel vertical axes,
+//! a quill that moves down, a flange that turns.
 //!
-//! Source of the kinematics: P. Corke, *Robotics, Vision and Control*, Springer 2011, and its model `mdl_cobra600`
-//! (Denavit-Hartenberg: a₁ = 0.325 m, a₂ = 0.275 m, d₁ = 0.387 m, α₂ = π; travel of the quill 0.210 m). The manufacturer
-//! publishes no inertial values: nominal masses and inertias are those of homogeneous rods and cylinders of these
-//! lengths, friction of the size usual for such drives. The spline nut that couples quill and flange is left out.
+//! Source of the kinematics: P. Corke, *Robotics, Vision and Control*, Springer 2011, and its model
+//! `mdl_cobra600` (Denavit-Hartenberg: a₁ = 0.325 m, a₂ = 0.275 m, d₁ = 0.387 m, α₂ = π; travel of
+//! the quill 0.210 m). The manufacturer publishes no inertial values: nominal masses and inertias
+//! are those of homogeneous rods and cylinders of these lengths, friction of the size usual for
+//! such drives. The spline nut that couples quill and flange is left out.
 //!
 //! The third coordinate is a length, positive downwards.
 

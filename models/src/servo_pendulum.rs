@@ -1,9 +1,10 @@
 //! A hobby servo that swings a weight, fed by the voltage at its motor.
 //!
-//! Source: M. Duclusaud, G. Passault, V. Padois, O. Ly, *Extended Friction Models for the Physics Simulation of Servo
-//! Actuators*, ICRA 2025, with the parameters of the servo XL330-M288-T in the repository `Rhoban/bam` (model M1, July 2026):
-//! motor constant and rotor inertia as felt behind the gear, resistance of the winding, dry and viscous friction. The arm
-//! is that of their test bench, 0.49 kg at 0.10 m; angle 0 hangs straight down.
+//! Source: M. Duclusaud, G. Passault, V. Padois, O. Ly, *Extended Friction Models for the Physics
+//! Simulation of Servo Actuators*, ICRA 2025, with the parameters of the servo XL330-M288-T in the
+//! repository `Rhoban/bam` (model M1, July 2026): motor constant and rotor inertia as felt behind
+//! the gear, resistance of the winding, dry and viscous friction. The arm is that of their test
+//! bench, 0.49 kg at 0.10 m; angle 0 hangs straight down.
 
 use pid_runtime::robot;
 
@@ -35,7 +36,7 @@ robot! {
             dry: N*m = 0.01283 in 0.0..=0.2;
             /// Viscous friction.
             viscous: N*m*s/rad = 0.003662 in 0.0..=0.1;
-            /// Velocity at which dry friction is fully there.
+            /// Velocity at which dry friction is fully developed.
             slip: rad/s = 0.1 fixed;
 
             /// Voltage at the motor: duty cycle times supply voltage.

@@ -1,14 +1,18 @@
-//! The idealised two-link robot of K. Schäfer, M. Runge, K. Flaßkamp, C. Büskens, *Parameter Identification for Dynamical
-//! Systems Using Optimal Control Techniques*, Section V-A: yaw about z, then pitch about y.
+//! The idealised two-link robot of K. Schäfer, M. Runge, K. Flaßkamp, C. Büskens, *Parameter
+//! Identification for Dynamical Systems Using Optimal Control Techniques*, Section V-A: yaw about
+//! z, then pitch about y.
 //!
-//! Nominal values are those of the paper's Table II, where the inertias are about the centres of mass. The table calls κ₁
-//! "viscous" and κ₂ "dry" while the formula `f_L = −κ₁ tanh(a v) − κ₂ v + κ₃ I` uses them the other way round; the units
-//! follow the formula. The distance between the axes is not stated and has no effect on the equations of motion.
+//! Nominal values are those of the paper's Table II, where the inertias are about the centres of
+//! mass. The table calls κ₁ "viscous" and κ₂ "dry" while the formula
+//! `f_L = −κ₁ tanh(a v) − κ₂ v + κ₃ I` uses them the other way round; the units follow the formula.
+//! The distance between the axes is not stated and has no effect on the equations of motion.
 //!
-//! Ranges: 0.1 to 10 times the nominal value, ±0.3 m for the offsets of the centres of mass that are nominally 0.
+//! Ranges: 0.1 to 10 times the nominal value, ±0.3 m for the offsets of the centres of mass that
+//! are nominally 0.
 //!
-//! The 19 parameters are not all identifiable: link 1 enters only through `iz1 + m1 (sx1² + sy1²)`, `iz1` can be traded
-//! against `ix2` and `iz2` together, and one scale is common to masses, inertias, friction and gains.
+//! The 19 parameters are not all identifiable: link 1 enters only through `iz1 + m1 (sx1² + sy1²)`,
+//! `iz1` can be traded against `ix2` and `iz2` together, and one scale is common to masses,
+//! inertias, friction and gains.
 
 use pid_runtime::dynamics::Dynamics;
 use pid_runtime::robot;
@@ -70,9 +74,10 @@ robot! {
     }
 }
 
-/// Combinations of the 19 parameters that motions under known currents determine, all over κ₃ of the elbow: the inertia of the
-/// hanging arm about z, its change with the elbow's angle, the inertia about the elbow, the moment of gravity, κ₃ of the
-/// shoulder, then κ₁ and κ₂ of both joints. `p` in the order of the model's parameters.
+/// Combinations of the 19 parameters that motions under known currents determine, all over κ₃ of
+/// the elbow: the inertia of the hanging arm about z, its change with the elbow's angle, the
+/// inertia about the elbow, the moment of gravity, κ₃ of the shoulder, then κ₁ and κ₂ of both
+/// joints. `p` in the order of the model's parameters.
 ///
 /// # Panics
 /// If `p` is not as long as the model's parameters.

@@ -1,8 +1,9 @@
 //! Stäubli TX40, with its coupled wrist.
 //!
-//! Source: M. Gautier, S. Briot, *Global Identification of Joint Drive Gains and Dynamic Parameters of Robots*, ASME Journal
-//! of Dynamic Systems, Measurement, and Control 2014: modified Denavit-Hartenberg parameters, and the coupling of the wrist,
-//! in which motor 6 turns with `q5 + q6`. Friction and rotor inertia are those identified with the tool FIGAROH
+//! Source: M. Gautier, S. Briot, *Global Identification of Joint Drive Gains and Dynamic Parameters
+//! of Robots*, ASME Journal of Dynamic Systems, Measurement, and Control 2014: modified
+//! Denavit-Hartenberg parameters, and the coupling of the wrist, in which motor 6 turns with
+//! `q5 + q6`. Friction and rotor inertia are those identified with the tool FIGAROH
 //! (`figaroh-plus`, example of the TX40).
 //!
 //! | joint | α, rad | a, m | d, m |
@@ -14,9 +15,10 @@
 //! | 5 | −π/2 | 0 | 0 |
 //! | 6 | π/2 | 0 | 0 |
 //!
-//! Masses of the links are not published. The nominal bodies here are assumed such that the combinations which were
-//! identified come out about right (m2 x2 + 0.225 (m3 + … + m6) = 2.17 kg m, m3 y3 − 0.225 (m4 + m5 + m6) = −0.59 kg m);
-//! their parameters are in the linear form and for an identification to find. Inputs are the torques at the joints.
+//! Masses of the links are not published. The nominal bodies here are assumed such that the
+//! combinations which were identified come out about right (m2 x2 + 0.225 (m3 + … + m6) = 2.17 kg
+//! m, m3 y3 − 0.225 (m4 + m5 + m6) = −0.59 kg m); their parameters are in the linear form and for
+//! an identification to find. Inputs are the torques at the joints.
 
 use pid_runtime::robot;
 

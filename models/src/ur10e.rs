@@ -1,10 +1,10 @@
 //! Universal Robots UR10e.
 //!
-//! Source: Universal Robots, support article *DH Parameters for calculations of kinematics and dynamics*: Denavit-Hartenberg
-//! parameters, masses, centres of mass and inertia tensors of the links of the UR10e, the latter two in the
-//! Denavit-Hartenberg frames. The frame of a link here sits on its own joint axis (z), so that the published
-//! values are turned by `rotx(α)` and moved by `(a, 0, d)`: centres of mass `(a, 0, d) + rotx(α) c`, tensors
-//! `rotx(α) I rotx(α)ᵀ`.
+//! Source: Universal Robots, support article *DH Parameters for calculations of kinematics and
+//! dynamics*: Denavit-Hartenberg parameters, masses, centres of mass and inertia tensors of the
+//! links of the UR10e, the latter two in the Denavit-Hartenberg frames. The frame of a link here
+//! sits on its own joint axis (z), so that the published values are turned by `rotx(α)` and moved
+//! by `(a, 0, d)`: centres of mass `(a, 0, d) + rotx(α) c`, tensors `rotx(α) I rotx(α)ᵀ`.
 //!
 //! | joint | a, m | d, m | α |
 //! |---|---|---|---|
@@ -15,8 +15,9 @@
 //! | 5 | 0 | 0.11985 | −π/2 |
 //! | 6 | 0 | 0.11655 | 0 |
 //!
-//! Inertial parameters are in the linear form, ten per link. Friction is not published; its nominal values are of the size
-//! usual for such drives, the transition of dry friction at rest is fixed. Input is the torque of the drive at the joint.
+//! Inertial parameters are in the linear form, ten per link. Friction is not published; its nominal
+//! values are of the size usual for such drives, the transition of dry friction at rest is fixed.
+//! Input is the torque of the drive at the joint.
 
 use pid_runtime::robot;
 

@@ -1,8 +1,9 @@
 //! DENSO VS-050, and the same robot with its outer four axes held.
 //!
-//! Kinematics: modified Denavit-Hartenberg parameters of `SaltworkerMLU/robotkinematicscatalogue`, class VS-050, which agree
-//! with the maker's file of the VS-060 (`DENSORobot/denso_robot_ros`) in all dimensions that the two robots share. Upright at
-//! zero, axes 1, 4, 6 along z, axes 2, 3, 5 along y:
+//! Kinematics: modified Denavit-Hartenberg parameters of `SaltworkerMLU/robotkinematicscatalogue`,
+//! class VS-050, which agree with the maker's file of the VS-060 (`DENSORobot/denso_robot_ros`) in
+//! all dimensions that the two robots share. Upright at zero, axes 1, 4, 6 along z, axes 2, 3, 5
+//! along y:
 //!
 //! | from | to | m |
 //! |---|---|---|
@@ -11,8 +12,9 @@
 //! | elbow | forearm | 0.255 up, 0.010 back |
 //! | wrist | flange | 0.070 up |
 //!
-//! No masses are published. The nominal bodies are assumed, with parameters in the linear form: an identification finds
-//! their base combinations. Drives are given by current; gains and friction are of the size usual for such an arm.
+//! No masses are published. The nominal bodies are assumed, with parameters in the linear form: an
+//! identification finds their base combinations. Drives are given by current; gains and friction
+//! are of the size usual for such an arm.
 
 use pid_runtime::robot;
 

@@ -6,8 +6,9 @@ use proc_macro2::{Group, Ident, Literal, Punct, Spacing, Span, TokenStream, Toke
 /// The crate that emitted code names.
 const RUNTIME: &str = "pid_runtime";
 
-/// Code in which every `::pid_runtime` is the path that the user's `Cargo.toml` provides: a direct dependency, renamed or not, or
-/// `::simtrue::pid_runtime`. Where neither is found the code stays as it is, and the compiler names the missing crate.
+/// Code in which every `::pid_runtime` is the path that the user's `Cargo.toml` provides: a direct
+/// dependency, renamed or not, or `::simtrue::pid_runtime`. Where neither is found the code stays
+/// as it is, and the compiler names the missing crate.
 pub(crate) fn reached(code: TokenStream) -> TokenStream {
     match way() {
         Some(way) => replaced(code, &way),

@@ -1,6 +1,7 @@
 //! The point at which a model is evaluated.
 
-/// A point at which a model is evaluated; lengths as in [`Dims`](crate::dynamics::Dims). Functions that do not depend on a part ignore it.
+/// A point at which a model is evaluated; lengths as in [`Dims`](crate::dynamics::Dims). Functions
+/// that do not depend on a part ignore it.
 #[derive(Debug, Clone, Copy)]
 pub struct At<'a> {
     /// Coordinates, rad or m.

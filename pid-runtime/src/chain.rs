@@ -1,4 +1,5 @@
-//! Models some of whose variables are functions of others: the residual's exact derivatives by the chain rule.
+//! Models in which some variables are functions of others: exact derivatives of the residual by the
+//! chain rule.
 //!
 //! With inner variables `z_i = g_i(y)` for some i and `z_i = y_i` for the others,
 //!
@@ -16,14 +17,14 @@ use crate::dynamics::{At, Hessian, Pattern};
 pub struct Group {
     /// Positions in the inner z.
     pub replaces: Vec<usize>,
-    /// Positions in the outer z; arguments without a place are constants.
+    /// Positions in the outer z; arguments without a position are constants.
     pub arguments: Vec<Option<usize>>,
 }
 
 /// A factor of a contribution: 1, or an entry of the groups' gradients.
 type Factor = Option<usize>;
 
-/// Part of an entry: the inner entry it comes from, times two factors.
+/// One part of an entry: an inner entry times two factors.
 #[derive(Debug, Clone, Copy)]
 struct Share {
     slot: usize,
@@ -32,7 +33,7 @@ struct Share {
     twice: bool,
 }
 
-/// A pattern and what its entries are made of.
+/// A pattern and the parts of its entries.
 struct Entries {
     rows: Vec<u32>,
     cols: Vec<u32>,
@@ -184,11 +185,12 @@ impl Chain {
 }
 
 thread_local! {
-    /// Inner values, gradients, contracted second derivatives, weights; kept so that evaluations do not allocate.
+    /// Inner values, gradients, contracted second derivatives, weights; kept so that evaluations do
+    /// not allocate.
     static SCRATCH: RefCell<[Vec<f64>; 4]> = const { RefCell::new([Vec::new(), Vec::new(), Vec::new(), Vec::new()]) };
 }
 
-/// A model with replaced variables. [`substituted`] makes a model of it.
+/// A model with replaced variables. `substituted` makes a model of it.
 pub trait Substituted {
     /// The model within.
     fn inner(&self) -> &dyn Hessian;
@@ -198,7 +200,8 @@ pub trait Substituted {
     fn within<R>(&self, at: &At<'_>, work: impl FnOnce(&At<'_>) -> R) -> R;
     /// Appends ∂g/∂(arguments) of every replaced variable, group by group, row by row.
     fn gradients(&self, at: &At<'_>, out: &mut Vec<f64>);
-    /// Appends `Σ_i w_i ∂²g_i/∂(arguments)²` of every group, row by row; `weights` are of the replaced variables.
+    /// Appends `Σ_i w_i ∂²g_i/∂(arguments)²` of every group, row by row; `weights` are of the
+    /// replaced variables.
     fn curvatures(&self, at: &At<'_>, weights: &[f64], out: &mut Vec<f64>);
 
     /// Values of the outer Jacobian.
@@ -226,7 +229,7 @@ pub trait Substituted {
         self.within(at, |at| {
             inner.residual_jacobian(at, &mut gradients, &mut own[..first.nnz()]);
         });
-        // What each replaced variable weighs in λᵀr.
+        // Weight of each replaced variable in λᵀr.
         let mut per_variable = std::mem::take(&mut second);
         per_variable.clear();
         per_variable.resize(inner.dims().nz(), 0.0);
@@ -252,8 +255,8 @@ pub trait Substituted {
     }
 }
 
-/// Implements `Dynamics` for a type with `within`, `inner`, and fields `dims`, `params` and `inputs`: everything else is the inner
-/// model's, at the inner point.
+/// Implements `Dynamics` for a type with `within`, `inner`, and fields `dims`, `params` and
+/// `inputs`: everything else is the inner model's, at the inner point.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! within_dynamics {

@@ -1,15 +1,17 @@
-//! A controller within the model: the commanded position becomes the input, and the loop is simulated.
+//! A controller within the model: the commanded position is the input, and the loop is simulated.
 //!
 //! ```text
 //! u_j = e_j sat(P_j (q_ref,j − q_j) − D_j v_j; L_j) + (1 − e_j) k_j v_j
 //! ```
 //!
-//! P, D: gains; L: limit of the drive, in the unit of the model's own input; e: 1 while the drive is on. A drive that is off
-//! passes no current: with a voltage as input the terminals are open, and `k` is the motor's constant (the parameter
-//! `gain_JOINT`), so that the voltage equals the back-EMF; with any other input `k` is 0. The saturation is smooth,
+//! P, D: gains; L: limit of the drive, in the unit of the model's own input; e: 1 while the drive
+//! is on. A drive that is off passes no current: with a voltage as input the terminals are open,
+//! and `k` is the motor's constant (the parameter `gain_JOINT`), so that the voltage equals the
+//! back-EMF; with any other input `k` is 0. The saturation is smooth,
 //! `sat(x; L) = (√((x + L)² + δ²) − √((x − L)² + δ²))/2` with δ = 0.02 L.
 //!
-//! All constants of the law are inputs too, in the order q_ref, P, D, L, e (each one per joint): they differ between records.
+//! All constants of the law are inputs too, in the order q_ref, P, D, L, e (each one per joint):
+//! they differ between records.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -26,7 +28,7 @@ const ROUND: f64 = 0.02;
 const ARGUMENTS: usize = 8;
 /// Inputs of the law per joint: q_ref, P, D, L, e.
 pub const INPUTS: usize = 5;
-/// A limit that is never met, in place of none: derivatives stay finite.
+/// Stands for "no limit": it is never met, and derivatives stay finite.
 pub const UNLIMITED: f64 = 1e12;
 
 fn law<D: DualNum<Primitive = f64> + Copy>(x: [D; ARGUMENTS]) -> D {

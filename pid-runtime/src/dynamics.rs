@@ -9,8 +9,8 @@
 //! (Euler-Lagrange with forcing; K. Schäfer et al., Section V-A). Its arguments are stacked as
 //! `z = (q, v, a, u, p)`, of length [`Dims::nz`]; patterns of derivatives refer to positions in `z`.
 //!
-//! Evaluation allocates nothing, does not panic on finite slices of the stated lengths and returns no `Result`: a value
-//! that is not finite means "cannot be evaluated here".
+//! Evaluation allocates nothing, does not panic on finite slices of the stated lengths and returns
+//! no `Result`: a value that is not finite means "cannot be evaluated here".
 
 use std::borrow::Cow;
 
@@ -55,7 +55,7 @@ impl Dims {
     }
 }
 
-/// What is known of a parameter beside its value.
+/// Name, unit, range and nominal value of a parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParamInfo {
     /// Name, `dry_shoulder`.
@@ -70,11 +70,11 @@ pub struct ParamInfo {
     pub lower: f64,
     /// Upper bound, `+inf` if none.
     pub upper: f64,
-    /// Held at its nominal value by identifications unless they say otherwise.
+    /// Identifications hold it at its nominal value unless their settings say otherwise.
     pub fixed: bool,
 }
 
-/// What is known of a coordinate.
+/// Name, kind and range of a coordinate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointInfo {
     /// Name of the joint.
@@ -100,7 +100,7 @@ impl JointInfo {
     }
 }
 
-/// What is known of an input.
+/// Name, unit and joint of an input.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InputInfo {
     /// Name, `current_shoulder`.
@@ -111,28 +111,31 @@ pub struct InputInfo {
     pub joint: Option<usize>,
 }
 
-/// Number of combinations of some parameters that a motion can determine, every coordinate measured and every input known.
+/// Rank of a set of parameters: how many combinations of them a motion can determine if every
+/// coordinate is measured and every input is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StructuralRank {
     /// Number of parameters considered.
     pub params: usize,
     /// Combinations determined at almost all parameter values.
     pub generic: usize,
-    /// Combinations determined at the nominal values; less where symmetry hides more.
+    /// Combinations determined at the nominal values. There are fewer where symmetry hides more.
     pub nominal: usize,
-    /// What is lost at almost all values, one line per group: "`m1` and `iz1` enter only through one combination".
+    /// Combinations lost at almost all values, one line per group: "`m1` and `iz1` enter only
+    /// through one combination".
     pub groups: Cow<'static, [Cow<'static, str>]>,
 }
 
-/// Structural identifiability: ranks of the forward dynamics' derivatives by the parameters over all states and inputs.
+/// Structural identifiability: ranks of the forward dynamics' derivatives by the parameters over
+/// all states and inputs.
 ///
-/// A property of the equations, not of a record: a record determines at most so many combinations, fewer where it does not
-/// excite them.
+/// This is a property of the equations. A record determines at most so many combinations, and fewer
+/// where it does not excite them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identifiability {
-    /// Of all parameters.
+    /// Rank of all parameters.
     pub all: StructuralRank,
-    /// Of those not marked `fixed`, the others known.
+    /// Rank of the parameters not marked `fixed`, with the others known.
     pub free: StructuralRank,
 }
 
@@ -152,8 +155,8 @@ pub trait Dynamics: Send + Sync {
     fn identifiability(&self) -> Option<&Identifiability> {
         None
     }
-    /// The declaration it was compiled from, as text for `pid_interpret::declared`; `None` for what is no declared robot, or is one
-    /// with forces added.
+    /// The declaration behind the model as text, which `nominal::declaration` reads. `None` if the
+    /// model was not declared by `robot!`, or has forces added.
     fn declaration(&self) -> Option<&str> {
         None
     }
@@ -161,7 +164,7 @@ pub trait Dynamics: Send + Sync {
     fn mass_matrix(&self, at: &At<'_>, m: &mut [f64]);
     /// Coriolis, centrifugal and gravity forces b(q, v, p). Reads `q`, `v`, `p`.
     fn bias(&self, at: &At<'_>, b: &mut [f64]);
-    /// Generalised forces of drives and friction f_L(q, v, p, u). Reads `q`, `v`, `u`, `p`.
+    /// Generalised forces of drives and friction f_L(q, v, u, p). Reads `q`, `v`, `u`, `p`.
     fn applied_force(&self, at: &At<'_>, f: &mut [f64]);
     /// r = M a + b − f_L. Reads everything.
     fn residual(&self, at: &At<'_>, r: &mut [f64]);
@@ -219,7 +222,8 @@ pub trait Hessian: Jacobian {
     fn hessian_pattern(&self) -> Pattern<'_>;
     /// The values at the pattern's entries; `lambda` has one entry per residual.
     fn residual_hessian(&self, at: &At<'_>, lambda: &[f64], values: &mut [f64]);
-    /// [`residual_hessian`](Self::residual_hessian) of four nodes, each with its multipliers; see [`lanes`](crate::lanes).
+    /// [`residual_hessian`](Self::residual_hessian) of four nodes, each with its multipliers; see
+    /// [`lanes`](crate::lanes).
     fn residual_hessian_lanes(&self, at: &LanesAt<'_>, lambda: &[Lane], values: &mut [Lane]) {
         one_by_one(at, lambda, values, &mut [], |at, lambda, values, _| {
             self.residual_hessian(at, lambda, values);
@@ -231,7 +235,8 @@ pub trait Hessian: Jacobian {
 /// (W. Khalil, F. Bennis, 1995; M. Gautier, 1991).
 #[derive(Debug, Clone, PartialEq)]
 pub struct BaseParameters {
-    /// Columns of the regressor that remain: `r = Y[:, columns] β + offset`, linearly independent as functions of the motion.
+    /// Columns of the regressor that remain: `r = Y[:, columns] β + offset`, linearly independent
+    /// as functions of the motion.
     pub columns: Cow<'static, [u32]>,
     /// Base parameter of each non-zero of C.
     pub rows: Cow<'static, [u32]>,
@@ -249,12 +254,13 @@ impl BaseParameters {
         self.columns.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no base parameters.
     pub fn is_empty(&self) -> bool {
         self.columns.is_empty()
     }
 
-    /// β of the linear parameters, given in the order of [`Regressor::linear_params`]. `beta` has [`len`](Self::len) entries.
+    /// β of the linear parameters, given in the order of [`Regressor::linear_params`]. `beta` has
+    /// [`len`](Self::len) entries.
     ///
     /// # Panics
     /// If a slice is too short.
@@ -273,22 +279,26 @@ impl BaseParameters {
 
 /// The residual as a linear function of parameters: `r = Y(q, v, a, u, p_R) p_L + r₀(q, v, a, u, p_R)`.
 ///
-/// `p_L` are the parameters in which r is jointly linear: those of the links (mass, first moment, inertia about the origin),
-/// rotors, and the coefficients of friction and drives; `p_R` the others (the sharpness of a `tanh`).
+/// `p_L` are the parameters in which r is jointly linear: those of the links (mass, first moment,
+/// inertia about the origin), rotors, and the coefficients of friction and drives. `p_R` are the
+/// others, such as the sharpness of a `tanh`.
 pub trait Regressor: Dynamics {
     /// p_L: position in `p` of the parameter of each column. Columns that depend on motion alone come first.
     fn linear_params(&self) -> &[usize];
-    /// Rows: residuals; columns: positions in [`linear_params`](Self::linear_params). Sorted by row, then column.
+    /// Rows: residuals; columns: positions in [`linear_params`](Self::linear_params). Sorted by
+    /// row, then column.
     fn regressor_pattern(&self) -> Pattern<'_>;
-    /// r₀ and the values of Y at the pattern's entries. Reads `q`, `v`, `a`, `u` and of `p` the parameters p_R only.
+    /// r₀ and the values of Y at the pattern's entries. Reads `q`, `v`, `a`, `u` and of `p` the
+    /// parameters p_R only.
     fn regressor(&self, at: &At<'_>, offset: &mut [f64], values: &mut [f64]);
-    /// The base parameters of p_L, where they were asked for.
+    /// The base parameters of p_L, if the robot asks for them.
     fn base_parameters(&self) -> Option<&BaseParameters> {
         None
     }
 }
 
-/// First derivatives of the inverse dynamics `tau(q, v, a, p)`, dense; as returned by the typed face of a model.
+/// First derivatives of the inverse dynamics `tau(q, v, a, p)`, dense; as returned by the typed
+/// face of a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InverseDynamicsDerivatives<const NQ: usize, const NP: usize> {
     /// ∂tau/∂q; rows are equations.

@@ -11,8 +11,8 @@ use crate::term::{ARGUMENTS, Law, Place, REST_ROTATION, REST_TRANSLATION, Reques
 
 /// Range of velocities in which a shape parameter is sought, as multiples of v₀.
 const SHAPE_RANGE: (f64, f64, f64) = (4.0, 10.0, 200.0);
-/// Widest coefficient, as a multiple of the largest force or torque among the ranges of the model's parameters. Wide: what the
-/// data do not pin shows in the deviation.
+/// Widest coefficient, as a multiple of the largest force or torque among the ranges of the model's
+/// parameters. It is wide so that a coefficient that the data do not pin shows in its deviation.
 const WIDER: f64 = 10.0;
 /// Widest coefficient for a model without such a range, N·m per unit of φ.
 const WIDEST: f64 = 1e3;
@@ -65,7 +65,7 @@ pub enum ExtendError {
     },
 }
 
-/// A term in its place.
+/// A term at its joint.
 #[derive(Debug, Clone)]
 struct Term {
     law: Law,
@@ -109,7 +109,7 @@ impl Term {
     }
 }
 
-/// One contribution of a term to an entry of a derivative: which part of φ's derivatives, and where it goes.
+/// Share of a term in an entry of a derivative: which part of φ's derivatives, and where it goes.
 #[derive(Debug, Clone, Copy)]
 struct Share {
     slot: usize,
@@ -278,7 +278,8 @@ impl<'m> Extended<'m> {
         })
     }
 
-    /// States of laws with a memory, in the order in which the model takes them: after the inputs of the model without terms.
+    /// States of laws with a memory, in the order in which the model takes them: after the inputs
+    /// of the model without terms.
     pub fn memories(&self) -> &[Memory] {
         &self.memories
     }
@@ -322,7 +323,7 @@ fn places(model: &dyn Hessian, request: &Request) -> Result<Vec<Vec<usize>>, Ext
     })
 }
 
-/// What terms add to a model, in the making.
+/// Additions of the terms to a model, under construction.
 struct Added {
     params: Vec<ParamInfo>,
     inputs: Vec<InputInfo>,
@@ -405,7 +406,7 @@ impl Added {
                     (start * rest, low * rest, high * rest),
                 )?)
             }
-            // The voltage that drives a current is what the back-EMF leaves.
+            // The voltage that drives the current is the input less the back-EMF.
             false if law == Law::Load && input.is_some_and(|i| model.inputs()[i].unit == "V") => {
                 let name = format!("gain_{}", info.name);
                 model.params().iter().position(|p| p.name == name)
@@ -475,7 +476,8 @@ fn joined(model: &dyn Hessian, joints: &[usize]) -> String {
     names.collect::<Vec<_>>().join("_")
 }
 
-/// Widest coefficient of a term at a joint. Estimators take the width of a range as the size of what lies in it.
+/// Widest coefficient of a term at a joint. Estimators take the width of a range as the size of its
+/// values.
 fn widest(model: &dyn Hessian, info: &JointInfo) -> f64 {
     let force = model
         .params()
@@ -632,5 +634,5 @@ impl Hessian for Extended<'_> {
     }
 }
 
-/// Position of the shape parameter among φ's arguments, for those who change it from outside.
+/// Position of the shape parameter among φ's arguments.
 const _: () = assert!(SHAPE == ARGUMENTS - 1);

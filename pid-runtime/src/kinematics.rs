@@ -1,11 +1,11 @@
-//! Where points of a robot are.
+//! Positions of points of a robot.
 
 use std::fmt;
 
 /// Positions of points fixed to links in the base frame, with exact derivatives by the coordinates.
 ///
-/// With n points, positions are `3 n` numbers: x, y and z of the first point, then of the next one, m. Evaluation allocates
-/// nothing after the first call on a thread.
+/// With n points, positions are `3 n` numbers: x, y and z of the first point, then of the next one,
+/// m. Evaluation allocates nothing after the first call on a thread.
 pub trait ForwardKinematics: fmt::Debug + Send + Sync {
     /// Names of the points.
     fn points(&self) -> &[String];

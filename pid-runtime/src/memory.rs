@@ -1,11 +1,13 @@
 //! Friction with a memory: states that depend on the motion so far.
 //!
-//! Before two surfaces slide, their contacts yield like springs: the friction follows the displacement since the last reversal and
-//! reaches its level over a width. A contact of width δ is a stop operator, `ż = q̇/δ` within −1 ≤ z ≤ 1, which is rate-independent: z
-//! follows from the positions alone, without integration over time. Several contacts side by side, `f = Σ c_k z_k` with c_k ≥ 0, make
-//! any hysteresis whose first curve levels off, and f is linear in the levels c_k. Over a closed cycle each takes up energy.
-//! Sources: W. D. Iwan, J. Appl. Mech. 33, 1966 (contacts in parallel); F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic
-//! Control 50, 2005 (generalised Maxwell slip).
+//! Before two surfaces slide, their contacts yield like springs: the friction follows the
+//! displacement since the last reversal and reaches its level over a width. A contact of width δ is
+//! a stop operator, `ż = q̇/δ` within −1 ≤ z ≤ 1. It is rate-independent: z follows from the
+//! positions alone, without integration over time. Several contacts side by side, `f = Σ c_k z_k`
+//! with c_k ≥ 0, make any hysteresis whose first curve levels off, and f is linear in the levels
+//! c_k. Over a closed cycle each takes up energy. Sources: W. D. Iwan, J. Appl. Mech. 33, 1966
+//! (contacts in parallel); F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50,
+//! 2005 (generalised Maxwell slip).
 
 /// Widths of contacts at revolute joints, rad, and their words in names.
 const ROTATION: [(f64, &str); 3] = [(1e-4, "100urad"), (1e-3, "1mrad"), (1e-2, "10mrad")];
@@ -30,8 +32,8 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// z at every sample of positions, row by row with `nq` of them: the mean of those from either extreme at the start, which
-    /// are the same once the joint has moved two widths one way.
+    /// z at every sample of positions, row by row with `nq` of them: the mean of those from either
+    /// extreme at the start, which are the same once the joint has moved two widths one way.
     pub fn states(&self, q: &[f64], nq: usize) -> Vec<f64> {
         let mut last: Option<f64> = None;
         let (mut low, mut high) = (-1.0_f64, 1.0_f64);
@@ -64,7 +66,7 @@ mod tests {
     fn a_contact_yields_over_its_width_and_slides_beyond() {
         let q: Vec<f64> = [0.0, 0.5, 5.0, 4.5, 3.0, -5.0, -4.0].to_vec();
         let z = contact(2.0).states(&q, 1);
-        // Unknown within its band at first; two widths on at the upper end.
+        // Unknown within its band at first; known after a motion of two widths one way.
         assert_eq!(z[0], 0.0);
         assert_eq!(z[2..], [1.0, 0.75, 0.0, -1.0, -0.5]);
     }
@@ -82,7 +84,8 @@ mod tests {
     }
 
     proptest! {
-        /// What goes in over any path is at least the change of what the contact stores, δ z²/2 (once the state is known).
+        /// The work over any path is at least the change of the stored energy, δ z²/2 (once the
+        /// state is known).
         #[test]
         fn no_path_gains_energy(steps in prop::collection::vec(-0.7_f64..0.7, 2..60), width in 0.1_f64..2.0) {
             let mut q = vec![0.0, 5.0];
@@ -92,7 +95,7 @@ mod tests {
             let z = contact(width).states(&q, 1);
             let mut work = 0.0;
             for k in 2..q.len() {
-                // z is piecewise linear in q: exact up to where it reaches its end, and at that end from there.
+                // z is piecewise linear in q: exact up to its end, and constant there from then on.
                 let (d, from) = (q[k] - q[k - 1], z[k - 1]);
                 let end = d.signum();
                 let yielding = (width * (end - from)).abs().min(d.abs());

@@ -1,4 +1,5 @@
-//! What generated code calls. Not part of the public interface: it may change with any release.
+//! Functions that generated code calls. Not part of the public interface: they may change with any
+//! release.
 
 use num_dual::DualNum;
 
@@ -28,8 +29,8 @@ pub fn dual_abs<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
 
 /// The hyperbolic tangent of a dual number, `tanh |x| = −m / (m + 2)` with `m = e^(−2|x|) − 1`.
 ///
-/// Finite, and exact in its derivatives, for every argument: the quotient of `sinh` and `cosh` is NaN beyond |x| = 710, which
-/// is where dry friction `tanh(50 v)` is evaluated.
+/// Finite, and exact in its derivatives, for every argument: the quotient of `sinh` and `cosh` is
+/// NaN beyond |x| = 710, which is where dry friction `tanh(50 v)` is evaluated.
 #[inline]
 pub fn dual_tanh<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
     if x.re().abs() < 0.5 {
@@ -42,7 +43,7 @@ pub fn dual_tanh<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
     if negative { t } else { -t }
 }
 
-/// A slice as an array of the length the model says.
+/// Checks that a slice has the length that the model states.
 ///
 /// # Panics
 /// If it has another length.

@@ -1,8 +1,9 @@
 //! Force terms that a declaration lacks: friction laws and rotor inertias as options of an estimation.
 //!
-//! A term adds `c φ(w, α, u; s)` to the residual of its joints: `w` and `α` are velocity and acceleration of the joint (or the
-//! sum of two joints' for a motor that turns with both), `u` the joint's input, `c` a coefficient to be estimated, `s` a shape
-//! parameter where φ has one. Signs are those of a resistance: positive coefficients take energy out of the motion.
+//! A term adds `c φ(w, α, u; s)` to the residual of its joints. `w` and `α` are velocity and
+//! acceleration of the joint (or the sum of two joints' for a motor that turns with both), `u` is
+//! the joint's input, `c` a coefficient to be estimated, `s` a shape parameter where φ has one.
+//! Signs are those of a resistance: positive coefficients take energy out of the motion.
 //!
 //! | term | φ | c in | s |
 //! |---|---|---|---|
@@ -17,10 +18,11 @@
 //! | `quadratic` | w √(w² + v₀²) | N·m·s² | |
 //! | `presliding` | z of [`crate::memory`], at three widths: friction that builds up over a displacement | N·m | |
 //!
-//! v₀ is the velocity of the transition at rest ([`REST_ROTATION`], [`REST_TRANSLATION`]), ε a thousandth of a unit of the input.
-//! `presliding` depends on the motion so far: the model takes z as one more input, which whoever evaluates it works out.
-//! Sources: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30, 1994 (Stribeck); P. Hamon, M. Gautier, P. Garrec,
-//! IROS 2010 (load); A. Janot, M. Gautier, M. Brunot, 2019 (asymmetry).
+//! v₀ is the velocity of the transition at rest ([`REST_ROTATION`], [`REST_TRANSLATION`]), ε a
+//! thousandth of a unit of the input. `presliding` depends on the motion so far: the model takes z
+//! as one more input, and the caller computes it from the positions. Sources: B.
+//! Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30, 1994 (Stribeck); P. Hamon, M.
+//! Gautier, P. Garrec, IROS 2010 (load); A. Janot, M. Gautier, M. Brunot, 2019 (asymmetry).
 
 use num_dual::{DualNum, HyperDual64};
 use std::fmt;
@@ -95,7 +97,8 @@ impl Law {
         }
     }
 
-    /// Identifier of the effect of the library whose linear form it is; `None` for a law that every model may have.
+    /// Identifier of the effect of the library whose linear form it is; `None` for a law that every
+    /// model may have.
     pub fn effect(self) -> Option<&'static str> {
         match self {
             Law::Armature => Some("unmodelled_rotor_inertia"),
@@ -166,8 +169,8 @@ impl Law {
         )
     }
 
-    /// φ of (w, α, u, s) with the transition velocity v₀; s of [`Law::Load`] is the motor's constant behind a voltage, or 0; u of
-    /// [`Law::Presliding`] is its state z.
+    /// φ of (w, α, u, s) with the transition velocity v₀; s of [`Law::Load`] is the motor's
+    /// constant behind a voltage, or 0; u of [`Law::Presliding`] is its state z.
     pub fn value<D: DualNum<Primitive = f64> + Copy>(self, x: [D; ARGUMENTS], rest: f64) -> D {
         let [w, alpha, u, s] = x;
         let sign = || saturated(w / rest);
@@ -216,7 +219,8 @@ impl Law {
     }
 }
 
-/// tanh, whose derivatives stay finite where the exponential functions overflow: beyond 20 it is ±1 to rounding.
+/// tanh, whose derivatives stay finite where the exponential functions overflow: beyond 20 it is ±1
+/// to rounding.
 fn saturated<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
     if x > 20.0 {
         D::from(1.0)
@@ -227,7 +231,7 @@ fn saturated<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
     }
 }
 
-/// A law where it is asked for: at every joint, at one, or at a motor that turns with the sum of two.
+/// A law and its place: every joint, one joint, or a motor that turns with the sum of two.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Request {
     /// The law.
@@ -254,7 +258,7 @@ pub enum Place {
     "`{text}` is not a force term\n  help: write a law, `stribeck`, a law at a joint, `stribeck:elbow`, or a law at a motor of two joints, `viscous:j5+j6`; the laws are {laws}"
 )]
 pub struct ParseTermError {
-    /// What was written.
+    /// The text written.
     pub text: String,
     /// The laws.
     pub laws: String,

@@ -15,7 +15,7 @@ fn closed<'m>(model: &'m dyn Hessian, terms: &[&str]) -> ClosedLoop<'m> {
     ClosedLoop::new(Box::new(model)).expect("one input per joint")
 }
 
-/// A point of every regime: linear, saturated, off.
+/// A point in every regime: linear, saturated, off.
 fn point(model: &ClosedLoop<'_>, regime: usize) -> Vec<f64> {
     let (d, nq) = (model.dims(), model.dims().nq);
     let mut z: Vec<f64> = (0..d.nz()).map(|k| (0.7 + 1.3 * k as f64).sin()).collect();
@@ -52,7 +52,7 @@ fn derivatives_are_those_of_differences() {
 
 #[test]
 fn a_drive_that_is_off_exerts_no_torque() {
-    // Without friction, the applied force of the servo is the motor's alone: it vanishes at every velocity.
+    // Without friction, only the motor applies a force to the servo: it vanishes at every velocity.
     let model = closed(&ServoPendulum, &[]);
     let mut p: Vec<f64> = model.params().iter().map(|i| i.nominal).collect();
     for (value, info) in p.iter_mut().zip(model.params()) {

@@ -1,4 +1,4 @@
-//! Robots that `robot!` accepts, and what it makes of their units, ranges and names.
+//! Robots that `robot!` accepts: their units, ranges and names.
 
 /// The warning about `l` is silenced by the attribute.
 #[deny(warnings)]
@@ -17,7 +17,8 @@ mod silenced {
 
 mod chain {
     pid_runtime::robot! {
-        /// Millimetres, degrees, open ranges, expressions, a full tensor, a fixed flange, a chain declared by ranges.
+        /// Millimetres, degrees, open ranges, expressions, a full tensor, a fixed flange, a chain
+        /// declared by ranges.
         pub(crate) robot Chain {
             gravity: [0, 0, -g] m/s^2;
             params {

@@ -73,7 +73,8 @@ pub fn window(model: &dyn Dynamics, steps: usize, seed: u64) -> Track {
     }
 }
 
-/// Derivative of `f` along coordinate `j` by differences of order 4, with what rounding of `f` leaves uncertain.
+/// Derivative of `f` along coordinate `j` by differences of order 4, with what rounding of `f`
+/// leaves uncertain.
 pub fn difference(f: &mut dyn FnMut(&[f64]) -> Vec<f64>, x: &[f64], j: usize) -> Vec<(f64, f64)> {
     let h = 1e-4 * x[j].abs().clamp(1e-2, 10.0);
     let mut at = |k: f64| {
@@ -90,8 +91,8 @@ pub fn difference(f: &mut dyn FnMut(&[f64]) -> Vec<f64>, x: &[f64], j: usize) ->
         .collect()
 }
 
-/// Compares a derivative, dense and row by row, with differences of a vector function; errors count against the largest
-/// entry of the column.
+/// Compares a derivative, dense and row by row, with differences of a vector function; errors count
+/// against the largest entry of the column.
 ///
 /// # Panics
 /// If they disagree.

@@ -1,7 +1,7 @@
 //! Tests across the crates: oracles, end-to-end runs, published figures.
 //!
-//! What the tests share: the records beside the workspace, where there are any, the starts of the paper's problem, and
-//! simulated records that no model fits.
+//! Shared by the tests: the records beside the workspace, if there are any, the starts of the
+//! paper's problem, and simulated records that no model fits.
 
 pub mod derivatives;
 pub mod mismatched;
@@ -12,7 +12,8 @@ use pid_fit::transcribe::Track;
 pub use pid_records::{beside, shared};
 use pid_runtime::dynamics::ParamInfo;
 
-/// A window over a whole record of positions and velocities, to start from the readings, all weights one; `None` without velocities.
+/// A window over a whole record of positions and velocities, to start from the readings, all
+/// weights one; `None` without velocities.
 pub fn recorded(e: &Experiment) -> Option<Track> {
     let nq = e.q.len() / e.t.len();
     let rows = e.q.chunks_exact(nq).zip(e.v.as_ref()?.chunks_exact(nq));
@@ -41,7 +42,8 @@ fn parameter_of(column: &str) -> String {
     }
 }
 
-/// The starts of a table with a column per parameter, in the model's order; `None` if a column is missing or unreadable.
+/// The starts of a table with a column per parameter, in the model's order; `None` if a column is
+/// missing or unreadable.
 pub fn starts(table: &str, params: &[ParamInfo]) -> Option<Vec<Vec<f64>>> {
     let mut lines = table.lines();
     let head: Vec<String> = lines.next()?.split(',').map(parameter_of).collect();

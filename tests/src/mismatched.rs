@@ -1,5 +1,6 @@
-//! Simulated records with noise and with a plant whose Stribeck friction the model lacks: of the two-link robot under sums of sines,
-//! of the six-axis arm under inverse-dynamics control, with and without the rotors of its drives.
+//! Simulated records with noise and with a plant whose Stribeck friction the model lacks: of the
+//! two-link robot under sums of sines, of the six-axis arm under inverse-dynamics control, with and
+//! without the rotors of its drives.
 
 use std::f64::consts::TAU;
 
@@ -52,7 +53,7 @@ pub fn start(model: &dyn Dynamics) -> Vec<f64> {
         .collect()
 }
 
-/// Where axis `j` of the arm shall be, how fast, and its acceleration.
+/// Reference of axis `j` of the arm: position, velocity, acceleration.
 fn reference(t: f64, j: usize) -> [f64; 3] {
     let centre = [0.0, -0.8, 1.2, -0.6, 0.4, 0.0][j];
     let [mut q, mut v, mut a_to] = [centre, 0.0, 0.0];
@@ -66,14 +67,15 @@ fn reference(t: f64, j: usize) -> [f64; 3] {
     [q, v, a_to]
 }
 
-/// Inertia of a rotor of [`Geared`] as the joint feels it, kg·m²: the `armature` of every joint of the UR10e in MuJoCo Menagerie
-/// (`universal_robots_ur10e/ur10e.xml`; K. Zakka, Y. Tassa et al., 2022).
+/// Inertia of a rotor of [`Geared`] as the joint feels it, kg·m²: the `armature` of every joint of
+/// the UR10e in MuJoCo Menagerie (`universal_robots_ur10e/ur10e.xml`; K. Zakka, Y. Tassa et al.,
+/// 2022).
 pub const ROTOR: f64 = 0.1;
 
 /// A model whose drives have rotors of known inertia, [`ROTOR`], at every joint.
 ///
-/// The arm of the benchmarks has none: its flange of 5e-4 kg·m² then moves behind 4 N·m of dry friction, with a time constant at rest
-/// of a few microseconds.
+/// The arm of the benchmarks has none: its flange of 5e-4 kg·m² then moves behind 4 N·m of dry
+/// friction, with a time constant at rest of a few microseconds.
 pub struct Geared<'m> {
     inner: &'m dyn Hessian,
     /// Entry of ∂r_j/∂a_j in the pattern of the Jacobian.
@@ -221,7 +223,8 @@ fn computed(t: f64, q: &[f64], v: &[f64], (gains, rotor): (&[f64], f64)) -> Vec<
         .collect()
 }
 
-/// Stribeck friction at a joint, which the model does not know of: a share of its dry friction that fades with speed.
+/// Stribeck friction at a joint, which the model lacks: a share of its dry friction that fades with
+/// speed.
 fn stribeck(dry: f64, v: f64) -> f64 {
     0.3 * dry * (-(v / 0.3).powi(2)).exp() * (20.0 * v).tanh()
 }
@@ -270,7 +273,8 @@ pub fn record(
         all_v.extend(v.iter().map(|v| v + 1e-2 * gaussian()));
         all_u.extend_from_slice(&u);
         if k + 1 < samples {
-            // What acts is the recorded input less the friction that the model lacks, as it is at the sample.
+            // The acting input is the recorded one less the friction that the model lacks, as it is
+            // at the sample.
             let mut held = [u.as_slice(), u.as_slice()].concat();
             for (k, held) in held.iter_mut().enumerate() {
                 let j = k % nq;

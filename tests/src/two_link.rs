@@ -1,4 +1,5 @@
-//! The two-link problem of K. Schäfer, M. Runge, K. Flaßkamp, C. Büskens, Section V-A: settings, starts, simulated records.
+//! The two-link problem of K. Schäfer, M. Runge, K. Flaßkamp, C. Büskens, Section V-A: settings,
+//! starts, simulated records.
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +13,8 @@ use pid_fit::transcribe::Scheme;
 use pid_models::TwoLink;
 use pid_runtime::dynamics::Dynamics;
 
-/// The paper's setting: one window with a free initial state, unit weights; the preparing fits of the defaults.
+/// The paper's setting: one window with a free initial state, unit weights; the preparing fits of
+/// the defaults.
 pub fn settings(scheme: Scheme) -> Settings {
     Settings {
         method: Method::FullDiscretization,

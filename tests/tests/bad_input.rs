@@ -1,4 +1,4 @@
-//! Input that cannot be used: every mistake is refused with its place and a mend, and nothing panics.
+//! Unusable input: every mistake is refused with its place and a mend, and nothing panics.
 
 use std::ops::ControlFlow;
 

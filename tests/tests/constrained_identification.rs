@@ -1,4 +1,5 @@
-//! Identification under constraints of the user: optima and deviations are those of the problem with the constraint worked in.
+//! Identification under constraints of the user: optima and deviations are those of the problem
+//! with the constraint worked in.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;

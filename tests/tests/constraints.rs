@@ -232,8 +232,8 @@ impl GenericFunction for At {
     }
 }
 
-/// Solves by the structured system and by that of the whole matrix from the same start; the solutions and their multipliers
-/// agree, constraints of every kind hold and push.
+/// Solves by the structured system and by that of the whole matrix from the same start; the
+/// solutions and their multipliers agree, constraints of every kind hold and push.
 fn agree<P: Structured>(name: &str, program: impl Fn() -> (P, Vec<f64>), track: &Track) {
     let (_, _, [i, j]) = double_pendulum(Scheme::Trapezoidal);
     let np = DoublePendulum.dims().np;

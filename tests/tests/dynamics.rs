@@ -1,5 +1,5 @@
-//! The generated dynamics of every model against independent oracles: equations written by hand, energy, forward-mode dual
-//! numbers, central differences.
+//! The generated dynamics of every model against independent oracles: equations written by hand,
+//! energy, forward-mode dual numbers, central differences.
 
 use pid_models::{
     Arm6, CartPole, DoublePendulum, Emps, Panda, Scara, ServoPendulum, TwoLink, Tx40, Ur10e, Vs050,
@@ -19,9 +19,9 @@ struct Point {
 }
 
 impl Point {
-    /// A point from numbers in −1..1: angles over the whole circle, parameters within a factor 2 of nominal (and within
-    /// their ranges), inertias about the joint axis at least those of the centre of mass. The ten parameters of a link in
-    /// linear form stay those of a body.
+    /// A point from numbers in −1..1: angles over the whole circle, parameters within a factor 2 of
+    /// nominal (and within their ranges), inertias about the joint axis at least those of the
+    /// centre of mass. The ten parameters of a link in linear form stay those of a body.
     fn new(model: &dyn Dynamics, raw: &[f64]) -> Point {
         let dims = model.dims();
         let mut raw = raw.iter().copied().cycle();
@@ -452,7 +452,8 @@ fn the_rate_of_energy_is_the_power_of_the_applied_forces() {
 fn energy_balances_along_a_simulated_motion() {
     fn check<M: GenericDynamics + Dynamics>(model: &M) {
         let dims = model.dims();
-        // Friction of geared drives on light wrists decays within microseconds: less of it, for the fixed step to resolve.
+        // Friction of geared drives on light wrists decays within microseconds: less of it, for the
+        // fixed step to resolve.
         let geared = dims.nq > 2;
         let p = model.params().iter().map(|p| {
             let friction = p.name.starts_with("dry") || p.name.starts_with("viscous");
@@ -542,8 +543,9 @@ fn hessian<M: Hessian>(model: &M, at: &At<'_>, lambda: &[f64]) -> Vec<f64> {
     dense(pattern, &values, nz, nz)
 }
 
-/// Size of the terms `dry sharp² (1 − tanh²) tanh` before the cancellation in `1 − tanh²`: far from rest their derivatives
-/// are small differences, good to a few ulp of this and no better, by either way.
+/// Size of the terms `dry sharp² (1 − tanh²) tanh` before the cancellation in `1 − tanh²`: far from
+/// rest their derivatives are small differences, good to a few ulp of this and no better, by either
+/// way.
 fn saturated(model: &dyn Dynamics, point: &Point) -> f64 {
     let of = |stem: &str| {
         let all = model.params().iter().zip(point.at().p);

@@ -1,4 +1,5 @@
-//! Simulate a robot with known parameters, identify it from the record, compare what the record determines.
+//! Simulates a robot with known parameters, identifies it from the record, and compares the
+//! combinations that the record determines.
 
 use std::ops::ControlFlow;
 
@@ -76,7 +77,7 @@ fn assert_identified(found: &[f64], tolerance: f64) {
     }
 }
 
-/// A start so far off that finding the truth means something.
+/// The start must be far enough off for the result to mean something.
 #[test]
 fn the_start_is_far_from_the_truth() {
     let start = perturbed(&two_link::truth());
@@ -117,7 +118,7 @@ fn a_noisy_record_gives_the_parameters_back_and_the_noise() {
         .for_each(|v| *v += velocity * normal(&mut random));
     let found = fit(&dataset);
     assert_identified(&found.best().parameters, 2e-2);
-    // What is left is the noise: two positions and two velocities per sample.
+    // The noise is left: two positions and two velocities per sample.
     let noise = 2.0 * (position.powi(2) + velocity.powi(2));
     let ratio = found.best().objective / noise;
     assert!(

@@ -1,4 +1,4 @@
-//! Optimal excitation: derivatives of its program, and what its motions tell.
+//! Optimal excitation: derivatives of its program, and the information of its motions.
 
 use std::ops::ControlFlow;
 
@@ -183,7 +183,7 @@ fn points_stay_in_their_boxes() {
         within[0] >= -0.1 && within[1] >= -0.15 && within[2] <= 0.2,
         "{within:?}"
     );
-    // What is forbidden costs information, and the motion goes to a wall.
+    // A forbidden region costs information, and the motion touches its wall.
     assert!(less > more, "{less} {more}");
     assert!(within[1] < -0.14, "{within:?}");
     assert_eq!(tip.points(), ["fore"]);
@@ -235,7 +235,8 @@ fn an_optimal_motion_tells_more_than_random_ones_within_the_same_limits() {
                 found.information
             );
         }
-        // The motion begins at rest, and what is said of it holds for a regressor assembled here from the model's Jacobian.
+        // The motion begins at rest, and its figures hold for a regressor assembled here from the
+        // model's Jacobian.
         let (mut q, mut v, mut a) = (vec![0.0; 2], vec![0.0; 2], vec![0.0; 2]);
         found.motion.at(0.0, &mut q, &mut v, &mut a);
         assert!(v.iter().chain(&a).all(|x| x.abs() < 1e-6), "{v:?} {a:?}");

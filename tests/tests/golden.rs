@@ -1,5 +1,5 @@
-//! Inverse and forward dynamics of the arms against Pinocchio, which was given the published tables and not our
-//! declarations. The files are made by `tests/golden/make_goldens.py`.
+//! Inverse and forward dynamics of the arms against Pinocchio, which was given the published tables
+//! and not our declarations. The files are made by `tests/golden/make_goldens.py`.
 
 use std::collections::BTreeMap;
 

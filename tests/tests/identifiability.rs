@@ -29,8 +29,9 @@ fn flow<D: DualNum<Primitive = f64> + Copy>(u: [f64; NQ], x: &[D; 4], p: &[D]) -
     [x[2], x[3], a[0], a[1]]
 }
 
-/// States at every tenth step of the classical Runge-Kutta method: what the parameters do to each of its stages passes through
-/// the forward dynamics, so its sensitivities have the null space of the continuous ones.
+/// States at every tenth step of the classical Runge-Kutta method: what the parameters do to each
+/// of its stages passes through the forward dynamics, so its sensitivities have the null space of
+/// the continuous ones.
 fn trajectory<D: DualNum<Primitive = f64> + Copy>(p: &[D], steps: usize, h: f64) -> Vec<[D; 4]> {
     let add = |x: &[D; 4], k: &[D; 4], c: f64| std::array::from_fn(|i| x[i] + k[i] * c);
     let mut x = [0.3, 0.4, 0.0, 0.0].map(D::from);
@@ -167,7 +168,8 @@ fn known_gains_take_one_direction_away() {
     );
 }
 
-/// Each parameter in turn marked `fixed`: the rank of what is left, and whether the mark removes a lost direction.
+/// Each parameter in turn marked `fixed`: the rank of what is left, and whether the mark removes a
+/// lost direction.
 #[test]
 fn each_parameter_known_leaves_the_rank_that_the_declaration_with_fixed_has() {
     let source = std::fs::read_to_string("../models/src/two_link.rs").expect("beside this crate");

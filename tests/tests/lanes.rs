@@ -101,8 +101,9 @@ fn check_model(name: &str, model: &dyn Hessian, tolerance: f64) {
         model.hessian_pattern().nnz(),
     );
     let lanes = |n: usize| vec![[f64::NAN; LANES]; n];
-    // Far from rest the terms `dry sharp (1 − tanh²)` of J and those of H are small differences, good to a few units of what
-    // they are differences of. Models without a parameter for it have a sharpness of at most 200.
+    // Far from rest the terms `dry sharp (1 − tanh²)` of J and those of H are small differences,
+    // good to a few units of what they are differences of. Models without a parameter for it have a
+    // sharpness of at most 200.
     let largest = |stem: &str| {
         let own = model.params().iter().filter(|p| p.name.starts_with(stem));
         own.fold(0.0, |m: f64, p| m.max(p.nominal))

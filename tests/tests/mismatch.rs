@@ -45,7 +45,8 @@ fn fitted(consistent: bool) -> (Dataset, Identification) {
     (dataset, found)
 }
 
-/// A record long enough that threads share its steps: what they find is the same to the last bit, however many there are.
+/// On a record long enough that threads share its steps, the result is the same to the last bit,
+/// whatever their number.
 #[test]
 fn the_number_of_threads_changes_nothing() {
     let dataset = record(&TwoLink, &sines, 2_000, 0.02).expect("simulates");
@@ -143,8 +144,9 @@ fn a_longer_record_of_bodies_converges_once_its_constraints_hold() {
     assert!(run.objective < 1e-2, "{:e}", run.objective);
 }
 
-/// The preparing fit of the steps' residuals finds inertias of the wrist that are negative. Motions then grow by 30 a step; the linear
-/// system over segments of ten steps had no digit left, and the solver ended at its first exact step.
+/// The preparing fit of the steps' residuals finds negative inertias of the wrist. Motions then
+/// grow by 30 a step, and the linear system over segments of ten steps would have no correct digit
+/// left.
 #[test]
 fn an_arm_with_all_parameters_free_converges_under_noise() {
     fitted(false);
@@ -182,8 +184,8 @@ fn derivatives_with_bodies_agree_with_differences() {
     });
 }
 
-/// With links kept bodies of positive density the mass matrix is positive definite wherever the fit goes: the optimum is one whose
-/// inertias a body has.
+/// With links kept bodies of positive density the mass matrix is positive definite throughout the
+/// fit: the optimum has inertias of a body.
 #[test]
 fn an_arm_kept_consistent_converges_to_bodies() {
     let (dataset, found) = fitted(true);

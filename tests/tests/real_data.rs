@@ -1,4 +1,5 @@
-//! Measured records: published parameters and the errors to beat. The figures stand in the data sets' own descriptions.
+//! Measured records: published parameters and the errors to beat. The figures stand in the data
+//! sets' own descriptions.
 
 use std::ops::ControlFlow;
 
@@ -25,10 +26,12 @@ fn one_second(model: &dyn Hessian, p: &[f64], dataset: &Dataset) -> FreeRunTable
     free_run_table(model, p, dataset, &settings).expect("simulates")
 }
 
-/// The same axis simulated with the published parameters, for a clone without the records: both methods return them.
+/// The same axis simulated with the published parameters, for a clone without the records: both
+/// methods return them.
 #[test]
 fn a_simulated_axis_gives_its_parameters_back() {
-    // Mass, viscous and dry friction, offset; then how sharp dry friction turns, which motions of this size do not tell.
+    // Mass, viscous and dry friction, offset; then how sharp dry friction turns, which motions of
+    // this size do not tell.
     let truth: Vec<f64> = Emps.params().iter().map(|p| p.nominal).collect();
     assert_eq!(truth[..4], [95.1089, 203.5034, 20.3935, -3.1648]);
     let recipe = Recipe {

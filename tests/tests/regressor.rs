@@ -1,4 +1,5 @@
-//! Generated regressors and base parameters against the residual, and against its derivatives by dual numbers.
+//! Generated regressors and base parameters against the residual, and against its derivatives by
+//! dual numbers.
 
 use num_dual::Dual64;
 use pid_models::arm6::{Arm6, Arm6Params};
@@ -62,7 +63,8 @@ fn close_to(found: &[f64], expected: &[f64], tolerance: f64, least: f64) {
     }
 }
 
-/// Y by the slice face, dense, and r₀; evaluated where the linear parameters are not a number, since they must not be read.
+/// Y by the slice face, dense, and r₀; evaluated where the linear parameters are not a number,
+/// since they must not be read.
 fn evaluate(model: &dyn Regressor, point: &Point) -> (Vec<Vec<f64>>, Vec<f64>) {
     let (nq, nl) = (model.dims().nq, model.linear_params().len());
     let mut p = point.p.clone();
@@ -177,16 +179,19 @@ fn the_typed_face_of_a_six_axis_arm() {
 
 #[test]
 fn counts() {
-    // 60 inertial parameters and six viscous frictions; dry friction depends on the sharpness, gains meet the currents.
+    // 60 inertial parameters and six viscous frictions; dry friction depends on the sharpness,
+    // gains meet the currents.
     assert_eq!(Arm6::NL, 66);
     // The UR10 has 36 base inertial parameters.
     assert_eq!(Arm6::NB, 36 + 6);
     assert_eq!(Arm6::BASE.len(), Arm6::NB);
     assert_eq!(Arm6.linear_params().len(), 78);
     assert_eq!(Arm6.base_parameters().map(|b| b.len()), Some(36 + 18));
-    // The Panda has 43 base inertial parameters (C. Gaz et al., 2019); friction is linear in both coefficients.
+    // The Panda has 43 base inertial parameters (C. Gaz et al., 2019); friction is linear in both
+    // coefficients.
     assert_eq!((Panda::NL, Panda::NB), (84, 43 + 14));
-    // Its torque inputs are known, so that no common factor is lost: the rank of the motion is that of the torques.
+    // Its torque inputs are known, so that no common factor is lost: the rank of the motion is that
+    // of the torques.
     assert_eq!(Panda::RANK, Panda::NB);
     // Link 1 of the arm turns about z; everything beyond adds to its inertia about that axis.
     assert!(Arm6::BASE[0].starts_with("l1_izz + l2_izz + 2*0.220941*l2_my + 0.220941^2*l2_m"));

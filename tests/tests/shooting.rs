@@ -1,4 +1,5 @@
-//! Single and multiple shooting against differences, full discretization, an accurate simulation and a second linear solver.
+//! Single and multiple shooting against differences, full discretization, an accurate simulation
+//! and a second linear solver.
 
 use std::sync::Arc;
 
@@ -259,7 +260,8 @@ fn structured_and_sparse_systems_have_one_solution() {
             };
             close(&solutions[0].0, &solutions[1].0);
             close(&solutions[0].1, &solutions[1].1);
-            // The limit holds for the part in the parameters, of the last solution or of the one it is told of.
+            // The limit holds for the part in the parameters, of the last solution or of the one
+            // that is named.
             let (mut dx, mut dl) = solutions.swap_remove(0);
             let norm = |dx: &[f64]| {
                 let p = &dx[dx.len() - problem.setup().scale.len()..];

@@ -361,8 +361,8 @@ fn structured_and_sparse_systems_have_one_solution() {
                 FullDiscretization::new(&TwoLink, &tracks, setup(&TwoLink, scheme, held, false));
             let mut x = point(&problem, 9);
             if scheme.explicit() && scheme.order() > 1 {
-                // Explicit steps amplify stiff friction by a polynomial of the degree of their stages: such a chain of steps
-                // is ill-conditioned by itself.
+                // Explicit steps amplify stiff friction by a polynomial of the degree of their
+                // stages: such a chain of steps is ill-conditioned by itself.
                 let gentle = problem.starting_point(&smooth_truth());
                 let first = problem.layout().p();
                 x[first..].copy_from_slice(&gentle[first..]);
@@ -423,8 +423,8 @@ fn structured_and_sparse_systems_have_one_solution() {
     }
 }
 
-/// With the accelerations solved for, the trapezoidal rule needs no stages; constraints, Jacobian and Hessian of an iteration
-/// share what they solve for, also when the point changes between them.
+/// With the accelerations solved for, the trapezoidal rule needs no stages; constraints, Jacobian
+/// and Hessian of an iteration share what they solve for, also when the point changes between them.
 #[test]
 fn the_solved_form_agrees_with_forward_dynamics_and_differences() {
     let form = ExplicitForm::new(&TwoLink);

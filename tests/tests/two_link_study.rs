@@ -74,7 +74,8 @@ fn explicit_euler_reaches_the_best_known_objective_from_nearly_all_starts() {
             run.check
         );
     }
-    // The scheme's own error is in the parameters: an accurate simulation misses the very record they were fitted on.
+    // The scheme's own error is in the parameters: an accurate simulation misses the record they
+    // were fitted on.
     let best = runs
         .iter()
         .min_by(|a, b| a.objective.total_cmp(&b.objective))
@@ -106,8 +107,9 @@ fn second_order_schemes_reach_one_optimum_from_all_starts() {
     }
 }
 
-/// From ten starts, explicit Euler, within 1 % of the best objective: CasADi and IPOPT reach it from none of them with one arc, from 3
-/// with 5 nodes and from 8 with 20 (iteration limit 1000, violation below 1e-6; `--bin shooting_study` has all numbers of nodes).
+/// From ten starts, explicit Euler, within 1 % of the best objective: CasADi and IPOPT reach it
+/// from none of them with one arc, from 3 with 5 nodes and from 8 with 20 (iteration limit 1000,
+/// violation below 1e-6; `--bin shooting_study` has all numbers of nodes).
 #[test]
 fn few_nodes_reach_the_best_known_objective_from_most_starts() {
     let (Some(folder), Some(table)) = (

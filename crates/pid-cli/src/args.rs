@@ -1,4 +1,4 @@
-//! What can be asked on the command line.
+//! Arguments of the command line.
 
 use std::path::PathBuf;
 
@@ -9,10 +9,10 @@ use pid_fit::transcribe::{Loss, Scheme};
 
 use crate::with::With;
 
-/// Identify the parameters of a robot from its records, and see where model and robot differ.
+/// Identify the parameters of a robot from its records, and show where model and robot differ.
 ///
-/// Without arguments, the two-link robot is identified from embedded records of a robot that has one effect more than its
-/// model, and the report is written to `simtrue-report`.
+/// Without arguments, the two-link robot is identified from embedded records of a robot that has
+/// one effect more than its model, and the report is written to `simtrue-report`.
 #[derive(Debug, Parser)]
 #[command(name = "simtrue", version, args_conflicts_with_subcommands = true)]
 pub(crate) struct Cli {
@@ -22,17 +22,19 @@ pub(crate) struct Cli {
     pub(crate) identify: IdentifyArgs,
 }
 
-/// What to do.
+/// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Identify a model on a data folder and write fit.json and report.html.
     Identify(IdentifyArgs),
-    /// Compare a model with given parameters with a data folder; nothing is identified.
+    /// Compare a model that has given parameters with a data folder; nothing is identified.
     Simulate(SimulateArgs),
-    /// Regress the equations of motion on records filtered without phase shift: base parameters with deviations, friction
-    /// laws beyond the model, checks on test records, physically consistent values.
+    /// Regress the equations of motion on records filtered without phase shift: base parameters
+    /// with deviations, friction laws beyond the model, checks on test records, physically
+    /// consistent values.
     Regress(RegressArgs),
-    /// Say which physical effect the model in a data folder lacks, where, and how far the gap shrinks with it.
+    /// Name the physical effect that the model in a data folder lacks, its joint, and how far it
+    /// shrinks the gap.
     Diagnose(crate::diagnose::DiagnoseArgs),
     /// List the models.
     Models,
@@ -66,7 +68,7 @@ pub(crate) struct DumpArgs {
     pub(crate) parts: DumpParts,
 }
 
-/// What to show; without any: equations as text, and counts.
+/// Parts to show; without any: equations as text, and counts.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct DumpParts {
     /// Generated code, formatted.
@@ -90,12 +92,12 @@ pub(crate) struct Source {
     pub(crate) model: Option<String>,
     /// Folder with dataset.toml and CSV files (docs/data-format.md).
     pub(crate) folder: Option<PathBuf>,
-    /// Robot from a URDF instead of a model: joints and links of the file, input torque or force at each joint. Identified
-    /// values are written back to identified.urdf.
+    /// Robot from a URDF instead of a model: joints and links of the file, input torque or force at
+    /// each joint. Identified values are written back to identified.urdf.
     #[arg(long, value_name = "FILE")]
     pub(crate) urdf: Option<PathBuf>,
-    /// Robot from a nominal description (docs/nominal-format.md) instead of a model; in identifications its tolerances are
-    /// bounds and priors, its stated noise that of the channels.
+    /// Robot from a nominal description (docs/nominal-format.md) instead of a model; in
+    /// identifications its tolerances are bounds and priors, its stated noise that of the channels.
     #[arg(long, value_name = "FILE", conflicts_with = "urdf")]
     pub(crate) nominal: Option<PathBuf>,
     /// With --urdf: masses and inertias are identified, or held as written.
@@ -104,33 +106,37 @@ pub(crate) struct Source {
     /// With --urdf: a rotor inertia per joint is identified.
     #[arg(long, requires = "urdf")]
     pub(crate) armature: bool,
-    /// Effect of the library (as `simtrue diagnose` names them) that the model lacks, at every joint (`stribeck`) or one joint
-    /// (`stribeck:elbow`); may be repeated. Regressions take its linear form. Or a force law that is linear in a coefficient,
-    /// at a joint or a motor of two joints (`viscous:j5+j6`). Laws: armature, offset, viscous, coulomb, asymmetric (viscous friction that
-    /// differs between the directions), stribeck, saturating, load (friction with the drive's torque), quadratic,
-    /// presliding (friction that builds up over a displacement; regressions only).
+    /// Effect of the library (as `simtrue diagnose` names them) that the model lacks, at every
+    /// joint (`stribeck`) or one joint (`stribeck:elbow`); may be repeated. Regressions take its
+    /// linear form. Or a force law that is linear in a coefficient, at a joint or a motor of two
+    /// joints (`viscous:j5+j6`). Laws: armature, offset, viscous, coulomb, asymmetric (viscous
+    /// friction that differs between the directions), stribeck, saturating, load (friction with the
+    /// drive's torque), quadratic, presliding (friction that builds up over a displacement;
+    /// regressions only).
     #[arg(long = "with", value_name = "TERM", conflicts_with_all = ["urdf", "nominal"])]
     pub(crate) terms: Vec<With>,
-    /// Factors from the input columns to the torque or force at the joints (N·m/A for currents), one per joint, separated by
-    /// commas; the columns then count as torques or forces.
+    /// Factors from the input columns to the torque or force at the joints (N·m/A for currents),
+    /// one per joint, separated by commas; the columns then count as torques or forces.
     #[arg(long, value_name = "K1,K2,…", value_delimiter = ',', value_parser = finite)]
     pub(crate) input_gain: Vec<f64>,
-    /// What the input columns are, whatever the data set says: readings at the sample times (linear), or commands held from one
-    /// sample to the next (zero-order).
+    /// Kind of the input columns, whatever the data set says: readings at the sample times
+    /// (linear), or commands held from one sample to the next (zero-order).
     #[arg(long, value_enum, value_name = "HOLD")]
     pub(crate) input_hold: Option<HoldArg>,
     /// The measured torques of the records (columns tau1 …) are the inputs instead of the commands.
     #[arg(long, conflicts_with_all = ["input_gain", "controller"])]
     pub(crate) measured_torque: bool,
-    /// Controllers of the records (docs/controller-format.md): the commanded positions become the input, and the loop is part
-    /// of the model.
+    /// Controllers of the records (docs/controller-format.md): the commanded positions are the
+    /// input, and the loop is part of the model.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["urdf", "nominal"])]
     pub(crate) controller: Option<PathBuf>,
-    /// Parameter of which every training record has its own value, such as an offset that is set anew; may be repeated. Test
-    /// records take the mean. In regressions `*` stands for any characters.
+    /// Parameter of which every training record has its own value, such as an offset that is set
+    /// anew; may be repeated. Test records take the mean. In regressions `*` stands for any
+    /// characters.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["urdf", "nominal"])]
     pub(crate) private: Vec<String>,
-    /// Joint whose recorded velocity lags behind (`all` for every joint), by a time constant that is estimated; may be repeated.
+    /// Joint whose recorded velocity lags behind (`all` for every joint), by a time constant that
+    /// is estimated; may be repeated.
     #[arg(long, value_name = "JOINT", conflicts_with_all = ["urdf", "nominal"])]
     pub(crate) velocity_lag: Vec<String>,
     /// Further folder with records of the same robot; may be repeated.
@@ -142,7 +148,7 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    /// Whether nothing was said: the embedded model and records.
+    /// Whether no model and no data are named: the embedded ones are used.
     pub(crate) fn embedded(&self) -> bool {
         self.model.is_none()
             && self.folder.is_none()
@@ -151,7 +157,7 @@ impl Source {
     }
 }
 
-/// What input columns are.
+/// Kinds of input columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum HoldArg {
     /// Commands.
@@ -187,8 +193,8 @@ pub(crate) struct IdentifyArgs {
     /// How the parameters are estimated.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) method: MethodArg,
-    /// One-step scheme: explicit-euler, heun, rk4, dormand-prince, trapezoidal, implicit-midpoint, hermite-simpson,
-    /// gauss-legendre-S or radau-S with S stages.
+    /// One-step scheme: explicit-euler, heun, rk4, dormand-prince, trapezoidal, implicit-midpoint,
+    /// hermite-simpson, gauss-legendre-S or radau-S with S stages.
     #[arg(long, default_value = "implicit-midpoint", value_name = "SCHEME")]
     pub(crate) scheme: Scheme,
     /// Steps of the scheme per sampling interval.
@@ -209,9 +215,10 @@ pub(crate) struct IdentifyArgs {
     /// Method of the solver.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) solver: SolverArg,
-    /// How far a simulation runs before it is restarted: `record`, a time (`1s`), a number of samples, or `auto`, which
-    /// chooses among half a second, one and two seconds by cross validation over the training records. Without it: the
-    /// whole record, or `1s` where a record is longer than 10 s.
+    /// How far a simulation runs before it is restarted: `record`, a time (`1s`), a number of
+    /// samples, or `auto`, which chooses among half a second, one and two seconds by cross
+    /// validation over the training records. Without it: the whole record, or `1s` where a record
+    /// is longer than 10 s.
     #[arg(long, value_name = "HORIZON")]
     pub(crate) horizon: Option<HorizonArg>,
     /// Initial state of each window.
@@ -220,47 +227,55 @@ pub(crate) struct IdentifyArgs {
     /// Weights of the channels in the objective.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) weights: WeightsArg,
-    /// Fit by maximum likelihood: the noise of every channel is estimated, or stated by --assume or --nominal.
+    /// Fit by maximum likelihood: the noise of every channel is estimated, or stated by --assume or
+    /// --nominal.
     #[arg(long)]
     pub(crate) likelihood: bool,
-    /// What is known of noise and parameters (docs/assumptions-format.md); implies --likelihood.
+    /// File with noise and prior knowledge of parameters (docs/assumptions-format.md); implies
+    /// --likelihood.
     #[arg(long, value_name = "FILE")]
     pub(crate) assume: Option<PathBuf>,
-    /// What deviations cost in units of their noise: square, huber=THRESHOLD, student-t=FREEDOM; implies --likelihood.
+    /// Loss of deviations in units of their noise: square, huber=THRESHOLD, student-t=FREEDOM;
+    /// implies --likelihood.
     #[arg(long, value_name = "LOSS", value_parser = crate::assume::loss)]
     pub(crate) loss: Option<Loss>,
     /// Parameter that is held at its start; may be repeated.
     #[arg(long, value_name = "NAME")]
     pub(crate) hold: Vec<String>,
-    /// Relation between parameters and states, such as "mass_a + mass_b <= 12.5", "viscous_left == viscous_right" or "v_elbow <= 4":
-    /// LEFT <= RIGHT, >= or ==, with + - * /, sin, cos, tan, exp, ln, sqrt, abs. With a state, q_JOINT or v_JOINT, it holds at every
-    /// sample, in shooting at every node. Names that are not words stand in quotes. May be repeated.
+    /// Relation between parameters and states, such as "mass_a + mass_b <= 12.5", "viscous_left ==
+    /// viscous_right" or "v_elbow <= 4": LEFT <= RIGHT, >= or ==, with + - * /, sin, cos, tan, exp,
+    /// ln, sqrt, abs. With a state, q_JOINT or v_JOINT, it holds at every sample, in shooting at
+    /// every node. Names that are not words stand in quotes. May be repeated.
     #[arg(long, value_name = "RELATION")]
     pub(crate) constrain: Vec<String>,
-    /// Standard deviations from the scatter of the windows' gradients (sandwich form): right for noise of any correlation
-    /// within a window. Needs twice as many windows as free parameters.
+    /// Standard deviations from the scatter of the windows' gradients (sandwich form): right for
+    /// noise of any correlation within a window. Needs twice as many windows as free parameters.
     #[arg(long)]
     pub(crate) sandwich: bool,
     /// Interval of 95 % of a parameter by its profile likelihood; may be repeated.
     #[arg(long, value_name = "NAME")]
     pub(crate) profile: Vec<String>,
-    /// Keep links all of whose ten inertial parameters the model has bodies of positive density, with a positive definite mass
-    /// matrix in every pose: `after` the fit, by one more in log-Cholesky coordinates that prints what it costs and what it mends, or
-    /// `throughout` one fit, by a barrier: for arms with all parameters open and noisy records. What the data do not determine
-    /// then stays near the start.
+    /// Keep links all of whose ten inertial parameters the model has bodies of positive density,
+    /// with a positive definite mass matrix in every pose. `after`: one more fit in log-Cholesky
+    /// coordinates, which prints its cost and its benefit. `throughout`: one fit with a barrier,
+    /// for arms with all parameters open and noisy records; parameters that the data do not
+    /// determine stay near the start.
     #[arg(long, value_name = "WHEN", num_args = 0..=1, require_equals = true, default_missing_value = "after")]
     pub(crate) consistent: Option<ConsistentArg>,
-    /// Look for the effect that the model lacks as well, with the nominal values and ranges of its declaration, as `simtrue diagnose
-    /// --model` does; its report goes to the folder `diagnosis` in that of the results. Done without asking on the embedded data.
+    /// Look for the effect that the model lacks as well, with the nominal values and ranges of its
+    /// declaration, as `simtrue diagnose --model` does; its report goes to the folder `diagnosis`
+    /// in that of the results. Done without asking on the embedded data.
     #[arg(long)]
     pub(crate) diagnose: bool,
     /// Draws of the block bootstrap over windows: intervals of 95 % by as many further fits.
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub(crate) bootstrap: usize,
-    /// Start the solver from the given parameters as they are, without fitting the residual first or lifting the start of shooting.
+    /// Start the solver from the given parameters as they are, without fitting the residual first
+    /// or lifting the start of shooting.
     #[arg(long)]
     pub(crate) no_prepare: bool,
-    /// Cut-off of the zero-phase filter behind derived velocities and the equation error, Hz; found from the data if absent.
+    /// Cut-off of the zero-phase filter behind derived velocities and the equation error, Hz; found
+    /// from the data if absent.
     #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(crate) cutoff: Option<f64>,
     /// The equation error keeps every n-th sample.
@@ -307,33 +322,36 @@ pub(crate) struct RegressArgs {
     /// Parameter that is held at its start; may be repeated.
     #[arg(long, value_name = "NAME")]
     pub(crate) hold: Vec<String>,
-    /// Cut-off of the zero-phase filter, Hz; found from the noise of the data if absent, chosen by left-out training records with
-    /// `auto`.
+    /// Cut-off of the zero-phase filter, Hz; found from the noise of the data if absent, chosen by
+    /// left-out training records with `auto`.
     #[arg(long, value_name = "HZ")]
     pub(crate) cutoff: Option<CutoffArg>,
     /// Keep every n-th sample; four per period of the cut-off if absent.
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub(crate) decimate: Option<usize>,
-    /// A joint slower than so many transition velocities (0.02 rad/s, 1 mm/s) rests: its rows are left out of the fit, not of
-    /// the judgement. 0 keeps all. Without it 2, and 0 with `--with presliding`, which explains what joints at rest do.
+    /// A joint rests if it is slower than so many transition velocities (0.02 rad/s, 1 mm/s): its
+    /// rows are left out of the fit, not of the judgement. 0 keeps all. Default 2, or 0 with
+    /// `--with presliding`, which explains joints at rest.
     #[arg(long, value_name = "X", value_parser = not_negative)]
     pub(crate) rest: Option<f64>,
-    /// Training records to fit on, separated by commas; all of them if absent. Those left out are neither fitted nor judged.
+    /// Training records to fit on, separated by commas; all of them if absent. Those left out are
+    /// neither fitted nor judged.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub(crate) train: Vec<String>,
     /// Estimator. Instrumental variables simulate the closed loop of --controller without noise (IDIM-IV).
     #[arg(long, value_enum, default_value_t)]
     pub(crate) method: RegressMethodArg,
-    /// A body fixed to a link in some records, LINK=RECORDS (`wrist_3=*_load`): its ten parameters are estimated with those of
-    /// the robot in one fit over records with and without it.
+    /// A body fixed to a link in some records, LINK=RECORDS (`wrist_3=*_load`): its ten parameters
+    /// are estimated with those of the robot in one fit over records with and without it.
     #[arg(long, value_name = "LINK=RECORDS")]
     pub(crate) payload: Option<Payload>,
-    /// Standard deviations of the input gains as shares of them (0.1: known to 10 %), one per joint, separated by commas: no record
-    /// tells of an error that all of them have, so it enters the deviations of the values.
+    /// Standard deviations of the input gains as shares of them (0.1: known to 10 %), one per
+    /// joint, separated by commas. No record shows an error that all records share, so it enters
+    /// the deviations of the values.
     #[arg(long, value_name = "S1,S2,…", value_delimiter = ',', value_parser = not_negative)]
     pub(crate) gain_deviation: Vec<f64>,
-    /// Parameters whose residuals are printed beside those of the fit, through the same filters: a fit.json, or a TOML file of
-    /// lines `name = value`; may be repeated.
+    /// Parameters whose residuals are printed beside those of the fit, through the same filters: a
+    /// fit.json, or a TOML file of lines `name = value`; may be repeated.
     #[arg(long, value_name = "FILE")]
     pub(crate) judge: Vec<PathBuf>,
     /// Weights of the joints: each by its own residual variance, or all alike.
@@ -342,7 +360,8 @@ pub(crate) struct RegressArgs {
     /// Priors, held values and loss (docs/assumptions-format.md); stated noise of channels is not used.
     #[arg(long, value_name = "FILE")]
     pub(crate) assume: Option<PathBuf>,
-    /// What residuals cost in units of their own deviation: square, huber=THRESHOLD, student-t=FREEDOM.
+    /// Loss of residuals in units of their own deviation: square, huber=THRESHOLD,
+    /// student-t=FREEDOM.
     #[arg(long, value_name = "LOSS", value_parser = crate::assume::loss)]
     pub(crate) loss: Option<Loss>,
     /// Hold shape parameters of force terms (Stribeck velocities) instead of seeking them.
@@ -494,7 +513,7 @@ fn finite(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A cut-off, or the wish to have it chosen.
+/// A cut-off, stated or to be chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum CutoffArg {
     /// By left-out training records.
@@ -516,7 +535,7 @@ impl std::str::FromStr for CutoffArg {
     }
 }
 
-/// A horizon, or the wish to have it chosen.
+/// A horizon, stated or to be chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum HorizonArg {
     /// By cross validation.

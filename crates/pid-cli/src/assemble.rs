@@ -1,4 +1,5 @@
-//! From identified (or given) parameters to the report: free runs, missing forces, tables, words.
+//! From identified (or given) parameters to the report: free runs, missing forces, tables,
+//! sentences.
 
 use pid_data::{Dataset, Horizon, Kind, Role};
 use pid_fit::gap::force::{MissingForceEstimate, missing_force};
@@ -14,7 +15,7 @@ use crate::findings::findings;
 use crate::progress::Progress;
 use crate::source::Subject;
 
-/// Parameters and how they were come by.
+/// Parameters and their origin.
 pub(crate) struct Fit {
     /// Headline of the report.
     pub(crate) title: String,
@@ -63,8 +64,8 @@ const HORIZONS: [Horizon; 3] = [
 /// Horizon of the motion that is drawn.
 const DRAWN: Horizon = Horizon::Seconds(1.0);
 
-/// Free runs start at the recorded velocity of a simulated record; on a machine a single sample is noisy, and the filtered
-/// one is taken.
+/// Free runs of a simulated record start at the recorded velocity. On a machine a single sample is
+/// noisy, and they start at the filtered one.
 fn free_run_settings(dataset: &Dataset, horizon: Horizon, cutoff: Option<f64>) -> FreeRunSettings {
     let start = match dataset.kind {
         Kind::Real => StartVelocity::Estimated,
@@ -96,7 +97,7 @@ pub(crate) fn assemble(
             &free_run_settings(dataset, horizon, fit.cutoff),
         )?;
         scores.extend(table.roles);
-        // Unseen motions one by one too: they ask different things of a model.
+        // Unseen motions also one by one, since they test different things.
         let unseen = table
             .experiments
             .into_iter()
@@ -112,7 +113,7 @@ pub(crate) fn assemble(
     let mut motions = Vec::new();
     let mut forces = Vec::new();
     let mut notes = fit.notes;
-    // Unseen motions first: they are what a model is for.
+    // Unseen motions first, since a model is made for them.
     let mut order: Vec<usize> = (0..dataset.experiments.len()).collect();
     order.sort_by_key(|i| dataset.experiments[*i].role != Role::Test);
     for experiment in order.iter().map(|i| &dataset.experiments[*i]) {

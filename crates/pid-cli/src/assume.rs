@@ -1,4 +1,4 @@
-//! What is assumed about noise and parameters, from a file, a nominal description and options.
+//! Assumptions about noise and parameters, from a file, a nominal description and options.
 
 use std::path::Path;
 
@@ -14,7 +14,8 @@ use crate::constrain;
 use crate::error::CliError;
 use crate::source::Subject;
 
-/// Puts likelihood, held parameters and the form of the covariance into the settings; starts of parameters besides.
+/// Puts likelihood, held parameters and the form of the covariance into the settings; starts of
+/// parameters besides.
 pub(crate) fn apply(
     args: &IdentifyArgs,
     subject: &Subject,
@@ -70,7 +71,7 @@ pub(crate) fn read(
 /// Priors from tolerances (uniform within ± tolerance: a deviation of tolerance/√3), stated noise of sensors.
 fn from_nominal(nominal: &Nominal, model: &dyn Hessian) -> Likelihood {
     let channels = &nominal.measurement().channels;
-    // Noise of zero is that of a reading that nobody measured.
+    // Noise of zero means that nobody measured it.
     let stated = |x: Option<f64>| x.filter(|x| *x > 0.0);
     let position = channels.iter().map(|c| stated(c.position_std()));
     let velocity = channels.iter().map(|c| match c.velocity {

@@ -1,4 +1,4 @@
-//! The effect that an identified model lacks, named after the fit.
+//! Names the effect that an identified model lacks, after the fit.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use crate::{diagnose, output};
 /// Folder of its report in that of the results.
 const FOLDER: &str = "diagnosis";
 
-/// A diagnosis and what to say of it.
+/// A diagnosis and its sentence for the findings.
 pub(crate) struct Cause {
     report: Report,
     /// For the findings.

@@ -12,8 +12,8 @@ use crate::error::CliError;
 const POSES: usize = 10_000;
 const SEED: u64 = 0;
 
-/// The fit again from where the unconstrained one ended; its values are those of the model's own parameters. The sentence says
-/// what the constraint did.
+/// Fits again from the end of the unconstrained fit; its values are those of the model's own
+/// parameters. The sentence states the cost of the constraint.
 pub(crate) fn refit(
     model: &dyn Hessian,
     dataset: &Dataset,
@@ -86,7 +86,7 @@ pub(crate) fn refit(
     Ok((found, sentence))
 }
 
-/// By the coordinates' covariance, where all of them that matter are determined.
+/// Deviations from the coordinates' covariance, if all coordinates that matter are determined.
 fn deviation(
     slope: &[(usize, f64)],
     coordinates: &[Option<f64>],

@@ -1,11 +1,12 @@
-//! `--constrain`: relations between parameters and states, as one would write them.
+//! `--constrain`: relations between parameters and states, written as formulas.
 //!
 //! ```text
 //! mass_upper + mass_lower <= 12.5        viscous_left == viscous_right        v_elbow * v_elbow <= 4
 //! ```
 //!
-//! Names are those of parameters, and `q_JOINT`, `v_JOINT` for positions and velocities; in quotes where they are not words. With a
-//! state in it, a relation holds at every node. The text is an expression of Rust, which `syn` parses, evaluated over dual numbers.
+//! Names are those of parameters, and `q_JOINT`, `v_JOINT` for positions and velocities; in quotes
+//! where they are not words. With a state in it, a relation holds at every node. The text is an
+//! expression of Rust, which `syn` parses, evaluated over dual numbers.
 
 use std::sync::Arc;
 
@@ -111,7 +112,8 @@ impl GenericFunction for Term {
 /// The relation in a text, for a model.
 ///
 /// # Errors
-/// [`CliError::Constraint`] for a text that is no relation, an unknown name and a relation of numbers alone.
+/// [`CliError::Constraint`] for a text that is no relation, an unknown name, or a relation of
+/// numbers alone.
 pub(crate) fn parse(text: &str, model: &dyn Dynamics) -> Result<Constraint, CliError> {
     let wrong = |reason: String| CliError::Constraint {
         text: text.to_owned(),

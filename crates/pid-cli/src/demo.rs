@@ -1,13 +1,15 @@
-//! The data that `pid` runs on when none are given.
+//! The data of `pid` without arguments.
 //!
-//! The two-link robot with its nominal parameters (Table II of the source) is simulated with controlled error and *one effect that
-//! its model lacks*: dry friction at the elbow grows towards standstill (Stribeck friction),
+//! The two-link robot with its nominal parameters (Table II of the source) is simulated with
+//! controlled error and *one effect that its model lacks*: dry friction at the elbow grows towards
+//! standstill (Stribeck friction),
 //!
 //! ```text
 //! f = −8 N·m · exp(−(v / 0.8 rad/s)²) · tanh(50 v).
 //! ```
 //!
-//! Positions and velocities carry white noise. The files are kept in `data/demo` and embedded; a test makes them anew and compares.
+//! Positions and velocities carry white noise. The files are kept in `data/demo` and embedded; a
+//! test makes them anew and compares.
 
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
@@ -54,7 +56,7 @@ const SEED: u64 = 2019;
 /// Makes the files anew: pairs of name and content.
 ///
 /// # Errors
-/// None that the data themselves do not rule out; the simulation's error is passed on.
+/// Cannot fail on these data; passes on the error of the simulation.
 pub(crate) fn generate() -> Result<Vec<(String, String)>, SimulateError> {
     let mut files = vec![("dataset.toml".to_owned(), FILES[0].1.to_owned())];
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
@@ -110,7 +112,7 @@ fn record(q0: [f64; 2], input: Input, random: &mut ChaCha8Rng) -> Result<String,
     let t: Vec<f64> = (0..SAMPLES)
         .map(|i| rounded(i as f64 * STEP, 1e6))
         .collect();
-    // What is written is what acted: inputs are rounded before they are used.
+    // The written inputs act: they are rounded before they are used.
     let u: Vec<f64> = t
         .iter()
         .flat_map(|t| input(*t))
@@ -152,8 +154,8 @@ fn rounded(x: f64, scale: f64) -> f64 {
     (x * scale).round() / scale
 }
 
-/// A normal number by the method of Box and Muller. The embedded files and the published study of the VS-050 were drawn with it: all
-/// other draws are by `rand_distr`.
+/// A normal number by the method of Box and Muller. The embedded files and the published study of
+/// the VS-050 were drawn with it: all other draws are by `rand_distr`.
 pub(crate) fn gaussian(random: &mut ChaCha8Rng) -> f64 {
     let (a, b): (f64, f64) = (random.random(), random.random());
     (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
@@ -223,7 +225,8 @@ mod tests {
                         .map(|c| c.parse::<f64>().ok())
                         .collect::<Vec<_>>()
                 };
-                // Libraries of functions differ in the last place, so may the last digit written.
+                // Libraries of functions differ in the last place, and so may the last digit
+                // written.
                 let same = a == b
                     || numbers(a)
                         .iter()

@@ -32,23 +32,24 @@ pub(crate) struct DiagnoseArgs {
     /// Diagnose again where a result is already there.
     #[arg(long)]
     again: bool,
-    /// Declared model in place of nominal.toml: nominal values and tolerances are those of its parameters; what is known of the
-    /// measurement may stand in a measurement.toml of the folder.
+    /// Declared model in place of nominal.toml: nominal values and tolerances are those of its
+    /// parameters. A measurement.toml in the folder may state how the robot is measured.
     #[arg(long, value_name = "MODEL")]
     model: Option<String>,
     /// Look for the motion that separates the first two candidates even where the records do so already.
     #[arg(long)]
     next: bool,
-    /// Refit every candidate to its end instead of those that screening puts first: slow, to judge the screening by.
+    /// Refit every candidate to its end instead of the best ones of the screening. Slow; use it to
+    /// judge the screening.
     #[arg(long)]
     refit_all: bool,
-    /// Length of the train records that is fitted, seconds times the number of joints; from longer ones the parts are taken that
-    /// decide. Test records are used whole.
+    /// Length of the train records that is fitted, seconds times the number of joints; of longer
+    /// records it takes the parts that decide. Gaps use the whole test records.
     #[arg(long, value_name = "SECONDS", default_value_t = Settings::default().joint_seconds, value_parser = crate::args::positive)]
     joint_seconds: f64,
 }
 
-/// Diagnoses all folders, several at a time; those that cannot be read are named and do not stop the others.
+/// Diagnoses all folders, several at a time. Names those that cannot be read and goes on.
 pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
     let several = args.folders.len() > 1;
     let model = match &args.model {

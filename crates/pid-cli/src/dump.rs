@@ -6,7 +6,7 @@ use crate::args::DumpArgs;
 use crate::error::CliError;
 use crate::output;
 
-/// Prints what was asked for.
+/// Prints the requested parts.
 pub(crate) fn run(args: &DumpArgs) -> Result<u8, CliError> {
     let path = &args.file;
     let source = std::fs::read_to_string(path).map_err(|error| CliError::Read {

@@ -33,9 +33,10 @@ pub(crate) struct ExciteArgs {
     /// Parameters: a fit.json, or a TOML file of lines `name = value`; nominal ones if absent.
     #[arg(long, value_name = "FILE")]
     pub(crate) parameters: Option<PathBuf>,
-    /// Limits: a TOML file with `[JOINT]` tables of `position = [low, high]`, `velocity`, `acceleration`, `force`, in rad or m, s,
-    /// N·m or N. What a joint does not name comes from the options below, positions from the model's declaration. Tables
-    /// `[[workspace]]` keep points of links in boxes: `link = "forearm"`, `point = [0, 0, 0.3]` in the link's frame (its origin if
+    /// Limits: a TOML file with `[JOINT]` tables of `position = [low, high]`, `velocity`,
+    /// `acceleration`, `force`, in rad or m, s, N·m or N. What a joint does not name comes from the
+    /// options below, positions from the model's declaration. Tables `[[workspace]]` keep points of
+    /// links in boxes: `link = "forearm"`, `point = [0, 0, 0.3]` in the link's frame (its origin if
     /// absent), `x`, `y`, `z` = `[low, high]` in the base frame, m, an end `inf` where it is open.
     #[arg(long, value_name = "FILE")]
     pub(crate) limits: Option<PathBuf>,
@@ -57,7 +58,7 @@ pub(crate) struct ExciteArgs {
     /// Samples per period at which limits hold.
     #[arg(long, value_name = "N", default_value_t = 100)]
     pub(crate) samples: usize,
-    /// What is minimised.
+    /// Criterion that is minimised.
     #[arg(long, value_enum, default_value_t = CriterionArg::Determinant)]
     pub(crate) criterion: CriterionArg,
     /// Random starts.
@@ -148,7 +149,8 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<u8, CliError> {
     Ok(if interrupt.requested() { 130 } else { 0 })
 }
 
-/// One period: time, positions, velocities, accelerations, the force they need and where the limited points are.
+/// One period: time, positions, velocities, accelerations, the force they need and where the
+/// limited points are.
 fn table(
     model: &dyn Hessian,
     p: &[f64],

@@ -1,15 +1,15 @@
-//! What the figures say, in sentences.
+//! Turns figures into sentences.
 
 use pid_data::{Horizon, Role};
 use pid_diagnose::locate::correlation_ratio;
 use pid_fit::gap::metrics::FreeRunScore;
 use pid_report::{Direction, ForceBin, MissingForce, ParameterRow};
 
-/// Shares of the missing force's variance below this are not called a dependence.
+/// A share of the missing force's variance below this is no dependence.
 const CLEAR: f64 = 0.35;
-/// Slow means below this share of the fastest class.
+/// Slow means are those below this share of the fastest class.
 const SLOW: f64 = 0.15;
-/// Joints whose missing force is a smaller share of the whole are not worth a sentence of their own.
+/// A joint whose missing force is a smaller share of the whole gets no sentence of its own.
 const SMALL: f64 = 0.01;
 
 /// Sentences on missing forces, errors and parameters, the most important first.
@@ -142,8 +142,8 @@ fn explained(bins: &[ForceBin]) -> f64 {
     correlation_ratio(within, between + within, n, bins.len() as f64)
 }
 
-/// How the error on unseen records compares with that on fitted ones, at the longest horizon below the whole record. All test
-/// records together stand before the single ones.
+/// How the error on unseen records compares with that on fitted ones, at the longest horizon below
+/// the whole record. All test records together stand before the single ones.
 fn generalisation(free_run: &[FreeRunScore]) -> Option<String> {
     let mut tests = free_run
         .iter()

@@ -1,4 +1,4 @@
-//! How far simulations of an identification run: as stated, by rule, or by cross validation.
+//! Length of the simulations of an identification: stated, by rule, or by cross validation.
 
 use std::ops::ControlFlow;
 
@@ -11,10 +11,11 @@ use crate::progress::{Interrupt, Progress};
 
 /// Horizons to choose from, s.
 const LADDER: [f64; 3] = [0.5, 1.0, 2.0];
-/// Free runs that judge them, s: the same for all.
+/// Length of the free runs that judge them, s: the same for all.
 const JUDGED: Horizon = Horizon::Seconds(1.0);
 
-/// Whole records of noise-free or short simulated data, one second where friction and drift make long runs a lottery.
+/// Whole records of noise-free or short simulated data; one second where friction and drift make
+/// long runs a lottery.
 pub(crate) fn by_rule(dataset: &Dataset) -> Horizon {
     let longest = dataset
         .experiments

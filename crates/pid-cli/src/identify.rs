@@ -24,7 +24,7 @@ use crate::error::CliError;
 use crate::progress::{Interrupt, Progress};
 use crate::{assume, consistent, horizon, output, parameters, source};
 
-/// Largest constraint violation and stationarity that the independent check lets pass.
+/// The independent check accepts this constraint violation and stationarity.
 const FEASIBLE: f64 = 1e-6;
 const STATIONARY: f64 = 1e-4;
 
@@ -241,7 +241,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         curvature: match args.hessian {
             HessianArg::Exact => Curvature::Exact,
             HessianArg::GaussNewton => Curvature::GaussNewton,
-            // Not asked for, except by the standard deviations at the solution.
+            // Only the standard deviations at the solution use it.
             HessianArg::Bfgs | HessianArg::LBfgs => Curvature::Exact,
         },
         quasi_newton: match args.hessian {
@@ -495,7 +495,7 @@ fn noise_finding(found: &Identification, settings: &Settings, data: &Dataset) ->
     ))
 }
 
-/// What changes together without the data noticing.
+/// Parameters that change together without a change of the fit.
 fn open_direction(
     direction: &[(usize, f64)],
     found: &Identification,
@@ -555,7 +555,7 @@ fn notes(found: &Identification, params: &[ParamInfo]) -> Vec<String> {
     notes
 }
 
-/// How many optima the starts reached, and what share each.
+/// Number of optima that the starts reached, and the share of each.
 fn optima(found: &Identification) -> Option<String> {
     if found.runs.len() < 2 || found.optima.is_empty() {
         return None;
@@ -602,7 +602,8 @@ fn force_findings(errors: &[ForceError]) -> Vec<String> {
         .collect()
 }
 
-/// Says so when a scheme's own error has gone into the parameters: J of the fit against J of an accurate simulation.
+/// Warns if a scheme's own error has gone into the parameters: compares J of the fit with J of an
+/// accurate simulation.
 fn hidden_error(settings: &Settings, best: &Run, report: &pid_report::Report) -> Option<String> {
     if settings.weighting != Weighting::Unit || !matches!(settings.horizon, Horizon::Record) {
         return None;

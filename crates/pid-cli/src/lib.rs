@@ -1,6 +1,6 @@
 //! The command line `simtrue`: identify a robot from its records, see where model and robot differ.
 //!
-//! A crate with robots of its own gets the same command line for them by one line:
+//! A crate with robots of its own gets the same command line for them in one line:
 //!
 //! ```no_run
 //! use pid_models::Entry;
@@ -25,11 +25,12 @@
 //! }
 //! ```
 //!
-//! `identify`, `regress`, `simulate` and `excite` take `carriage` as the name of a model, and `diagnose FOLDER
-//! --model carriage` needs no `nominal.toml`.
+//! `identify`, `regress`, `simulate` and `excite` take `carriage` as the name of a model, and
+//! `diagnose FOLDER --model carriage` needs no `nominal.toml`.
 //!
-//! Exit codes: 0 done, 1 an error in the input (the message says where and what to do), 2 a mistake in the arguments,
-//! 3 finished, but the result is not to be used, 130 interrupted (what was reached has been written).
+//! Exit codes: 0 done; 1 an error in the input (the message says where and how to mend it); 2 a
+//! mistake in the arguments; 3 finished, but the result must not be used; 130 interrupted (the
+//! results so far are written).
 
 mod args;
 mod assemble;
@@ -68,7 +69,8 @@ use error::CliError;
 /// Where the studies of the project are.
 const STUDIES: &str = "studies run from the source tree: cargo run --release -p pid-studies -- withheld|paper|coverage (--help lists all)";
 
-/// Runs the command line of this process; `own` are models beside those of `simtrue models`, and come first where names are equal.
+/// Runs the command line of this process; `own` are models beside those of `simtrue models`, and
+/// come first where names are equal.
 pub fn main(own: &'static [Entry]) -> ExitCode {
     models::add(own);
     let cli = Cli::parse();

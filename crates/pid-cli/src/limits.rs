@@ -73,7 +73,7 @@ pub(crate) enum LimitsError {
 }
 
 impl LimitFile {
-    /// Reads a file; without one nothing is limited beyond the options.
+    /// Reads a file; without one only the options limit the motion.
     pub(crate) fn read(path: Option<&Path>, model: &dyn Hessian) -> Result<Self, CliError> {
         let Some(path) = path else {
             return Ok(Self::default());

@@ -67,7 +67,8 @@ pub(crate) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> O
         .map(|(_, n)| n.to_owned())
 }
 
-/// A named value with the places of both; a report has no lines that one would mend, so its file is the place.
+/// A named value with the places of both; a report has no lines that one would mend, so its file is
+/// the place.
 struct Named {
     name: String,
     key: String,

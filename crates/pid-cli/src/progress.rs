@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A line that says what is going on; hidden when standard error is not a terminal.
+/// A line that shows the current step; hidden when standard error is not a terminal.
 pub struct Progress(ProgressBar);
 
 impl Progress {
@@ -21,7 +21,7 @@ impl Progress {
         Progress(bar)
     }
 
-    /// Shows the step at hand.
+    /// Shows the current step.
     pub fn step(&self, what: impl Into<String>) {
         self.0.set_message(what.into());
     }
@@ -38,12 +38,14 @@ impl Drop for Progress {
     }
 }
 
-/// Set by the first Ctrl-C: finish the iteration, keep what is there. The second one ends the program at once.
+/// Set by the first Ctrl-C: finish the iteration and keep its result. The second one ends the
+/// program at once.
 #[derive(Clone, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Listens to Ctrl-C. Where that is not possible the program can still be ended, it then keeps nothing.
+    /// Listens to Ctrl-C. If that is not possible, the program can still be ended, but keeps
+    /// nothing.
     pub fn listen() -> Self {
         let interrupt = Interrupt::default();
         let flag = interrupt.clone();

@@ -19,7 +19,7 @@ use crate::progress::Progress;
 use crate::with::{self, With};
 use crate::{assume, output, parameters, source};
 
-/// Spread over the records above which a combination counts as one on which they disagree.
+/// Records disagree on a combination whose spread over them exceeds this.
 const DISAGREES: f64 = 3.0;
 
 /// Runs the command; the exit code.
@@ -28,7 +28,7 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     // Here private parameters are unknowns of the regression, not of the model.
     let mut wanted = args.source.clone();
     let private = std::mem::take(&mut wanted.private);
-    // Friction with a memory takes states that are worked out from the records.
+    // Friction with a memory takes states that are computed from the records.
     let terms = std::mem::take(&mut wanted.terms);
     let (remembering, terms): (Vec<With>, Vec<With>) =
         (terms.into_iter()).partition(|t| t.law.as_ref().is_some_and(|l| l.law.has_memory()));
@@ -150,7 +150,7 @@ fn keep(dataset: &mut Dataset, names: &[String]) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The result for people.
+/// Prints the result.
 fn in_words(model: &dyn Hessian, title: &str, found: &Regression) -> String {
     let mut s = String::new();
     let mut line = |text: String| {

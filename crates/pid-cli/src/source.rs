@@ -22,7 +22,7 @@ use crate::error::{CliError, make_folder, write};
 use crate::with::{self, With};
 use crate::{demo, models, output};
 
-/// A model, and what to call it.
+/// A model and its name.
 pub(crate) struct Subject {
     pub(crate) name: String,
     pub(crate) summary: String,
@@ -30,7 +30,7 @@ pub(crate) struct Subject {
     origin: Origin,
 }
 
-/// Where a model comes from.
+/// Origin of a model.
 enum Origin {
     Compiled(&'static dyn Hessian),
     Extended(Box<Extended<'static>>),
@@ -64,7 +64,8 @@ impl Subject {
         }
     }
 
-    /// What motions and forces are judged on: the robot itself and its records, where the model has lags of readings besides.
+    /// The robot and records by which motions and forces are judged: those without lags of
+    /// readings.
     pub(crate) fn judged<'a>(
         &'a self,
         dataset: &'a Dataset,
@@ -181,7 +182,8 @@ pub(crate) fn controllers(file: &Path, joints: usize) -> Result<Controllers, Cli
     )?)
 }
 
-/// The model and the data asked for, or the embedded ones; checked against each other. With controllers the loop is closed.
+/// The model and the data asked for, or the embedded ones; checked against each other. With
+/// controllers the loop is closed.
 pub(crate) fn load(source: &Source) -> Result<(Subject, Dataset), CliError> {
     load_with(source, source.controller.as_deref(), false)
 }

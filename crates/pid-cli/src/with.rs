@@ -96,10 +96,12 @@ pub(crate) fn laws(all: &[With]) -> Result<Vec<Request>, CliError> {
     each.collect()
 }
 
-/// The model with the effects among them; starts and ranges are sizes of the records and of the robot as it was declared.
+/// The model with the effects among them; starts and ranges are sizes of the records and of the
+/// robot as it was declared.
 ///
 /// # Errors
-/// If the records or the model do not tell the sizes, a joint does not exist, or the equations cannot take an effect.
+/// If the records or the model do not tell the sizes, a joint does not exist, or the equations
+/// cannot take an effect.
 pub(crate) fn extended(
     inner: Box<dyn Hessian>,
     all: &[With],

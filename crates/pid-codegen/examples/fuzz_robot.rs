@@ -1,8 +1,10 @@
-//! Feeds declarations that nobody would write to `robot!`: no panic, no hang, and every refusal says why.
+//! Feeds declarations that nobody would write to `robot!`: no panic, no hang, and every refusal
+//! gives its reason.
 //!
-//! `cargo run --release -p pid-codegen --example fuzz_robot -- [inputs] [seed] [first]`, a million inputs with seed 0 by default,
-//! from the input number `first` on. Prints how many were refused by the grammar, by a check, and expanded, and the slowest
-//! input. A panic prints the number of its input. Every input is parsed and checked, one in 16 expanded to code as well.
+//! `cargo run --release -p pid-codegen --example fuzz_robot -- [inputs] [seed] [first]`, a million
+//! inputs with seed 0 by default, from the input number `first` on. Prints how many were refused by
+//! the grammar, by a check, and expanded, and the slowest input. A panic prints the number of its
+//! input. Every input is parsed and checked, one in 16 expanded to code as well.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -19,10 +21,11 @@ use std::time::{Duration, Instant};
 use fuzzing::{exercise, input};
 use pid_symbolic::random::Random;
 
-/// Places of tokens are forgotten after so many inputs; they are kept for the whole thread otherwise.
+/// After so many inputs the places of tokens are forgotten; otherwise the thread keeps them all.
 const FORGET: u64 = 1000;
 
-/// One input in so many is expanded to code as well, which costs several times as much as parsing and checking it.
+/// One input in so many is expanded to code as well. That costs several times as much as parsing
+/// and checking it.
 const WHOLE: u64 = 16;
 
 /// Says which input a panic belongs to.

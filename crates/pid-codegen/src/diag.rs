@@ -1,7 +1,8 @@
-//! Collector of errors and warnings with the places they belong to.
+//! Collects errors and warnings with their places.
 //!
-//! A stage reports everything it finds and the pipeline stops after the first stage with an error. Messages have the form
-//! "what is wrong, with name and number", then a `help:` line with text to paste.
+//! A stage reports everything it finds and the pipeline stops after the first stage with an error.
+//! Messages have the form "what is wrong, with name and number", then a `help:` line with text to
+//! paste.
 
 use proc_macro2::{Span, TokenStream};
 use quote::{quote, quote_spanned};
@@ -150,7 +151,8 @@ impl Diagnostics {
             .collect()
     }
 
-    /// All messages with their first lines and columns, for tests: places are known where `proc_macro2` tracks them.
+    /// All messages with their first lines and columns, for tests: places are known where
+    /// `proc_macro2` tracks them.
     #[doc(hidden)]
     pub fn located(&self) -> Vec<String> {
         let show =
@@ -178,8 +180,9 @@ impl Diagnostics {
             .collect()
     }
 
-    /// The warnings as items: a deprecated constant per warning, used once at the user's token, since stable Rust has no
-    /// other way to let a macro warn. `attrs` are the user's attributes on the robot.
+    /// The warnings as items: a deprecated constant per warning, used once at the user's token,
+    /// since stable Rust has no other way to let a macro warn. `attrs` are the user's attributes on
+    /// the robot.
     pub fn warnings_to_tokens(&self, attrs: &[TokenStream]) -> TokenStream {
         self.warnings
             .iter()
@@ -200,7 +203,8 @@ impl Diagnostics {
     }
 }
 
-/// The candidate nearest to `name`, if any is near enough to be meant (edit distance at most a third of the length, at least 1).
+/// The candidate nearest to `name`, if any is near enough to be meant (edit distance at most a
+/// third of the length, at least 1).
 pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let limit = (name.chars().count() / 3).max(1);
     candidates

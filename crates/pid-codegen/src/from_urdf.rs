@@ -13,8 +13,9 @@
 //! }
 //! ```
 //!
-//! The path is relative to the folder of the crate's `Cargo.toml`. A constant with the file's contents in the expansion makes
-//! the compiler build the crate anew when the file changes. Mistakes in the file are errors on the path, with line and mend.
+//! The path is relative to the folder of the crate's `Cargo.toml`. A constant with the file's
+//! contents in the expansion makes the compiler build the crate anew when the file changes.
+//! Mistakes in the file are errors on the path, with line and mend.
 
 use std::path::Path;
 
@@ -99,7 +100,7 @@ fn text(declared: &FromUrdf, folder: &Path, diag: &mut Diagnostics) -> Option<St
     .ok()
 }
 
-/// The robot of the file as far as it can be had, with what the declaration changes.
+/// The robot of the file as far as it can be read, with the changes of the declaration.
 fn robot(declared: &FromUrdf, text: &str, diag: &mut Diagnostics) -> Option<Robot> {
     let (path, ast) = (&declared.path, &declared.ast);
     let mut refuse =

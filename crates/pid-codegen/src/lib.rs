@@ -1,13 +1,14 @@
-//! From `robot!` tokens to straight-line Rust: parsing, checks, emission; the derivation between them is `pid-derive`.
+//! From `robot!` tokens to straight-line Rust: parsing, checks, emission; the derivation between
+//! them is `pid-derive`.
 //!
 //! ```text
 //! tokens -> syntax::Ast -> check -> pid_derive::model::Robot -> pid_derive -> emit -> tokens
 //!           (places)               (indices only)
 //! ```
 //!
-//! The pipeline is an ordinary library because a procedural macro cannot be called from tests; `pid-macros` is its shell.
-//! Expansion is pure: the same tokens give the same output, no files, no environment. The one exception is a robot `from urdf`,
-//! whose file is an input like the tokens.
+//! The pipeline is an ordinary library because a procedural macro cannot be called from tests;
+//! `pid-macros` is its shell. Expansion is pure: the same tokens give the same output, no files, no
+//! environment. The one exception is a robot `from urdf`, whose file is an input like the tokens.
 
 pub mod check;
 pub mod diag;
@@ -43,8 +44,8 @@ pub fn robots(input: TokenStream) -> Result<Vec<pid_derive::model::Robot>, Vec<S
 
 /// Expands the contents of `robot! { … }`.
 ///
-/// A declaration with mistakes gives `compile_error!`s at the tokens to change and the types of the robot with the names
-/// that were accepted, so that its uses do not fail as well.
+/// A declaration with mistakes gives `compile_error!`s at the tokens to change and the types of the
+/// robot with the names that were accepted, so that its uses do not fail as well.
 ///
 /// A robot `from urdf` is read from a file below the folder of the crate that is being compiled.
 pub fn expand(input: TokenStream) -> TokenStream {

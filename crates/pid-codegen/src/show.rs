@@ -1,7 +1,7 @@
 //! What `robot!` makes of a declaration, for people.
 //!
-//! The macro itself is pure: it writes no files. This crate reads a Rust source file, finds the `robot! { … }` in it and runs
-//! the same pipeline on their tokens.
+//! The macro itself is pure: it writes no files. This crate reads a Rust source file, finds the
+//! `robot! { … }` in it and runs the same pipeline on their tokens.
 //!
 //! # Example
 //! ```

@@ -1,7 +1,8 @@
 //! Units: their names, their dimensions and their algebra.
 //!
-//! The angle is dimensionless in comparisons and kept in printing, so `N*m*s/rad` reads as the user wrote it and still
-//! multiplies with `rad/s` to `N*m`. Values are converted to the coherent SI unit wherever a literal meets a unit.
+//! The angle is dimensionless in comparisons and kept in printing, so `N*m*s/rad` reads as the user
+//! wrote it and still multiplies with `rad/s` to `N*m`. Values are converted to the coherent SI
+//! unit wherever a literal meets a unit.
 
 use std::fmt;
 

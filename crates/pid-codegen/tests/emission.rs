@@ -1,5 +1,5 @@
-//! What is written: the whole expansion of a tiny robot, and properties of large ones. That emitted code computes the right
-//! numbers is tested where it is compiled, in `pid-models` and `tests`.
+//! What is written: the whole expansion of a tiny robot, and properties of large ones. That emitted
+//! code computes the right numbers is tested where it is compiled, in `pid-models` and `tests`.
 
 #[path = "../../pid-derive/tests/robots/mod.rs"]
 mod robots;

@@ -1,4 +1,4 @@
-//! Declarations that use the whole language expand without a message, and to what they say.
+//! Declarations that use the whole language expand without a message, and mean what they say.
 
 use pid_codegen::check::{self, Resolved};
 use pid_codegen::diag::Diagnostics;
@@ -159,7 +159,8 @@ fn body(text: &str) -> [f64; 4] {
     })
 }
 
-/// Mass and principal inertia of a body by summing over a fine grid of its bounding box of half widths `half`.
+/// Mass and principal inertia of a body by summing over a fine grid of its bounding box of half
+/// widths `half`.
 fn summed(density: f64, half: [f64; 3], inside: impl Fn([f64; 3]) -> bool) -> [f64; 4] {
     const N: usize = 160;
     let cell = |k: usize, h: f64| h * (2.0 * (k as f64 + 0.5) / N as f64 - 1.0);

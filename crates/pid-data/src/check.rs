@@ -1,11 +1,13 @@
-//! Does a data set belong to a model?
+//! Checks whether a data set fits a model.
 
 use super::{DataError, Dataset, Experiment, ModelMismatch};
 use pid_runtime::dynamics::Dynamics;
 
 impl Dataset {
-    /// Whether the data can be used with a model: same number and kinds of joints, one input per joint in joint order (then
-    /// those of a controller, as many as the records have), inputs in the model's units. Names need not agree: joints are compared by position, base to tip.
+    /// Checks whether a model can use the data: the same number and kinds of joints, one input per
+    /// joint in joint order, inputs in the model's units. Inputs of a controller follow those of
+    /// the joints, as many as the records have. Joints are compared by position, base to tip; names
+    /// may differ.
     ///
     /// # Errors
     /// [`DataError::Model`] with a [`ModelMismatch`] that names joint or input on both sides.

@@ -1,13 +1,14 @@
-//! Velocities that are differences of the positions beside them.
+//! Finds velocities that are differences of the positions beside them.
 
 use std::fmt;
 
-/// Largest root mean square between a velocity and a difference, relative to the spread of the velocity, at which the one was made
-/// from the other.
+/// A velocity counts as made from the positions if it differs from a difference by at most 1e-3 of
+/// its spread (root mean square).
 const EQUAL: f64 = 1e-3;
-/// And relative to what every other difference leaves: a smooth motion without noise is near all of them.
+/// It must also be 30 times closer to that difference than to every other one: a smooth motion
+/// without noise is near all of them.
 const ALONE: f64 = 1.0 / 30.0;
-/// Fewest samples to judge by.
+/// A joint with fewer samples is not judged.
 const FEWEST: usize = 20;
 
 /// How a velocity was made from positions.
@@ -31,8 +32,8 @@ impl fmt::Display for Difference {
     }
 }
 
-/// The difference of the positions that a velocity is, where it is one to the rounding of the file: samples (t, q, v) of one joint,
-/// NaN where missing.
+/// Names the difference of the positions that a velocity equals up to the rounding of the file.
+/// Takes samples (t, q, v) of one joint, NaN where missing.
 pub(super) fn made_by(samples: &[(f64, f64, f64)]) -> Option<Difference> {
     let known = samples.windows(5).filter_map(|w| {
         let [a, b, c, d, e] = [w[0], w[1], w[2], w[3], w[4]];
@@ -67,7 +68,8 @@ pub(super) fn made_by(samples: &[(f64, f64, f64)]) -> Option<Difference> {
 mod tests {
     use super::*;
 
-    /// Two tones at 1 kHz, positions as a file with seven digits after the point has them, velocities by a rule.
+    /// Two tones at 1 kHz, positions as a file with seven digits after the point has them,
+    /// velocities by a rule.
     fn samples(rule: impl Fn(&[f64], usize) -> f64) -> Vec<(f64, f64, f64)> {
         let h = 1e-3;
         let t = |k: usize| h * k as f64;

@@ -1,4 +1,4 @@
-//! What can be wrong with a data set: the place, the value, the mend.
+//! Faults of a data set: the place, the value, the mend.
 
 use std::io;
 
@@ -13,7 +13,7 @@ pub enum DataError {
     Unreadable {
         /// The file.
         file: String,
-        /// What the system says.
+        /// Message of the operating system.
         error: io::Error,
     },
     /// A file listed in the manifest is not among the embedded ones.

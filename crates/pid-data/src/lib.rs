@@ -1,15 +1,16 @@
-//! Measured records: what was moved, with which inputs, and what for.
+//! Measured records: motions, inputs, and the role of each record.
 //!
-//! A data set is a folder with one `dataset.toml` (who measured what, on which joints) and one CSV file per experiment;
-//! `docs/data-format.md` describes it column by column. Everything is in SI units; angles are in radians.
+//! A data set is a folder with one `dataset.toml` (who measured what, on which joints) and one CSV
+//! file per experiment; `docs/data-format.md` describes it column by column. Everything is in SI
+//! units; angles are in radians.
 //!
 //! ```text
 //! t, q1 … qn [, dq1 … dqn], u1 … un [, tau1 … taun] [, qref1 … qrefn]
 //! ```
 //!
-//! Samples are stored row by row: channel `j` of sample `i` is `q[i * nq + j]`. An empty cell is a missing sample: it
-//! is stored as NaN, counted in [`Experiment::missing`], and every user of the data has to say what it does about it.
-//! A NaN or an infinity *written* in a file is an error, as is anything else that cannot be meant.
+//! Samples are stored row by row: channel `j` of sample `i` is `q[i * nq + j]`. An empty cell is a
+//! missing sample: it is stored as NaN and counted in [`Experiment::missing`], and every user of
+//! the data says how it treats it. A NaN or an infinity *written* in a file is an error.
 //!
 //! ```
 //! use pid_data::{Dataset, Horizon, windows};
@@ -77,7 +78,7 @@ pub struct Dataset {
     pub joints: Vec<JointChannels>,
     /// The records, in the order of `dataset.toml`.
     pub experiments: Vec<Experiment>,
-    /// Things that look odd but do not prevent the use of the data.
+    /// Oddities that do not prevent the use of the data.
     pub warnings: Vec<DataWarning>,
 }
 
@@ -246,8 +247,8 @@ pub struct Experiment {
     /// Velocities, rad/s or m/s; N × nq. NaN where missing, and for joints whose velocity is
     /// [`VelocityKind::Absent`]; `None` if that is so for all joints.
     pub v: Option<Vec<f64>>,
-    /// Inputs, N × [`Self::nu`]: one per joint in [`JointChannels::input_unit`], then those that a controller within the model
-    /// takes besides. NaN where missing.
+    /// Inputs, N × [`Self::nu`]: one per joint in [`JointChannels::input_unit`], then those that a
+    /// controller within the model takes besides. NaN where missing.
     pub u: Vec<f64>,
     /// Joint torques or forces of a sensor, N·m or N; N × nq.
     pub tau: Option<Vec<f64>>,

@@ -88,7 +88,7 @@ fn load(load: &Load<'_>) -> Result<Dataset, DataError> {
 struct Columns {
     t: usize,
     q: Vec<usize>,
-    /// Per joint; `None` where the velocity is said to be absent. All `None` is `v: None`.
+    /// Per joint; `None` where the velocity is said to be absent. If all are `None`, so is `v`.
     v: Vec<Option<usize>>,
     u: Vec<usize>,
     tau: Option<Vec<usize>>,
@@ -220,7 +220,8 @@ fn read_experiment(
     Ok((experiment, warnings))
 }
 
-/// Velocities that are said to be measured and are differences of the positions, in all records or in some.
+/// Warns of velocities that count as measured but are differences of the positions, in all records
+/// or in some.
 fn differences(
     file: &str,
     experiments: &[Experiment],

@@ -1,4 +1,4 @@
-//! Restart windows: a record cut into stretches that are simulated on their own.
+//! Restart windows: a record is cut into stretches, and each is simulated on its own.
 
 use std::fmt;
 use std::ops::Range;
@@ -64,11 +64,12 @@ impl FromStr for Horizon {
 
 /// Cuts a record into restart windows.
 ///
-/// Consecutive windows share the sample at their border, so that every sampling step belongs to exactly one window.
-/// [`Horizon::Samples(n)`](Horizon::Samples) windows have `n` steps, that is `n + 1` samples; a
-/// [`Horizon::Seconds`] window ends at the sample whose time is nearest to its start plus the horizon. A window has at
-/// least one step. What is left at the end is a window of its own if it lasts at least half a horizon and is dropped
-/// otherwise; a record shorter than the horizon is one window. A record of fewer than two samples has none.
+/// Consecutive windows share the sample at their border, so every sampling step belongs to exactly
+/// one window. [`Horizon::Samples(n)`](Horizon::Samples) windows have `n` steps, that is `n + 1`
+/// samples. A [`Horizon::Seconds`] window ends at the sample whose time is nearest to its start
+/// plus the horizon. A window has at least one step. The rest at the end of a record is a window if
+/// it lasts at least half a horizon; a shorter rest is dropped. A record shorter than the horizon
+/// is one window. A record of fewer than two samples has none.
 pub fn windows(experiment: &Experiment, horizon: Horizon) -> Vec<Range<usize>> {
     let t = &experiment.t;
     let last = match t.len() {

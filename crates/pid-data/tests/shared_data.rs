@@ -1,4 +1,5 @@
-//! Measured records kept beside the workspace: read them all, and repeat the published identification of the EMPS axis.
+//! Measured records kept beside the workspace: read them all, and repeat the published
+//! identification of the EMPS axis.
 
 use pid_data::signal;
 use pid_data::{DataWarning, Dataset, Role};
@@ -16,7 +17,8 @@ fn every_shared_data_set_is_read_and_warned_of_where_its_velocities_are_no_readi
                 other => panic!("{}: {other}", dataset.name),
             });
             let differences: Vec<usize> = differences.collect();
-            // The recorder of the double pendulum differentiates its positions; the other velocities are readings.
+            // The recorder of the double pendulum differentiates its positions; the other
+            // velocities are readings.
             let expected: &[usize] = match folder.file_name().and_then(|n| n.to_str()) {
                 Some("dfki_double_pendulum") => &[1, 2],
                 _ => &[],
@@ -69,8 +71,8 @@ fn least_squares(rows: &[[f64; 4]], rhs: &[f64]) -> [f64; 4] {
     std::array::from_fn(|i| m[i][4] / m[i][i] / scale[i])
 }
 
-/// A. Janot, M. Gautier, M. Brunot, 2019: filter at 100 Hz, differentiate, decimate by ten, least squares. Published:
-/// M = 95.1089 kg, Fv = 203.5034 N·s/m, Fc = 20.3935 N, offset = −3.1648 N.
+/// A. Janot, M. Gautier, M. Brunot, 2019: filter at 100 Hz, differentiate, decimate by ten, least
+/// squares. Published: M = 95.1089 kg, Fv = 203.5034 N·s/m, Fc = 20.3935 N, offset = −3.1648 N.
 #[test]
 fn the_emps_procedure_gives_the_published_parameters() {
     let Some(folder) = shared("data/emps") else {

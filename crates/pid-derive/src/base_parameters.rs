@@ -1,15 +1,18 @@
 //! Base parameters: the smallest set of combinations on which the equations depend.
 //!
-//! The columns of the regressor Y are linearly dependent as functions of the motion: `Y_D = Y_I C` with the independent
-//! columns I. Then `Y p = Y_I (p_I + C p_D)`, and `β = p_I + C p_D` are the base parameters (W. Khalil, F. Bennis, 1995); C is
-//! found on random motions by an orthogonal factorization (M. Gautier, 1991).
+//! The columns of the regressor Y are linearly dependent as functions of the motion: `Y_D = Y_I C`
+//! with the independent columns I. Then `Y p = Y_I (p_I + C p_D)`, and `β = p_I + C p_D` are the
+//! base parameters (W. Khalil, F. Bennis, 1995); C is found on random motions by an orthogonal
+//! factorization (M. Gautier, 1991).
 //!
-//! Columns are taken in an order that gives the customary grouping: links from the base outwards, of each the inertia, the
-//! first moment and the mass, then rotors, friction and drives. Each column joins the set if it is independent of those
-//! before, so that what is regrouped moves towards the base.
+//! Columns are taken in an order that gives the customary grouping: links from the base outwards
+//! (of each the inertia, the first moment and the mass), then rotors, friction and drives. A column
+//! joins the set if it is independent of those before it, so parameters are regrouped towards the
+//! base.
 //!
-//! Entries of C are polynomials of the geometry. Those that agree with a simple expression of the declared lengths (a sum of
-//! up to three, its square, its product with a length) are written as such.
+//! Entries of C are polynomials of the geometry. Those that agree with a simple expression of the
+//! declared lengths (a sum of up to three, its square, its product with a length) are written as
+//! such.
 
 use pid_symbolic::random::Random;
 use pid_symbolic::{Graph, Tape};
@@ -51,7 +54,8 @@ pub struct BaseParameters {
     pub terms: Vec<Vec<Term>>,
     /// Columns without effect.
     pub idle: Vec<usize>,
-    /// Smallest share of a column kept and largest of one dropped that the columns before it do not span.
+    /// Smallest share of a kept column, and largest share of a dropped one, that the columns before
+    /// it do not span.
     pub gap: (f64, f64),
 }
 
@@ -204,12 +208,13 @@ fn samples(g: &Graph, robot: &Robot, equations: &Equations, regressor: &Regresso
     y
 }
 
-/// Positive sums and differences of one, two and three lengths, with their texts; single lengths without brackets.
+/// Positive sums and differences of one, two and three lengths, with their texts; single lengths
+/// without brackets.
 fn sums(lengths: &[f64]) -> Vec<(f64, String)> {
     let mut sums: Vec<(f64, String)> = lengths.iter().map(|&x| (x, x.to_string())).collect();
     let mut push = |terms: &[f64]| {
         let value: f64 = terms.iter().sum();
-        // A sum that cancels has no digits left to be known by.
+        // A sum that cancels has no digits left.
         if value <= 1e-6 * terms.iter().map(|x| x.abs()).sum::<f64>() {
             return;
         }
@@ -254,7 +259,7 @@ fn sums(lengths: &[f64]) -> Vec<(f64, String)> {
 /// Lengths of the geometry that are combined; further ones are left as numbers.
 const MANY: usize = 16;
 
-/// Numbers of the geometry, and what can be written with them.
+/// Numbers of the geometry, and the expressions that they make.
 struct Lengths {
     /// Value and text, the simplest first.
     known: Vec<(f64, String)>,
@@ -307,7 +312,7 @@ impl Lengths {
         match self.known.iter().find(|(x, _)| is(*x)) {
             Some((x, text)) => (x.copysign(coefficient), text.clone()),
             None => {
-                // Twelve digits: what the factorization is good for.
+                // The factorization is good for twelve digits.
                 let text = format!("{size:.11e}");
                 let rounded: f64 = text.parse().unwrap_or(size);
                 (rounded.copysign(coefficient), rounded.to_string())

@@ -1,7 +1,8 @@
 //! Mass matrix by composite bodies (M. Walker, D. Orin, 1982), symbolic.
 //!
-//! A joint that accelerates by one carries everything behind it as one rigid body. The force and moment that this takes,
-//! transformed towards the base, are what the joints on the way feel: the entries of M.
+//! A joint that accelerates by one carries everything behind it as one rigid body. The force and
+//! moment that this takes, transformed towards the base, are what the joints on the way feel: the
+//! entries of M.
 
 use pid_symbolic::{Graph, Id};
 

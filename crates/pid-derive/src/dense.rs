@@ -1,8 +1,8 @@
 //! Rank decisions on small dense matrices.
 //!
-//! The matrices here are samples of exact derivatives: their singular values are either of the size of the problem or
-//! rounding errors, and the decision is where the gap lies. Plain loops on one buffer: this runs inside a procedural
-//! macro, which users build without optimisation.
+//! The matrices here are samples of exact derivatives: a singular value is either of the size of
+//! the problem or a rounding error, and the rank is where the gap lies. These are plain loops on
+//! one buffer, since they run inside a procedural macro, which users build without optimisation.
 
 /// A dense matrix, column by column.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,7 +89,7 @@ pub fn norm(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Rank of a matrix with the gap it rests on, and the null space.
+/// Rank of a matrix, the gap behind it, and the null space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rank {
     /// The rank.
@@ -102,12 +102,13 @@ pub struct Rank {
 
 /// Pivots that are dropped lie below this share of the largest.
 const SMALL: f64 = 1e-8;
-/// Rounding: pivots below count as equal.
+/// Pivots below this count as equal: they are rounding errors.
 const FLOOR: f64 = 1e-16;
 
-/// Rank and null space by a Householder QR factorization with column pivoting (P. Businger, G. H. Golub, 1965) of the
-/// matrix with its columns scaled to length one. The rank is where consecutive pivots have their widest gap, below a share
-/// of 1e-8 of the largest. Columns of zeros are directions lost.
+/// Rank and null space by a Householder QR factorization with column pivoting (P. Businger, G. H.
+/// Golub, 1965) of the matrix with its columns scaled to length one. The rank is where consecutive
+/// pivots have their widest gap, below a share of 1e-8 of the largest. Columns of zeros are
+/// directions lost.
 pub fn rank(a: &Matrix) -> Rank {
     let (m, n) = (a.rows(), a.cols());
     let scale: Vec<f64> = (0..n).map(|j| norm(a.col(j))).collect();
@@ -161,7 +162,7 @@ pub fn rank(a: &Matrix) -> Rank {
             0.0
         }
     };
-    // The widest gap among those whose lower edge is small; no gap is asked for full rank.
+    // The widest gap among those with a small lower edge. Full rank needs no gap.
     let mut rank = n;
     if largest == 0.0 {
         rank = 0;
@@ -209,14 +210,16 @@ pub fn rank(a: &Matrix) -> Rank {
 pub struct Selection {
     /// Columns kept.
     pub independent: Vec<usize>,
-    /// Columns left out, each with its coefficients by the columns kept before it, in the order of `independent`.
+    /// Columns left out, each with its coefficients by the columns kept before it, in the order of
+    /// `independent`.
     pub dependent: Vec<(usize, Vec<f64>)>,
-    /// Smallest share of a kept column, and largest of a dropped one, that is not spanned by the columns before.
+    /// Smallest share of a kept column, and largest of a dropped one, that is not spanned by the
+    /// columns before.
     pub gap: (f64, f64),
 }
 
-/// Selects columns in their order by Gram-Schmidt, orthogonalised twice (L. Giraud et al., 2005). A column is dropped if less
-/// than `tolerance` of its length is left.
+/// Selects columns in their order by Gram-Schmidt, orthogonalised twice (L. Giraud et al., 2005). A
+/// column is dropped if less than `tolerance` of its length is left.
 pub fn select(a: &Matrix, tolerance: f64) -> Selection {
     let m = a.rows();
     let mut basis: Vec<Vec<f64>> = Vec::new();

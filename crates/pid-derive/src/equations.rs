@@ -1,11 +1,11 @@
-//! The equations of motion of a robot and everything that is read off them.
+//! The equations of motion of a robot, and the quantities read off them.
 //!
 //! ```text
 //! r(q, v, a, u, p) = M(q, p) a + b(q, v, p) − f_L(q, v, p, u)
 //! ```
 //!
-//! `M a + b` is derived twice, by Euler-Lagrange and by Newton-Euler; both are evaluated at random points and must agree;
-//! the one with fewer operations is used.
+//! `M a + b` is derived twice, by Euler-Lagrange and by Newton-Euler. Both are evaluated at random
+//! points and must agree; the one with fewer operations is used.
 
 use std::fmt;
 
@@ -19,9 +19,9 @@ use super::symbols::{Blanks, Symbols};
 use super::{Error, sample, vector};
 use crate::model::Robot;
 
-/// Agreement asked of the two derivations, relative to the largest force at the point.
+/// The two derivations must agree to this share of the largest force at the point.
 const AGREEMENT: f64 = 1e-11;
-/// Points of comparison that must be finite, and points tried to find them.
+/// Number of comparison points that must be finite, and number of points tried to find them.
 const POINTS: (usize, usize) = (4, 40);
 
 /// A derivation of `M a + b`.

@@ -1,4 +1,5 @@
-//! What is proved of a robot for the checker: by derivatives that vanish at random points, and by factorising M.
+//! Proofs about a robot for the checker: derivatives that vanish at random points, and a
+//! factorization of M.
 
 use pid_symbolic::random::Random;
 use pid_symbolic::{Cost, Function, Graph, Id, Node, Tape, diff, pattern};

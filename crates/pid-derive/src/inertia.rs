@@ -1,4 +1,5 @@
-//! Rigid-body inertia in the parameters in which the equations are linear: mass, first moment, tensor about the origin.
+//! Rigid-body inertia in the parameters in which the equations are linear: mass, first moment,
+//! tensor about the origin.
 
 use pid_symbolic::{Graph, Id};
 
@@ -27,8 +28,8 @@ impl Inertia {
         }
     }
 
-    /// The inertia of a declared link, in the link's frame. A tensor about the centre of mass is moved to the origin by the
-    /// parallel-axis theorem, `I = I_c + m (cᵀc 1 − c cᵀ)`.
+    /// The inertia of a declared link, in the link's frame. A tensor about the centre of mass is
+    /// moved to the origin by the parallel-axis theorem, `I = I_c + m (cᵀc 1 − c cᵀ)`.
     pub fn of_link(g: &mut Graph, symbols: &Symbols, inertial: &Inertial) -> Self {
         match inertial {
             Inertial::None => Self::zero(g),

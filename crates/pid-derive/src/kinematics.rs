@@ -1,7 +1,8 @@
 //! The tree of moving bodies.
 //!
-//! Links that are joined rigidly are one body: a fixed or held joint moves the inertia of its child into the body that
-//! carries it, so it costs nothing at run time. A joint that follows others is a function of their coordinates. What is fixed to the base has no equations and is left out.
+//! Links that are joined rigidly are one body: a fixed or held joint moves the inertia of its child
+//! into the body that carries it, so it costs nothing at run time. A joint that follows others is a
+//! function of their coordinates. Links fixed to the base have no equations and are left out.
 
 use pid_symbolic::{Graph, Id};
 
@@ -51,7 +52,7 @@ impl Rates {
         sum
     }
 
-    /// Adds the force `f` on what moves so to the forces on the coordinates.
+    /// Adds the force `f` on this motion to the forces on the coordinates.
     pub fn add_force(&self, g: &mut Graph, f: Id, forces: &mut [Id]) {
         for &(coord, ratio) in &self.0 {
             let share = g.mul(ratio, f);
@@ -188,12 +189,14 @@ impl Tree {
         }
     }
 
-    /// The body that a link is part of, its place in [`Tree::bodies`]; `None` for the base and for a link that no joint carries.
+    /// The body that a link is part of, its place in [`Tree::bodies`]; `None` for the base and for
+    /// a link that no joint carries.
     pub fn body_of_link(&self, link: usize) -> Option<usize> {
         self.links.get(link)?.as_ref()?.0
     }
 
-    /// The frame of a link in the base frame, a function of the coordinates; `None` for a link that no joint carries.
+    /// The frame of a link in the base frame, a function of the coordinates; `None` for a link that
+    /// no joint carries.
     pub fn link_frame(&self, g: &mut Graph, link: usize) -> Option<Frame> {
         let (mut body, mut frame) = *self.links.get(link)?.as_ref()?;
         while let Some(index) = body {

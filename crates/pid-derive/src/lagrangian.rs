@@ -6,8 +6,8 @@
 //! T = Σ ½ m v·v + v·(ω × h) + ½ ω·I ω  +  ½ armature·v_joint²,        U = −g · Σ (first moments, in the base frame)
 //! ```
 //!
-//! and `d/dt ∂T/∂v − ∂(T − U)/∂q = f_L`: both gradients by one reverse sweep, the time derivative by one directional
-//! derivative along `(v, a)`. Christoffel symbols are never formed.
+//! and `d/dt ∂T/∂v − ∂(T − U)/∂q = f_L`: both gradients by one reverse sweep, the time derivative
+//! by one directional derivative along `(v, a)`. Christoffel symbols are never formed.
 
 use pid_symbolic::{Graph, Id, diff};
 
@@ -86,8 +86,9 @@ fn spinning(g: &mut Graph, inertia: Id, rate: Id) -> Id {
     g.mul(half, twice)
 }
 
-/// Energies of a Lagrangian that is quadratic in the velocities: `T = ½ v·(∂L/∂v − ∂L/∂v|₀)`, `U = −L|₀`, both at v = 0
-/// where marked. T + U is conserved without applied forces; terms linear in v (gyroscopic) do no work and are in neither.
+/// Energies of a Lagrangian that is quadratic in the velocities: `T = ½ v·(∂L/∂v − ∂L/∂v|₀)`,
+/// `U = −L|₀`, both at v = 0 where marked. T + U is conserved without applied forces; terms linear
+/// in v (gyroscopic) do no work and are in neither.
 pub fn energies_of(g: &mut Graph, lagrangian: Id, symbols: &Symbols) -> Energies {
     let momentum = diff::gradient(g, lagrangian, &symbols.v);
     let at_rest = at_rest(g, &momentum, symbols);

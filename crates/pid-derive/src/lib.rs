@@ -1,21 +1,24 @@
-//! From the resolved robot to expressions: kinematics, equations of motion, exact derivatives, and what can be proved of them.
+//! From the resolved robot to expressions: kinematics, equations of motion, exact derivatives, and
+//! proofs about them.
 //!
-//! Everything is built on one hash-consed [`Graph`](pid_symbolic::Graph). No tokens here, no text: `pid-codegen` writes
-//! down what this module computes.
+//! Everything is built on one hash-consed [`Graph`](pid_symbolic::Graph). There are no tokens and
+//! no text here: `pid-codegen` writes down the results.
 //!
 //! - [`model`]: the resolved robot, the input of everything here;
 //! - [`symbols`]: the variables `z = (q, v, a, u, p)` and the translation of [`Expr`](crate::model::Expr);
 //! - [`vector`]: 3-vectors, rotations, frames; [`inertia`]: rigid-body inertia in the linear parameters;
 //! - [`kinematics`]: the tree of moving bodies, fixed joints merged;
 //! - [`lagrangian`], [`newton_euler`]: two independent derivations of `M a + b`;
-//! - [`links`](mod@links): M and b with the constants of the bodies as variables; [`composite`]: M by composite bodies;
-//!   [`regroup`]: inertial parameters moved towards the base;
-//! - [`equations`](mod@equations): their comparison, and everything that is read off the residual;
+//! - [`links`](mod@links): M and b with the constants of the bodies as variables; [`composite`]: M
+//!   by composite bodies; [`regroup`]: inertial parameters moved towards the base;
+//! - [`equations`](mod@equations): their comparison, and all that is read off the residual;
 //! - [`derivatives`](mod@derivatives): Jacobian and Hessian with their patterns;
-//! - [`facts`](mod@facts): what the checker wants proved;
+//! - [`facts`](mod@facts): proofs for the checker;
 //! - [`plausible`]: which masses and inertias a body can have;
-//! - [`identifiability`](mod@identifiability): which combinations of parameters a motion determines; [`dense`]: ranks;
-//! - [`regressor`](mod@regressor), [`base_parameters`](mod@base_parameters): the equations as a linear function of parameters;
+//! - [`identifiability`](mod@identifiability): which combinations of parameters a motion
+//!   determines; [`dense`]: ranks;
+//! - [`regressor`](mod@regressor), [`base_parameters`](mod@base_parameters): the equations as a
+//!   linear function of parameters;
 //! - [`readable`]: the equations as text and LaTeX.
 
 pub mod base_parameters;
@@ -69,7 +72,8 @@ pub enum Error {
         /// Value by Newton-Euler.
         newton_euler: f64,
     },
-    /// A regressor was asked for, but the torques are not linear in the parameters of links, geometry and rotors.
+    /// A regressor was asked for, but the torques are not linear in the parameters of links,
+    /// geometry and rotors.
     #[error(
         "the torques of `{robot}` are not linear in `{first}` and `{second}`, which its regressor needs; \
          give the links mass, first moment and inertia about their origin as parameters"

@@ -1,8 +1,9 @@
 //! Mass matrix and bias with the constants of the bodies as variables, and with a force on a tool.
 //!
-//! Simulations change constants that no parameter stands for: a payload, a tilted base, another rotor. Here gravity, the ten
-//! inertial parameters of each body and the rotor inertia of each coordinate are variables of their own, and their values are
-//! functions of the declared parameters. Rotor inertias are left out of M: a drive may sit behind a gear that gives way.
+//! Simulations change constants that no parameter stands for: a payload, a tilted base, another
+//! rotor. Here gravity, the ten inertial parameters of each body and the rotor inertia of each
+//! coordinate are variables of their own, and their values are functions of the declared
+//! parameters. Rotor inertias are left out of M: a drive may sit behind a gear that gives way.
 
 use pid_symbolic::{Cost, Graph, Id, diff};
 
@@ -40,8 +41,8 @@ pub struct Links {
     pub body_of: Vec<Option<usize>>,
     /// Body of the tool's link.
     pub tool_body: Option<usize>,
-    /// Number of the first variable of the constants: gravity (3), mass, first moment, xx, yy, zz, xy, xz, yz about the origin
-    /// of each body (10 each), rotor inertia of each coordinate.
+    /// Number of the first variable of the constants: gravity (3), mass, first moment, xx, yy, zz,
+    /// xy, xz, yz about the origin of each body (10 each), rotor inertia of each coordinate.
     pub first: usize,
     /// The constants as functions of the parameters.
     pub values: Vec<Id>,

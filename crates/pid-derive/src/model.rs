@@ -1,10 +1,12 @@
-//! The resolved robot: what is left of a `robot!` declaration once every name, unit and value has been checked.
+//! The resolved robot: a `robot!` declaration after every name, unit and value has been checked.
 //!
-//! Nothing here carries spans or tokens; the checker of `pid-codegen` and the reader of URDF make it, this crate reads it. All values are in SI
-//! units (radians, metres, kilograms, seconds, amperes).
+//! Nothing here carries spans or tokens; the checker of `pid-codegen` and the reader of URDF make
+//! it, this crate reads it. All values are in SI units (radians, metres, kilograms, seconds,
+//! amperes).
 //!
-//! With the feature `serde` a robot can be written and read by `serde`: the compiled robot carries its declaration, and tools that work at run time read
-//! it from there. The form belongs to one version of this crate and is not a file format.
+//! With the feature `serde` a robot can be written and read by `serde`: the compiled robot carries
+//! its declaration, and tools that work at run time read it from there. The form belongs to one
+//! version of this crate and is not a file format.
 
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
@@ -19,7 +21,8 @@ pub struct Robot {
     pub docs: Vec<String>,
     /// Gravity in the base frame, m/s².
     pub gravity: [Expr; 3],
-    /// All parameters in order: the `params` block first, then the `per joint` ones, parameter by parameter in joint order.
+    /// All parameters in order: first the `params` block, then the `per joint` ones, parameter by
+    /// parameter in joint order.
     pub params: Vec<Param>,
     /// All inputs, input by input in joint order.
     pub inputs: Vec<Input>,
@@ -33,12 +36,12 @@ pub struct Robot {
     pub motors: Vec<Motor>,
     /// Potential energy U_e(q, p) beside that of gravity, J.
     pub potential: Option<Expr>,
-    /// A Lagrangian L(q, v, p) in place of links, J; all joints are then of the kinds [`JointKind::Angle`] and
-    /// [`JointKind::Length`], and `order` is empty.
+    /// A Lagrangian L(q, v, p) in place of links, J; all joints are then of the kinds
+    /// [`JointKind::Angle`] and [`JointKind::Length`], and `order` is empty.
     pub lagrangian: Option<Expr>,
     /// Number of entries written `_`; [`Expr::Blank`] refers to them.
     pub blanks: Vec<Blank>,
-    /// What the user asked to be emitted.
+    /// The parts that the user asks for.
     pub emit: Emit,
 }
 
@@ -137,7 +140,8 @@ pub enum Inertial {
         /// Point the tensor refers to.
         about: About,
     },
-    /// The ten standard parameters, in which the torques are linear: mass, first moment `m·c`, inertia about the link origin.
+    /// The ten standard parameters, in which the torques are linear: mass, first moment `m·c`,
+    /// inertia about the link origin.
     Linear {
         /// Mass, kg.
         mass: Expr,
@@ -207,8 +211,9 @@ pub enum About {
 
 /// A joint between a parent link (or the base) and a child link.
 ///
-/// The joint frame is placed in the parent frame by `origin` and `rpy` (R = Rz(yaw) Ry(pitch) Rx(roll), as in URDF);
-/// the child frame equals it at coordinate zero and moves about or along `axis`.
+/// The joint frame is placed in the parent frame by `origin` and `rpy` (R = Rz(yaw) Ry(pitch)
+/// Rx(roll), as in URDF); the child frame equals it at coordinate zero and moves about or along
+/// `axis`.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Joint {
@@ -216,11 +221,12 @@ pub struct Joint {
     pub name: String,
     /// The user's `///` lines.
     pub docs: Vec<String>,
-    /// What moves.
+    /// Kind of motion.
     pub kind: JointKind,
     /// Index of the coordinate of a joint that moves on its own: these joints in declaration order.
     pub coord: Option<usize>,
-    /// How a joint of moving kind without a coordinate moves: with other joints, or, without terms, held at a value.
+    /// How a joint of moving kind without a coordinate moves: with other joints, or, without terms,
+    /// held at a value.
     pub follows: Option<Affine>,
     /// Parent link, `None` for the base.
     pub parent: Option<usize>,
@@ -234,13 +240,15 @@ pub struct Joint {
     pub limits: Option<(f64, f64)>,
     /// Inertia (kg·m²) or mass (kg) of the drive as felt at the joint; adds to the diagonal of M only.
     pub armature: Option<Expr>,
-    /// Generalised force on the joint (f_L of the equations), N·m or N. The laws of `per joint` and `force on` are added up.
+    /// Generalised force on the joint (f_L of the equations), N·m or N. The laws of `per joint` and
+    /// `force on` are added up.
     pub force: Option<Expr>,
 }
 
 /// `Σ ratio·q + offset`: the position of a joint or drive that moves with coordinates.
 ///
-/// Its velocity is `Σ ratio·v`, and a force f on it is a force `ratio·f` on each of the coordinates (equal power).
+/// Its velocity is `Σ ratio·v`, and a force f on it is a force `ratio·f` on each of the coordinates
+/// (equal power).
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Affine {
@@ -289,7 +297,8 @@ pub enum JointKind {
     Length,
 }
 
-/// An entry written `_`: the user says it does not enter the equations, [`facts`](mod@crate::facts) prove it.
+/// An entry written `_`: the user says that it does not enter the equations, and
+/// [`facts`](mod@crate::facts) proves it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Blank {
@@ -299,7 +308,7 @@ pub struct Blank {
     pub entry: String,
 }
 
-/// What is generated beside the dynamics.
+/// Parts that are generated beside the dynamics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Emit {

@@ -1,20 +1,23 @@
 //! `M a + b` by the recursive Newton-Euler algorithm (J. Luh, M. Walker, R. Paul, 1980), symbolic.
 //!
-//! Outwards, in the axes of each body: angular velocity ω, angular acceleration α and acceleration of the origin, the base
-//! accelerating with −g. Inwards: force and moment at the origin of each body,
+//! Outwards, in the axes of each body: angular velocity ω, angular acceleration α and acceleration
+//! of the origin, the base accelerating with −g. Inwards: force and moment at the origin of each
+//! body,
 //!
 //! ```text
 //! f = m a + α × h + ω × (ω × h),        n = I α + ω × I ω + h × a.
 //! ```
 //!
-//! Independent of the energies: agreement with [`lagrangian`](super::lagrangian) is a proof by evaluation of both.
+//! It shares nothing with the energies: agreement with [`lagrangian`](super::lagrangian) proves
+//! both by evaluation.
 
 use pid_symbolic::{Graph, Id};
 
 use super::kinematics::{Motion, Tree};
 use super::vector::{self, Vector};
 
-/// What the recursion is run with; expressions, so that it also gives columns of M (unit accelerations) or gravity alone.
+/// Inputs of the recursion. They are expressions, so that it also gives columns of M (unit
+/// accelerations) or gravity alone.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Motions {
     /// Joint velocities.

@@ -1,13 +1,14 @@
 //! Whether a body can have a mass distribution: conditions on numbers, not on expressions.
 //!
-//! With the principal moments `J₁ ≥ J₂ ≥ J₃` about the centre of mass a body exists if and only if `m > 0` and
-//! `J₁ ≤ J₂ + J₃` (the triangle inequality, which implies `J₃ ≥ 0`): equality for a plate or a rod, all zero for a point
-//! (S. Traversaro et al., *Identification of fully physical consistent inertial parameters using optimization on manifolds*,
-//! IROS 2016, section III).
+//! With the principal moments `J₁ ≥ J₂ ≥ J₃` about the centre of mass a body exists if and only if
+//! `m > 0` and `J₁ ≤ J₂ + J₃` (the triangle inequality, which implies `J₃ ≥ 0`): equality for a
+//! plate or a rod, all zero for a point (S. Traversaro et al., *Identification of fully physical
+//! consistent inertial parameters using optimization on manifolds*, IROS 2016, section III).
 
 use thiserror::Error;
 
-/// Violation of the triangle inequality that rounding in a file explains, relative to the largest principal moment.
+/// Rounding in a file explains a violation of the triangle inequality up to this share of the
+/// largest principal moment.
 const ROUNDING: f64 = 1e-4;
 
 /// Why no body has such a mass or inertia.
@@ -48,8 +49,8 @@ pub enum Implausible {
     },
 }
 
-/// Checks mass and inertia about the centre of mass, `[xx, yy, zz, xy, xz, yz]` in any axes. A violation that rounding to
-/// four digits explains is let through.
+/// Checks mass and inertia about the centre of mass, `[xx, yy, zz, xy, xz, yz]` in any axes. It
+/// accepts a violation that rounding to four digits explains.
 ///
 /// # Errors
 /// Which condition fails, with the values.
@@ -71,10 +72,11 @@ pub fn check(mass: f64, inertia: [f64; 6]) -> Result<(), Implausible> {
     Ok(())
 }
 
-/// Principal moments of `[xx, yy, zz, xy, xz, yz]`, largest first, by the roots of the characteristic cubic (O. K. Smith,
-/// *Eigenvalues of a symmetric 3×3 matrix*, Communications of the ACM 4, 1961).
+/// Principal moments of `[xx, yy, zz, xy, xz, yz]`, largest first, by the roots of the
+/// characteristic cubic (O. K. Smith, *Eigenvalues of a symmetric 3×3 matrix*, Communications of
+/// the ACM 4, 1961).
 pub fn principal_moments(inertia: [f64; 6]) -> [f64; 3] {
-    // Scaled first: squares of large or small entries would run over or under.
+    // Scaled first, since squares of large or small entries overflow or underflow.
     let scale = inertia.iter().fold(0.0_f64, |scale, x| scale.max(x.abs()));
     if scale == 0.0 {
         return [0.0; 3];

@@ -4,10 +4,11 @@
 //! r(q, v, a, u, p) = Y(q, v, a, u, p_R) p_L + r₀(q, v, a, u, p_R)
 //! ```
 //!
-//! with the parameters split into `p_L`, in which r is linear, and the rest `p_R`. Rigid-body torques are linear in mass, first
-//! moment and inertia about the link origin (C. G. Atkeson, C. H. An, J. M. Hollerbach, 1986); friction and drives often in
-//! their coefficients, but not in the sharpness of a `tanh`. Linearity is not assumed from the form of the declaration but
-//! proved: ∂²r/∂p∂p vanishes.
+//! with the parameters split into `p_L`, in which r is linear, and the rest `p_R`. Rigid-body
+//! torques are linear in mass, first moment and inertia about the link origin (C. G. Atkeson, C. H.
+//! An, J. M. Hollerbach, 1986); friction and drives often in their coefficients, but not in the
+//! sharpness of a `tanh`. Linearity is not assumed from the form of the declaration but proved:
+//! ∂²r/∂p∂p vanishes.
 
 use pid_symbolic::diff::{self, Entry};
 use pid_symbolic::{Graph, Id, Node, pattern};
@@ -23,12 +24,13 @@ pub struct NotLinear {
     pub second: usize,
 }
 
-/// Y, its columns and what is left.
+/// Y, its columns and the remainder r₀.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Regressor {
     /// p_L: the parameter of each column. First those whose column depends on no parameter and no input.
     pub params: Vec<usize>,
-    /// How many columns depend on no parameter and no input: the regressor Y(q, v, a) of the inverse dynamics.
+    /// How many columns depend on no parameter and no input: the regressor Y(q, v, a) of the
+    /// inverse dynamics.
     pub constant: usize,
     /// Non-zeros of Y, sorted by row, then column.
     pub entries: Vec<Entry>,
@@ -69,7 +71,7 @@ pub fn regressor(g: &mut Graph, equations: &Equations) -> Result<Regressor, NotL
         linear[j] = conflicts[j].iter().all(|&k| k != j && !linear[k]);
     }
 
-    // Columns that read neither inputs nor parameters first.
+    // Columns that read neither inputs nor parameters come first.
     let reads = |g: &Graph, id: Id| {
         g.reachable(&[id])
             .into_iter()
@@ -102,7 +104,7 @@ pub fn regressor(g: &mut Graph, equations: &Equations) -> Result<Regressor, NotL
             }
         }
     }
-    // A column may mention parameters it does not depend on.
+    // A column may mention parameters on which it does not depend.
     let values: Vec<Id> = entries.iter().map(|entry| entry.value).collect();
     for (entry, value) in entries.iter_mut().zip(without(g, &values, false, &params)) {
         entry.value = value;
@@ -118,7 +120,8 @@ pub fn regressor(g: &mut Graph, equations: &Equations) -> Result<Regressor, NotL
     })
 }
 
-/// For each parameter, those with which it has a second derivative of r; itself among them if r is not linear in it.
+/// For each parameter, those with which it has a second derivative of r; itself among them if r is
+/// not linear in it.
 fn conflicts(
     g: &mut Graph,
     equations: &Equations,

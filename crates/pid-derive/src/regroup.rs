@@ -1,9 +1,10 @@
-//! Inertial parameters moved towards the base as far as the motion cannot tell (M. Gautier, W. Khalil, IEEE Trans. Robotics and
-//! Automation 6(3), 1990).
+//! Inertial parameters moved towards the base as far as the motion cannot tell (M. Gautier, W.
+//! Khalil, IEEE Trans. Robotics and Automation 6(3), 1990).
 //!
-//! What turns about an axis without changing its mass distribution may as well be fixed to the parent: the mass, the first
-//! moment along the axis, and an inertia that is equal about the two other axes. A slide does not turn: all of its inertia may be
-//! the parent's. The equations in the coordinates stay the same and lose operations; forces in the joints' bearings change.
+//! What turns about an axis without changing its mass distribution may as well be fixed to the
+//! parent: the mass, the first moment along the axis, and an inertia that is equal about the two
+//! other axes. A slide does not turn: all of its inertia may be the parent's. The equations in the
+//! coordinates stay the same and lose operations; forces in the joints' bearings change.
 
 use pid_symbolic::{Graph, Id};
 
@@ -11,8 +12,8 @@ use super::inertia::Inertia;
 use super::kinematics::{Motion, Tree};
 use super::vector::{Frame, Vector};
 
-/// Moves the parameters of all bodies, from the tips to the base; the base takes up what arrives there. `q` are the variables of
-/// the coordinates.
+/// Moves the parameters of all bodies, from the tips to the base; the base takes up what arrives
+/// there. `q` are the variables of the coordinates.
 pub fn regroup(g: &mut Graph, tree: &mut Tree, q: &[Id]) {
     let zero = g.zero();
     for index in (0..tree.bodies.len()).rev() {

@@ -1,4 +1,5 @@
-//! Random points at which equations are compared and proved. Seeds are fixed: an expansion never changes from run to run.
+//! Random points for comparisons and proofs. Seeds are fixed, so an expansion never changes from
+//! run to run.
 
 use pid_symbolic::random::Random;
 

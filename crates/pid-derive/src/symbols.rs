@@ -1,13 +1,13 @@
 //! The variables of a robot and the translation of declared expressions.
 //!
-//! Variables are numbered as the runtime stacks its arguments: `z = (q, v, a, u, p)`, then the multipliers λ, then one
-//! per entry written `_`.
+//! Variables are numbered as the runtime stacks its arguments: `z = (q, v, a, u, p)`, then the
+//! multipliers λ, then one per entry written `_`.
 
 use pid_symbolic::{Function, Graph, Id};
 
 use crate::model::{Expr, Func, Robot};
 
-/// What stands in place of an entry written `_`.
+/// Replacement of an entry written `_`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Blanks {
     /// The number zero: the equations that are emitted.
@@ -31,7 +31,7 @@ pub struct Symbols {
     pub p: Vec<Id>,
     /// Multipliers of the equations.
     pub lambda: Vec<Id>,
-    /// What stands for the entries written `_`.
+    /// Replacements of the entries written `_`.
     pub blanks: Vec<Id>,
 }
 

@@ -7,7 +7,8 @@ pub type Vector = [Id; 3];
 /// A matrix, row by row.
 pub type Matrix = [[Id; 3]; 3];
 
-/// Cosines and sines of multiples of π/2 come out of floating point as 6e-17 and the like; they are exact zeros.
+/// Cosines and sines of multiples of π/2 come out of floating point as 6e-17 and the like; they are
+/// exact zeros.
 const SNAP: f64 = 1e-15;
 
 /// The zero vector.

@@ -1,5 +1,6 @@
-//! Joints that follow others or are held, drives that move several joints, extra potentials, bare Lagrangians: against the
-//! free robot projected onto the motions that remain, and against equations written by hand.
+//! Joints that follow others or are held, drives that move several joints, extra potentials, bare
+//! Lagrangians: against the free robot projected onto the motions that remain, and against
+//! equations written by hand.
 
 mod robots;
 
@@ -57,7 +58,8 @@ fn renumbered(e: &Expr, map: &impl Fn(usize) -> (Expr, Expr)) -> Expr {
     }
 }
 
-/// The four-joint arm in which the third joint is −(q2 + q1/2) + 0.3 and the last one is held at `held`: coordinates 0, 1.
+/// The four-joint arm in which the third joint is −(q2 + q1/2) + 0.3 and the last one is held at
+/// `held`: coordinates 0, 1.
 fn reduced(held: f64) -> (Robot, Robot) {
     let free = robots::arm(4);
     let mut robot = free.clone();
@@ -174,7 +176,8 @@ fn an_extra_potential_adds_its_slope_and_its_energy() {
     assert_close(&[energy(&sprung) - energy(&plain)], &[added], "U");
 }
 
-/// A pole of mass 0.3 at length 0.6 on a cart of mass 1.2, with a term 0.8 x v_θ that does no work but for its slope.
+/// A pole of mass 0.3 at length 0.6 on a cart of mass 1.2, with a term 0.8 x v_θ that does no work
+/// but for its slope.
 fn cart_pole() -> Robot {
     let mut b = robots::Builder::new("CartPole");
     for (name, kind) in [("x", JointKind::Length), ("th", JointKind::Angle)] {

@@ -1,4 +1,4 @@
-//! What is proved of robots: blanks, unused declarations, singular mass matrices.
+//! Proofs about robots: blanks, unused declarations, singular mass matrices.
 
 mod robots;
 
@@ -22,7 +22,8 @@ fn the_papers_robot_is_as_it_says() {
 #[test]
 fn a_blank_that_enters_is_named_with_its_equation() {
     let mut robot = robots::two_link();
-    // The forearm pitches: its Izz enters the yaw equation (0) and, through the gyroscopic force, the pitch equation (1).
+    // The forearm pitches: its Izz enters the yaw equation (0) and, through the gyroscopic force,
+    // the pitch equation (1).
     let Inertial::Body { inertia, .. } = &mut robot.links[1].inertial else {
         unreachable!()
     };

@@ -1,4 +1,4 @@
-//! Structural identifiability against what is known of the robots in closed form.
+//! Structural identifiability against results known in closed form.
 
 mod robots;
 
@@ -19,7 +19,7 @@ fn lost(structure: &Structure) -> usize {
     structure.groups.iter().map(|group| group.lost()).sum()
 }
 
-/// The gap must be wide: what is kept is of the size of the problem, what is dropped is rounding.
+/// The gap must be wide: kept pivots are of the size of the problem, dropped ones are rounding.
 fn clear(structure: &Structure) {
     assert!(
         structure.gap.0 > 1e-4 && structure.gap.1 < 1e-12,

@@ -1,4 +1,4 @@
-//! Equations for people: how they read, and that they say the same as the graph.
+//! Equations for people: their text, and that they equal the graph.
 
 mod robots;
 

@@ -91,7 +91,8 @@ fn close(x: &[f64], y: &[f64], tolerance: f64) {
     }
 }
 
-/// r = Y p + r₀, with Y at other values of p_L; r at u = 0 from the constant columns alone; r from base parameters.
+/// r = Y p + r₀, with Y at other values of p_L; r at u = 0 from the constant columns alone; r from
+/// base parameters.
 fn check(d: &Derived, points: usize) {
     let (nq, mut random) = (d.robot.nq(), Random::new(11));
     for _ in 0..points {
@@ -189,7 +190,8 @@ fn the_sharpness_of_friction_is_left_out() {
     let d = derive(robot);
     let last = d.robot.params.len() - 1;
     assert!(!d.regressor.params.contains(&last));
-    // The coefficient of dry friction is linear, but its column depends on the sharpness; gain's on the current.
+    // The coefficient of dry friction is linear, but its column depends on the sharpness; gain's on
+    // the current.
     let column = d.regressor.params.iter().position(|&k| k == 10).unwrap();
     assert!(column >= d.regressor.constant);
     check(&d, 6);
@@ -276,8 +278,8 @@ fn planar_two_link_has_six_and_reads_as_in_the_textbook() {
 
 #[test]
 fn six_revolute_joints_with_a_spherical_wrist_have_the_36_of_the_puma() {
-    // Modified Denavit-Hartenberg parameters of the PUMA 560 (B. Armstrong, O. Khatib, J. Burdick, 1986): 36 base inertial
-    // parameters (M. Gautier, W. Khalil, 1990) with a vertical first axis.
+    // Modified Denavit-Hartenberg parameters of the PUMA 560 (B. Armstrong, O. Khatib, J. Burdick,
+    // 1986): 36 base inertial parameters (M. Gautier, W. Khalil, 1990) with a vertical first axis.
     use std::f64::consts::FRAC_PI_2 as H;
     let r = |a: f64, d: f64, alpha: f64| {
         (

@@ -1,5 +1,6 @@
-//! What statistics of the verdict are where nothing is missing: quantiles over the cases of a study whose cause is none, beside the
-//! limits of `Criteria::default()` and the share of these cases beyond each limit.
+//! What statistics of the verdict are where nothing is missing: quantiles over the cases of a study
+//! whose cause is none, beside the limits of `Criteria::default()` and the share of these cases
+//! beyond each limit.
 //!
 //! ```text
 //! pid study --seed 91201 --cases 300 --joints 3 --out STUDY

@@ -73,8 +73,9 @@ fn robot() -> Nominal {
     Nominal::parse(PENDULUM, "nominal.toml".as_ref()).expect("a robot")
 }
 
-/// Three records (two to fit, one to judge) of `seconds` at 500 Hz, of the pendulum with effects at their parameters, from rest
-/// under an `input` by record and time; `start` may change the state at the start.
+/// Three records (two to fit, one to judge) of `seconds` at 500 Hz, of the pendulum with effects at
+/// their parameters, from rest under an `input` by record and time; `start` may change the state at
+/// the start.
 pub(crate) fn pendulum_under(
     hypothesis: &Hypothesis,
     e: &[f64],

@@ -67,7 +67,8 @@ pub struct Record {
     pub role: Role,
     /// Sample time, s.
     pub h: f64,
-    /// Time of the first sample since the start of what was recorded, s; zero unless it is a part of a record.
+    /// Time of the first sample since the start of what was recorded, s; zero unless it is a part
+    /// of a record.
     pub begin: f64,
     /// Readings of the positions; NaN where missing.
     pub q: Vec<Vec<f64>>,
@@ -129,7 +130,8 @@ pub struct Noise {
     pub v: f64,
     /// Of the applied torque, white from sample to sample.
     pub torque: f64,
-    /// Of what the drive noise of the other joints does to this one through the mass matrix, as a torque at it.
+    /// Of what the drive noise of the other joints does to this one through the mass matrix, as a
+    /// torque at it.
     pub passed: f64,
     /// Whether the torque noise was stated.
     pub stated: bool,
@@ -154,8 +156,8 @@ pub struct Case {
     pub noise: Vec<Noise>,
     /// Typical force on the tool and mass of the last link.
     pub tip: (f64, f64),
-    /// Torque at joint j that accelerates it as a unit torque at joint i does, `(M⁻¹)_ji / (M⁻¹)_jj`: root mean square over the
-    /// motion, zero for i = j.
+    /// Torque at joint j that accelerates it as a unit torque at joint i does,
+    /// `(M⁻¹)_ji / (M⁻¹)_jj`: root mean square over the motion, zero for i = j.
     pub passing: Vec<Vec<f64>>,
     /// Effects that the description states: part of every hypothesis, their parameters held.
     pub known: Known,
@@ -187,10 +189,12 @@ pub struct Outlier {
     pub t: f64,
 }
 
-/// Share of the largest input that counts as the least deviation of an input: a commanded pulse of a few percent is no error.
+/// Share of the largest input that counts as the least deviation of an input: a commanded pulse of
+/// a few percent is no error.
 const LEAST_INPUT: f64 = 0.01;
 
-/// Deviation of a channel below which no reading is noticed: a step of the encoder or the stated noise of the reading.
+/// Deviation of a channel below which no reading is noticed: a step of the encoder or the stated
+/// noise of the reading.
 fn least_deviation(channel: Channel, joint: &Joint, x: &[f64]) -> f64 {
     match channel {
         Channel::Position => joint

@@ -1,4 +1,5 @@
-//! Channels judged by themselves: does the velocity reading follow from the positions as stated, and when does the input act?
+//! Channels judged by themselves: whether the velocity reading follows from the positions as
+//! stated, and when the input acts.
 
 use pid_data::signal;
 use pid_interpret::Model;
@@ -10,23 +11,24 @@ use crate::criteria::Criteria;
 use crate::levels::shared;
 use crate::timing::{Alignment, Channels, align, golden};
 
-/// What the velocity channel of one joint says.
+/// Check of the velocity channel of one joint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Consistency {
-    /// Root mean square mismatch between the reading and what the positions give through the stated filter, relative to the
-    /// standard deviation of the reading.
+    /// Root mean square mismatch between the reading and the velocity that the stated filter makes
+    /// of the positions, relative to the standard deviation of the reading.
     pub mismatch: f64,
     /// The same with an additional first-order lag.
     pub with_lag: f64,
     /// Time constant of that lag, s.
     pub lag: f64,
-    /// Its standard deviation from what is left and how long that keeps its sign, s.
+    /// Its standard deviation, from the remaining mismatch and how long that keeps its sign, s.
     pub lag_std: Option<f64>,
     /// Whether the plain mismatch is more than rounding can explain.
     pub lagging: bool,
 }
 
-/// Time constants among which a lag is sought, s, and steps of the search over their logarithm.
+/// Range of time constants in which a lag is sought, s, and steps of the search over their
+/// logarithm.
 const SHORTEST: f64 = 1e-4;
 const LONGEST: f64 = 0.5;
 const STEPS: usize = 40;
@@ -56,7 +58,7 @@ pub fn consistency(case: &Case, criteria: &Criteria) -> Vec<Option<Consistency>>
         .collect()
 }
 
-/// Root mean square that a lag leaves, relative to the reading.
+/// Root mean square mismatch with a lag, relative to the reading.
 fn mismatch(case: &Case, j: usize, hz: f64, lag: f64) -> f64 {
     let (mut square, mut size) = (0.0, 0.0);
     passed(case, j, hz, lag, |error, _, v| {
@@ -79,7 +81,8 @@ fn deviation(case: &Case, j: usize, hz: f64, lag: f64) -> Option<f64> {
     std.is_finite().then_some(std)
 }
 
-/// What positions give through the stated filter and a lag less the reading, its derivative by the lag, and the reading.
+/// Velocity that the stated filter and a lag make of the positions less the reading, its derivative
+/// by the lag, and the reading.
 fn passed(case: &Case, j: usize, hz: f64, lag: f64, mut each: impl FnMut(f64, f64, f64)) {
     for r in &case.records {
         let fade = (-2.0 * std::f64::consts::PI * hz * r.h).exp();
@@ -105,17 +108,18 @@ fn passed(case: &Case, j: usize, hz: f64, lag: f64, mut each: impl FnMut(f64, f6
     }
 }
 
-/// How the velocity reading of one joint goes with the derivative of its positions: late, and larger or smaller.
+/// Delay and factor of the velocity reading of one joint against the derivative of its positions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
-    /// When it shows; the stated delay is that of the difference and of the stated filter.
+    /// Its delay; the stated delay is that of the difference and of the stated filter.
     #[serde(flatten)]
     pub timing: Alignment,
     /// Factor of the reading on the derivative of the position.
     pub scale: f64,
 }
 
-/// Compares every recorded velocity with the derivative of its positions, whatever it was made from; `None` where there is none.
+/// Compares every recorded velocity with the derivative of its positions, whatever it was made
+/// from; `None` where there is no velocity.
 pub fn readings(case: &Case) -> Vec<Option<Reading>> {
     (0..case.n())
         .map(|j| match case.velocity[j] {
@@ -164,14 +168,17 @@ fn channels(r: &Record, j: usize) -> Channels {
     }
 }
 
-/// Share of the largest speed at which dry friction beside a shift has reached three quarters of its level.
+/// Beside a shift, dry friction reaches three quarters of its level at this share of the largest
+/// speed.
 const REST: f64 = 0.02;
 
-/// When the input of each joint acts: the drive's force against the force that the motion takes under the nominal structure with
-/// its parameters at `theta` half tolerances from their nominal values, on all records; `None` where they tell nothing of it.
+/// When the input of each joint acts: compares the drive's force with the force that the motion
+/// takes under the nominal structure, on all records. The parameters lie `theta` half tolerances
+/// from their nominal values. `None` where the records do not determine it.
 ///
-/// Free beside the shift are offset, viscous and dry friction, a spring, gravity, inertia (with these the gain of the drive) and the
-/// accelerations of all joints, so that errors of these do not pass for a delay.
+/// Offset, viscous and dry friction, a spring, gravity, inertia (and with these the gain of the
+/// drive) and the accelerations of all joints are free beside the shift, so that their errors do
+/// not pass for a delay.
 ///
 /// # Errors
 /// If the structure has no equations that can be evaluated.
@@ -192,7 +199,8 @@ pub fn inputs(case: &Case, theta: &[f64]) -> Result<Vec<Option<Alignment>>, pid_
         for k in 0..t.len() {
             let row = |x: &[Vec<f64>]| -> Vec<f64> { x.iter().map(|x| x[k]).collect() };
             let (q, v, a, zero) = (row(&r.smooth_q), row(&r.smooth_v), row(&a), vec![0.0; n]);
-            // Without input the residual is the force that the drives bring: whole, at rest, and to accelerate from there.
+            // Without input the residual is the force that the drives bring: in full, at rest, and
+            // for acceleration from rest.
             for (part, (v, a)) in [(&v, &a), (&zero, &zero), (&zero, &a)]
                 .into_iter()
                 .enumerate()
@@ -218,7 +226,7 @@ pub fn inputs(case: &Case, theta: &[f64]) -> Result<Vec<Option<Alignment>>, pid_
     Ok(channels.into_iter().map(|c| align(c, 0.0)).collect())
 }
 
-/// Force of the drive of a joint beside the `force` that the motion takes, and what is free.
+/// Force of the drive of a joint, the `force` that the motion takes, and the free columns.
 fn drive(
     case: &Case,
     r: &Record,
@@ -226,7 +234,7 @@ fn drive(
     j: usize,
 ) -> Channels {
     let gain = case.nominal.gain(j);
-    // Under a hold the mean of the inputs before and after a sample acts about it.
+    // Under a hold, the mean of the inputs before and after a sample acts about it.
     let acts: Vec<f64> = (0..r.len())
         .map(|k| match case.linear_hold {
             true => gain * r.u[j][k],

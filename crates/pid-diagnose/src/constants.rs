@@ -16,7 +16,8 @@ pub enum Constant {
     Mass(usize),
     /// Component of the first moment m·c of a body in its frame, kg·m: body, axis.
     Moment(usize, usize),
-    /// Entry xx, yy, zz, xy, xz, yz of the inertia of a body about the origin of its frame, kg·m²: body, entry.
+    /// Entry xx, yy, zz, xy, xz, yz of the inertia of a body about the origin of its frame, kg·m²:
+    /// body, entry.
     Inertia(usize, usize),
     /// Rotor inertia (kg·m²) or mass (kg) at a coordinate.
     Rotor(usize),
@@ -132,7 +133,8 @@ impl<'n, D: Scalar> Constants<'n, D> {
         self.nominal.links.place(which)
     }
 
-    /// The body that carries the tool point, and the point in its frame, m; `None` for a robot without bodies.
+    /// The body that carries the tool point, and the point in its frame, m; `None` for a robot
+    /// without bodies.
     pub fn tool(&self) -> Option<(usize, [f64; 3])> {
         self.nominal.links.tool()
     }

@@ -2,108 +2,126 @@
 //!
 //! Every number of [`Criteria`] says what it is, its unit and where it comes from. Three sources occur:
 //!
-//! * *quantile*: follows from a stated null distribution and [`Criteria::rare`] or [`Criteria::chance`]; the quantiles are computed
-//!   (see [`Criteria::size`], [`Criteria::line`], [`Criteria::burst`], [`Criteria::memory`]) and checked by simulation (`cargo test -p pid-diagnose null_distribution`);
-//! * *training seeds*: chosen so that verdicts are right on the drawn cases of `pid-studies withheld --seed 91201` and `--seed 100301`;
-//!   `cargo run --release -p pid-diagnose --example null -- STUDY` prints what each statistic is where nothing is missing;
+//! * *quantile*: follows from a stated null distribution and [`Criteria::rare`] or
+//!   [`Criteria::chance`]; the quantiles are computed (see [`Criteria::size`], [`Criteria::line`],
+//!   [`Criteria::burst`], [`Criteria::memory`]) and checked by simulation
+//!   (`cargo test -p pid-diagnose null_distribution`);
+//! * *training seeds*: chosen so that verdicts are right on the drawn cases of
+//!   `pid-studies withheld --seed 91201` and `--seed 100301`;
+//!   `cargo run --release -p pid-diagnose --example null -- STUDY` prints what each statistic is
+//!   where nothing is missing;
 //! * *not derived*: set by hand with those cases, the practice cases and one real arm in view.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
 /// What decides a verdict.
 ///
-/// "Gain" is twice the gain in log-likelihood over train and test records, less ln N per parameter and twice the logarithm of the
-/// number of candidates (see [`gain`]). "Gap" is the normalised free-run error of [`crate::gap`].
+/// "Gain" is twice the gain in log-likelihood over train and test records, less ln N per parameter
+/// and twice the logarithm of the number of candidates (see [`gain`]). "Gap" is the normalised
+/// free-run error of [`crate::gap`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Criteria {
-    /// Probability of an event that must not happen by chance alone: an effect that reaches its least size, a line in the spectrum
-    /// of white innovations. 0.0027: three standard deviations of a normal number, two-sided.
+    /// Probability of an event that must not happen by chance alone: an effect that reaches its
+    /// least size, a line in the spectrum of white innovations. 0.0027: three standard deviations
+    /// of a normal number, two-sided.
     pub rare: f64,
-    /// Probability of an event that may happen by chance: a second effect's size, a rival that is still mentioned, a decrease of
-    /// the gap from window to window. 0.05 by convention.
+    /// Probability of an event that may happen by chance: a second effect's size, a rival that is
+    /// still mentioned, a decrease of the gap from window to window. 0.05 by convention.
     pub chance: f64,
 
-    /// Gain that an effect must reach beyond its penalties. 12: not derived. Half of it is asked of a hypothesis that replaces
-    /// another.
+    /// Gain that an effect must reach beyond its penalties. 12: not derived. Half of it is asked of
+    /// a hypothesis that replaces another.
     pub margin: f64,
-    /// Gain on the test records, in margins, that makes an effect certain although the gap does not shrink enough; twice as many
-    /// keep it for the next round where noise levels are not stated. 10: training seeds.
+    /// Gain on the test records, in margins, that makes an effect certain although the gap does not
+    /// shrink enough; twice as many keep it for the next round where noise levels are not stated.
+    /// 10: training seeds.
     pub beyond_doubt: f64,
     /// Relative decrease of the objective by a first effect, at least. 0.002: not derived.
     pub least_decrease: f64,
     /// The same for a second effect. 0.03: not derived.
     pub least_second_decrease: f64,
-    /// Relative decrease of the objective that keeps an effect for the next round although the gap does not shrink. 0.1: not derived.
+    /// Relative decrease of the objective that keeps an effect for the next round although the gap
+    /// does not shrink. 0.1: not derived.
     pub large_decrease: f64,
-    /// Share by which a first effect must shrink the gap on the test records; a second one twice, one that explains a part half
-    /// of it. 0.06: training seeds.
+    /// Share by which a first effect must shrink the gap on the test records; a second one twice,
+    /// one that explains a part half of it. 0.06: training seeds.
     pub least_shrink: f64,
     /// Share by which a second effect must shrink the gap if free runs alone show it. 0.3: not derived.
     pub drift_shrink: f64,
 
-    /// Mean squared innovation up to which a model follows the records: nothing further is looked for. 1.1: not derived.
+    /// Mean squared innovation up to which a model follows the records: nothing further is looked
+    /// for. 1.1: not derived.
     pub calm: f64,
     /// Mean squared innovation beyond which the nominal structure is not everything. 1.25: training seeds.
     pub nominal_misfit: f64,
     /// Mean squared innovation beyond which named effects do not explain the records. 1.6: training seeds.
     pub largest_misfit: f64,
-    /// Mean squared innovation of a joint on test records over that on train records beyond which only a test record shows the
-    /// cause. 1.5: not derived.
+    /// Mean squared innovation of a joint on test records over that on train records beyond which
+    /// only a test record shows the cause. 1.5: not derived.
     pub unseen: f64,
 
-    /// Gap over the floor up to which nothing is left. 1.4: training seeds. Also the gap over the largest floor drawn that named
-    /// effects may leave.
+    /// Gap over the floor up to which nothing is left. 1.4: training seeds. Also the gap over the
+    /// largest floor drawn that named effects may leave.
     pub near: f64,
     /// Gap over the largest floor drawn that the nominal structure may leave. 1.2: training seeds.
     pub nominal_spread: f64,
     /// Gap over the floor beyond which named effects do not explain the records. 1.9: training seeds.
     pub unexplained: f64,
-    /// Factor on `unexplained` where innovations are calm and white: free runs from uncertain starts drift. 2: not derived.
+    /// Factor on `unexplained` where innovations are calm and white: free runs from uncertain
+    /// starts drift. 2: not derived.
     pub calm_factor: f64,
 
-    /// Factor on the limits of bursts and memory, and beside named effects of lines: sticking within a step and the error of the
-    /// observer leave more than white noise does. 2: not derived; on the practice cases right verdicts leave bursts up to 1.2 and
-    /// memory up to 1.3 times the quantile, contacts aside, and wrong ones memory from 100 times on.
+    /// Factor on the limits of bursts and memory, and beside named effects of lines: sticking
+    /// within a step and the error of the observer leave more than white noise does. 2: not
+    /// derived; on the practice cases right verdicts leave bursts up to 1.2 and memory up to 1.3
+    /// times the quantile, contacts aside, and wrong ones memory from 100 times on.
     pub allowance: f64,
-    /// Mean square of a window of 40 ms over that of its record that named effects may leave: contacts leave impacts. 100: not
-    /// derived.
+    /// Mean square of a window of 40 ms over that of its record that named effects may leave:
+    /// contacts leave impacts. 100: not derived.
     pub effect_burst: f64,
-    /// Root mean square of the correlations of neighbours below which they have no size: in long records every one is beyond chance. 0.04: not derived.
+    /// Root mean square of the correlations of neighbours below which they have no size: in long
+    /// records every one is beyond chance. 0.04: not derived.
     pub correlation: f64,
-    /// Share of the excess of the squared innovations that named effects may leave for lines, bursts and memory not to count, and
-    /// the excess that is that of an imprecise noise level. 0.01: not derived.
+    /// Share of the excess of the squared innovations that named effects may leave for lines,
+    /// bursts and memory not to count, and the excess that is that of an imprecise noise level.
+    /// 0.01: not derived.
     pub negligible: f64,
 
-    /// Share of the squared gap beyond the floor that the first effect must explain to be the verdict beside an unknown rest.
-    /// 0.7: not derived.
+    /// Share of the squared gap beyond the floor that the first effect must explain to be the
+    /// verdict beside an unknown rest. 0.7: not derived.
     pub majority: f64,
     /// The same for all effects together. 0.8: not derived.
     pub majority_of_all: f64,
-    /// Most effects that are a verdict beside an unknown rest: more imitate what the library lacks. 2: not derived.
+    /// Most effects that are a verdict beside an unknown rest: more imitate what the library lacks.
+    /// 2: not derived.
     pub together: usize,
 
-    /// Mismatch of a derived velocity and its positions, share of the motion, that rounding of files and drives explains. 0.005: not
-    /// derived.
+    /// Mismatch of a derived velocity and its positions, share of the motion, that rounding of
+    /// files and drives explains. 0.005: not derived.
     pub reading_mismatch: f64,
     /// Share of that mismatch that a lag of the reading leaves at most if it is the cause. 0.5: not derived.
     pub lag_leaves: f64,
 
-    /// Probability beyond which a candidate is a rival that a further motion should separate. 0.01: not derived.
+    /// Probability beyond which a candidate is a rival that a further motion should separate. 0.01:
+    /// not derived.
     pub rival: f64,
 
-    /// Relative decrease of the nominal objective by friction outside its tolerance, at least. 0.02: not derived.
+    /// Relative decrease of the nominal objective by friction outside its tolerance, at least.
+    /// 0.02: not derived.
     pub friction_decrease: f64,
-    /// Factor on variances from the curvature: neighbouring innovations share information. 2: training seeds, by coverage.
+    /// Factor on variances from the curvature: neighbouring innovations share information. 2:
+    /// training seeds, by coverage.
     pub shared: f64,
     /// Length of a block of innovations that is independent of the others, s. 0.35: not derived.
     pub block: f64,
 
     /// Share of right verdicts among effects named where noise is stated. 0.985: rounded from training seeds.
     pub right_stated: f64,
-    /// The same where noise is estimated, and of the verdict that nothing is missing. 0.95: rounded from training seeds.
+    /// The same where noise is estimated, and of the verdict that nothing is missing. 0.95: rounded
+    /// from training seeds.
     pub right_estimated: f64,
-    /// Share of right verdicts `unknown`, and the most that is stated of a verdict beside an unknown rest. 0.9: rounded from
-    /// training seeds.
+    /// Share of right verdicts `unknown`, and the most that is stated of a verdict beside an
+    /// unknown rest. 0.9: rounded from training seeds.
     pub right_unknown: f64,
 }
 
@@ -153,18 +171,21 @@ impl Criteria {
         0.5 * self.margin
     }
 
-    /// Size that an effect must reach, in its own standard deviations (A. Wald 1943): an observer with more freedom may predict a
-    /// little better without any effect of a size. A size without effect is normal; two-sided quantile of `rare`, 3.0.
+    /// Size that an effect must reach, in its own standard deviations (A. Wald 1943): an observer
+    /// with more freedom may predict a little better without any effect of a size. A size without
+    /// effect is normal; two-sided quantile of `rare`, 3.0.
     pub fn size(&self) -> f64 {
         normal(1.0 - 0.5 * self.rare)
     }
 
-    /// Size below which a second effect is chance even beside a first one that has a size: two-sided quantile of `chance`, 1.96.
+    /// Size below which a second effect is chance even beside a first one that has a size:
+    /// two-sided quantile of `chance`, 1.96.
     pub fn second_size(&self) -> f64 {
         normal(1.0 - 0.5 * self.chance)
     }
 
-    /// Mean decrease over windows, in its standard errors, that is none by chance: one-sided quantile of `chance`, 1.64.
+    /// Mean decrease over windows, in its standard errors, that is none by chance: one-sided
+    /// quantile of `chance`, 1.64.
     pub fn decrease(&self) -> f64 {
         normal(1.0 - self.chance)
     }
@@ -174,27 +195,31 @@ impl Criteria {
         1.0 - self.chance
     }
 
-    /// Largest line of the spectrum of white innovations at this many frequencies, over the mean of the spectrum. One line exceeds z
-    /// with probability exp(−z) (R. A. Fisher, Proc. R. Soc. A 125, 1929), so the largest of m exceeds ln(m / rare) in a share
-    /// `rare` of all records: 12.0 at the 420 frequencies up to 60 Hz of a record of 7 s.
+    /// Largest line of the spectrum of white innovations at this many frequencies, over the mean of
+    /// the spectrum. One line exceeds z with probability exp(−z) (R. A. Fisher, Proc. R. Soc. A
+    /// 125, 1929), so the largest of m exceeds ln(m / rare) in a share `rare` of all records: 12.0
+    /// at the 420 frequencies up to 60 Hz of a record of 7 s.
     pub fn line(&self, frequencies: f64) -> f64 {
         (frequencies.max(1.0) / self.rare).ln()
     }
 
-    /// Largest mean square of windows of so many samples of white innovations over that of their record: a chi-squared number of as
-    /// many degrees of freedom each. 2.9 for 175 windows of 20 samples.
+    /// Largest mean square of windows of so many samples of white innovations over that of their
+    /// record: a chi-squared number of as many degrees of freedom each. 2.9 for 175 windows of 20
+    /// samples.
     pub fn burst(&self, samples: f64, windows: f64) -> f64 {
         mean_of_squares(samples, self.rare / windows.max(1.0))
     }
 
-    /// Mean of so many squared correlations of neighbours times the number of samples, white innovations: a chi-squared number of as
-    /// many degrees of freedom (G. E. P. Box, D. A. Pierce, JASA 65, 1970). 2.7 for ten.
+    /// Mean of so many squared correlations of neighbours times the number of samples, white
+    /// innovations: a chi-squared number of as many degrees of freedom (G. E. P. Box, D. A. Pierce,
+    /// JASA 65, 1970). 2.7 for ten.
     pub fn memory(&self, lags: f64) -> f64 {
         mean_of_squares(lags, self.rare)
     }
 }
 
-/// The mean of so many squares of standard normal numbers that is exceeded with a probability; infinite if there are none.
+/// The mean of so many squares of standard normal numbers that is exceeded with a probability;
+/// infinite if there are none.
 fn mean_of_squares(number: f64, probability: f64) -> f64 {
     ChiSquared::new(number).map_or(f64::INFINITY, |chi| {
         chi.inverse_cdf(1.0 - probability) / number
@@ -206,7 +231,8 @@ fn normal(share: f64) -> f64 {
     Normal::standard().inverse_cdf(share)
 }
 
-/// Steps, draws and starts: more of them cost time and may find a better optimum; none of them judges what is found.
+/// Steps, draws and starts: more of them cost time and may find a better optimum; none of them
+/// judges what is found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Budget {
     /// Most effects named together.
@@ -229,8 +255,8 @@ pub struct Budget {
     pub stages: [Stage; 3],
     /// Steps of the approach from a start at which an effect is present.
     pub approach: usize,
-    /// Steps after which starts of one candidate that gain already are compared: contacts have many optima, and the lowest start
-    /// need not lie in the basin of the lowest.
+    /// Steps after which starts of one candidate that gain already are compared: contacts have many
+    /// optima, and the lowest start need not lie in the basin of the lowest.
     pub glance: usize,
     /// Starts that are followed after that.
     pub followed: usize,
@@ -238,7 +264,8 @@ pub struct Budget {
     pub hopeless: f64,
     /// Factor on the substeps at the end of a fit with contacts or resonances.
     pub finer: usize,
-    /// Middles of the widened friction ranges over the nominal value, tried one after the other; each range starts at zero.
+    /// Middles of the widened friction ranges over the nominal value, tried one after the other;
+    /// each range starts at zero.
     pub friction_middles: [f64; 2],
 }
 

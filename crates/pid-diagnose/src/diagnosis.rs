@@ -1,6 +1,7 @@
 //! What a diagnosis says: the verdict, the effects it names, and the figures it rests on.
 //!
-//! Nothing here is computed. [`Diagnosis`] is the form of `diagnosis.json`; the search fills it once, from its evidence.
+//! Nothing here is computed. [`Diagnosis`] is the form of `diagnosis.json`; the search fills it
+//! once, from its evidence.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +19,8 @@ pub enum Verdict {
     /// The nominal structure within its tolerances leaves no more than noise. Word: `none`.
     Nothing,
     /// Effects of the library explain the records, or most of what the gap has beyond its floor
-    /// (then [`Diagnosis::remainder`] says what is left). The first effect stands here, all of them in [`Diagnosis::effects`].
+    /// (then [`Diagnosis::remainder`] says what is left). The first effect stands here, all of them
+    /// in [`Diagnosis::effects`].
     Effect {
         /// Its identifier, which is its word.
         id: String,
@@ -201,7 +203,8 @@ pub struct Nameless {
 }
 
 impl Nameless {
-    /// Where it bends most, for certain: where the change of its slope is the largest number of its deviations.
+    /// Where it bends most, for certain: where the change of its slope is the largest number of its
+    /// deviations.
     pub fn bend(&self) -> Option<f64> {
         let bent = |i: usize| {
             let [a, b, c] = [0, 1, 2].map(|k| self.stds[i + k]);
@@ -258,7 +261,8 @@ pub struct Signals {
     pub joint: usize,
     /// The input against the force that moves the joint, all records; `None` where they tell nothing of it.
     pub input: Option<Alignment>,
-    /// The velocity reading against the derivative of the positions, all records; `None` where no velocity is recorded.
+    /// The velocity reading against the derivative of the positions, all records; `None` where no
+    /// velocity is recorded.
     pub velocity: Option<Reading>,
 }
 
@@ -271,7 +275,8 @@ pub struct Next {
     pub log_odds: f64,
 }
 
-/// Figures of what is left; the largest over joints and channels of their median over records, and over records.
+/// Figures of what is left; the largest over joints and channels of their median over records, and
+/// over records.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Residue {
     /// Largest mean square of a window over that of its record.
@@ -281,8 +286,8 @@ pub struct Residue {
     /// What these figures are the largest of; not in the JSON form.
     #[serde(skip)]
     pub of: Extent,
-    /// Sum of squared correlations of neighbours up to ten samples apart, times the number of samples and over ten, the median
-    /// over the records: 1 for white noise.
+    /// Sum of squared correlations of neighbours up to ten samples apart, times the number of
+    /// samples and over ten, the median over the records: 1 for white noise.
     pub memory: f64,
     /// Root mean square of these correlations.
     #[serde(default)]
@@ -330,7 +335,8 @@ pub struct Diagnosis {
     /// Share of each joint and channel in the squared gap before: position, velocity; they add up to 1.
     #[serde(default)]
     pub gap_shares: Vec<(f64, Option<f64>)>,
-    /// Where the missing force of the nominal structure lives, joint by joint; empty if it was not looked for.
+    /// Where the missing force of the nominal structure lives, joint by joint; empty if it was not
+    /// looked for.
     #[serde(default)]
     pub missing_force: Vec<Share>,
     /// When inputs act and readings show, joint by joint; empty if it was not looked for.

@@ -1,8 +1,9 @@
 //! What an effect is: a description, parameters, and the places where it enters the simulation.
 //!
-//! An effect implements [`Law`] once, generic over [`Scalar`]; everything else follows. The simulation calls the hooks it
-//! overrides. One substep of length δ is, for every coordinate (A. Acary, B. Brogliato, Numerical Methods for Nonsmooth
-//! Dynamical Systems, 2008, chapter 10; here with midpoint forces):
+//! An effect implements [`Law`] once, generic over [`Scalar`]; everything else follows. The
+//! simulation calls the hooks it overrides. One substep of length δ is, for every coordinate (A.
+//! Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems, 2008, chapter 10; here
+//! with midpoint forces):
 //!
 //! ```text
 //! M (v⁺ − v) = δ (k u_a − b + F(q½, v½) − R (v + v⁺)/2 − λ),     λ ∈ [level]·Sgn(v⁺),     q⁺ = q + δ (v + v⁺)/2
@@ -40,7 +41,8 @@ pub enum Kind {
     Channel,
 }
 
-/// What a parameter scales with: its unit in terms of the robot, so that ranges and starts hold for every robot.
+/// What a parameter scales with: its unit in terms of the robot, so that ranges and starts hold for
+/// every robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
     /// A pure number.
@@ -130,8 +132,9 @@ pub struct Info {
     pub parameters: &'static [Parameter],
     /// Start values to search from, in units of the parameters.
     pub starts: &'static [&'static [f64]],
-    /// Parameters that are zero when the effect is absent and in which the motion is differentiable there, whatever the
-    /// others are: the score test looks at these. Empty if there is no such point.
+    /// Parameters that are zero when the effect is absent and in which the motion is differentiable
+    /// there, whatever the others are: the score test looks at these. Empty if there is no such
+    /// point.
     pub amplitudes: &'static [usize],
     /// Effects it is easily taken for, and what tells them apart.
     pub confusions: &'static [(&'static str, &'static str)],
@@ -244,8 +247,8 @@ impl Commands<'_> {
         self.u[i] + (next - self.u[i]) * ((self.t + 0.5 * self.dt) / self.h - i as f64)
     }
 
-    /// Mean of the command over the substep, `delay` earlier; commands before the first sample equal it. Differentiable from
-    /// the right at a delay of zero.
+    /// Mean of the command over the substep, `delay` earlier; commands before the first sample
+    /// equal it. Differentiable from the right at a delay of zero.
     pub fn mean<D: Scalar>(&self, delay: D) -> D {
         let (mut from, end) = (-delay + self.t, -delay + (self.t + self.dt));
         let mut total = D::nil();
@@ -289,7 +292,8 @@ pub struct After<D> {
     pub coulomb: D,
 }
 
-/// Equation of an effect at one joint; all hooks have a default that does nothing. `e`: the parameters, SI units.
+/// Equation of an effect at one joint; all hooks have a default that does nothing. `e`: the
+/// parameters, SI units.
 pub trait Law<D: Scalar>: Send + Sync {
     /// Changes constants of the robot.
     fn constants(&self, _e: &[D], _joint: usize, _constants: &mut Constants<D>) {}
@@ -349,9 +353,11 @@ pub trait Effect: Send + Sync {
     fn partner(&self, joint: usize) -> Option<usize>;
     /// Whether it cannot be at a joint without partner.
     fn needs_partner(&self) -> bool;
-    /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its Lagrangian.
+    /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its
+    /// Lagrangian.
     fn needs_bodies(&self) -> bool;
-    /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act between them.
+    /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act
+    /// between them.
     fn edges(&self) -> &'static [usize];
     /// Physical magnitudes for the report.
     fn shown(&self, e: &[f64], gain: f64, rated: f64) -> Vec<(&'static str, f64)>;
@@ -387,11 +393,13 @@ pub trait Model: Send + Sync {
     fn needs_partner(&self) -> bool {
         false
     }
-    /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its Lagrangian.
+    /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its
+    /// Lagrangian.
     fn needs_bodies(&self) -> bool {
         false
     }
-    /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act between them.
+    /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act
+    /// between them.
     fn edges(&self) -> &'static [usize] {
         &[]
     }

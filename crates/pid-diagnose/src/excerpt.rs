@@ -1,17 +1,18 @@
 //! Long records: what is fitted and judged by is cut to the parts that decide.
 //!
-//! A fit costs time in proportion to the length of the train records and, through candidates and directions, to more than the
-//! square of the number of joints. Beyond a length the records repeat themselves. They are cut into parts of some seconds, and
-//! parts are taken one after the other that add most to the logarithm of the determinant of the information (V. V. Fedorov,
-//! Theory of Optimal Experiments, 1972, section 2.5)
+//! A fit costs time in proportion to the length of the train records and, through candidates and
+//! directions, to more than the square of the number of joints. Beyond a length the records repeat
+//! themselves. They are cut into parts of some seconds, and parts are taken one after the other
+//! that add most to the logarithm of the determinant of the information (V. V. Fedorov, Theory of
+//! Optimal Experiments, 1972, section 2.5)
 //!
 //! ```text
 //! maximise  ln det(I + Σ_taken Σ_k φ_k φ_kᵀ / N),      φ per joint: 1, sgn v, v, v|v|, a, sin q, cos q, q, u
 //! ```
 //!
-//! each feature over its root mean square in all records of a role, N samples of a part. Neighbouring parts stay together. Test
-//! records are cut alike, to half that length, while effects are looked for; [`restore_tests`] puts them back, so that the gap is that
-//! of all of them.
+//! each feature over its root mean square in all records of a role, N samples of a part.
+//! Neighbouring parts stay together. Test records are cut alike, to half that length, while effects
+//! are looked for; [`restore_tests`] puts them back, so that the gap is that of all of them.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use pid_data::Role;
@@ -31,8 +32,8 @@ const LOOKS: usize = 200;
 /// Length of the test records over that of the train records.
 const TESTS: f64 = 0.5;
 
-/// The case with train records of `joint_seconds` over the number of joints in all and test records of half that; those of a role
-/// that are not longer stay as they are.
+/// The case with train records of `joint_seconds` over the number of joints in all and test records
+/// of half that; those of a role that are not longer stay as they are.
 pub fn excerpt(case: &Case, joint_seconds: f64) -> Case {
     let allowed = joint_seconds / case.n() as f64;
     let mut out = case.clone();
@@ -80,8 +81,8 @@ fn shorten(case: &Case, role: Role, allowed: f64) -> Vec<Record> {
         .collect()
 }
 
-/// Puts the whole test records back into a case that was cut, and into its fits; `false` if they were whole. A test record of which
-/// a part was fitted stays out.
+/// Puts the whole test records back into a case that was cut, and into its fits; `false` if they
+/// were whole. A test record of which a part was fitted stays out.
 pub fn restore_tests<'a>(
     whole: &Case,
     case: &mut Case,

@@ -1,4 +1,5 @@
-//! Effects in a nominal description: checked against the library, and written after a diagnosis (`extended.toml`).
+//! Effects in a nominal description: checked against the library, and written after a diagnosis
+//! (`extended.toml`).
 
 use std::sync::Arc;
 
@@ -30,8 +31,8 @@ impl Known {
     /// The effects of a description, as the library has them.
     ///
     /// # Errors
-    /// If the library has no such effect, a joint or a parameter is missing or too many, a unit is another, or a value is outside
-    /// its range: file, line, key, value, mend.
+    /// If the library has no such effect, a joint or a parameter is missing or too many, a unit is
+    /// another, or a value is outside its range: file, line, key, value, mend.
     pub fn of(nominal: &description::Nominal) -> Result<Self, NominalError> {
         let library = effects::all();
         let mut known = Known::default();
@@ -217,8 +218,8 @@ pub fn stated(
     }
 }
 
-/// The nominal description of a diagnosed case with the values and effects that the diagnosis found. `case` is the one that was
-/// diagnosed, its records in the roles of the data set.
+/// The nominal description of a diagnosed case with the values and effects that the diagnosis
+/// found. `case` is the one that was diagnosed, its records in the roles of the data set.
 pub fn extended(case: &Case, found: &Evidence) -> description::Nominal {
     let (own, fit) = (&found.case, &found.fit);
     let nominal = &own.nominal.description;

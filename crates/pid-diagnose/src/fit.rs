@@ -4,8 +4,9 @@
 //! minimise  ½ Σ ε_i(θ, e)²  +  ½ Σ (θ_k / 0.55)²     with |θ_k| ≤ 1,  lower ≤ e ≤ upper
 //! ```
 //!
-//! ε are whitened innovations on the train records, θ deviations in units of their tolerances (0.55: the standard deviation of a
-//! value anywhere within 95 % of its tolerance). The Jacobian is exact, a few directions per pass.
+//! ε are whitened innovations on the train records, θ deviations in units of their tolerances
+//! (0.55: the standard deviation of a value anywhere within 95 % of its tolerance). The Jacobian is
+//! exact, a few directions per pass.
 
 use std::cell::Cell;
 use std::ops::ControlFlow;
@@ -26,9 +27,10 @@ use crate::simulate::{Hypothesis, Run};
 
 /// Standard deviation of a deviation, in tolerances.
 pub const PRIOR: f64 = 0.55;
-/// Samples after which a run with a bound looks at what the other records have summed up to.
+/// A parallel run checks every so many samples whether the shared sum already exceeds the bound.
 const ASIDE: usize = 64;
-/// An innovation larger than this many deviations counts as this: a diverging candidate must not give infinities.
+/// An innovation larger than this many deviations counts as this: a diverging candidate must not
+/// give infinities.
 const LARGEST: f64 = 1e4;
 
 /// Value of the objective, in its parts.
@@ -40,8 +42,8 @@ pub struct Value {
     pub count: Vec<[f64; 2]>,
     /// Sum of (θ/σ)².
     pub prior: f64,
-    /// Sum of ln det S over the innovations' predicted covariances S, per joint: gains of their own make hypotheses comparable
-    /// only together with it.
+    /// Sum of ln det S over the innovations' predicted covariances S, per joint: gains of their own
+    /// make hypotheses comparable only together with it.
     pub log_det: Vec<f64>,
 }
 
@@ -140,8 +142,8 @@ pub fn value(
     run(case, hypothesis, at, gains, role, f64::INFINITY)
 }
 
-/// [`value`] on the train records if its [`Value::objective`] is below a bound, else `None`: most points above it are known to be
-/// after a part of the records.
+/// [`value`] on the train records if its [`Value::objective`] is below a bound, else `None`: most
+/// points above it are known to be after a part of the records.
 pub fn value_below(
     bound: f64,
     case: &Case,
@@ -350,7 +352,8 @@ where
     rows
 }
 
-/// Directions of θ that the train records determine beyond their tolerance, from the Jacobian at the nominal values.
+/// Directions of θ that the train records determine beyond their tolerance, from the Jacobian at
+/// the nominal values.
 pub fn basis(case: &Case) -> Basis {
     basis_as_run(case, Run::default())
 }
@@ -365,7 +368,8 @@ pub(crate) fn basis_as_run(case: &Case, run: Run) -> Basis {
     basis_beside(case, &Hypothesis { terms, run }, &at)
 }
 
-/// The same beside effects, at a point: a gear that gives way tells the inertia of its rotor from that of the link behind it.
+/// The same beside effects, at a point: a gear that gives way tells the inertia of its rotor from
+/// that of the link behind it.
 pub fn basis_beside(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Basis {
     let size = case.nominal.size();
     let unit = DMatrix::<f64>::identity(size, size);
@@ -383,7 +387,8 @@ pub fn basis_beside(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Basis {
     Basis { columns }
 }
 
-/// Rounds of [`Quadratic::minimise`]: each changes the set of bounds that hold, and a robot of six joints has some hundred of them.
+/// Rounds of [`Quadratic::minimise`]: each changes the set of bounds that hold, and a robot of six
+/// joints has some hundred of them.
 const ROUNDS: usize = 60;
 
 /// Quadratic model of the objective around a point, in (θ, e): `½ xᵀ H x + gᵀ x`, prior included.
@@ -419,8 +424,9 @@ impl Quadratic {
         Quadratic { h, g }
     }
 
-    /// Minimiser within `low ≤ x ≤ high`, by an active set on Cholesky factorizations; and whether it is one: otherwise the
-    /// curvature is not positive, or the active set has not settled within [`ROUNDS`], and x is a point within the bounds.
+    /// Minimiser within `low ≤ x ≤ high`, by an active set on Cholesky factorizations; and whether
+    /// it is one: otherwise the curvature is not positive, or the active set has not settled within
+    /// [`ROUNDS`], and x is a point within the bounds.
     pub fn minimise(&self, low: &DVector<f64>, high: &DVector<f64>) -> (DVector<f64>, bool) {
         let m = self.g.len();
         let mut x = DVector::zeros(m);
@@ -536,9 +542,10 @@ pub struct Fit {
 pub struct Effort<'a> {
     /// Steps at most.
     pub steps: usize,
-    /// Derivatives along the basis from a neighbouring fit, rows as on the train records: the first steps use them and
-    /// differentiate in the effects' parameters only (a chord method; P. Deuflhard, Newton Methods for Nonlinear Problems,
-    /// 2004, section 2.1). They are renewed when the model they give no longer predicts the decrease.
+    /// Derivatives along the basis from a neighbouring fit, rows as on the train records: the first
+    /// steps use them and differentiate in the effects' parameters only (a chord method; P.
+    /// Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 2.1). They are renewed when
+    /// the model they give no longer predicts the decrease.
     pub slopes: Option<&'a DMatrix<f64>>,
     /// Whether the end must be an optimum with derivatives of its own, and not only of the neighbour.
     pub exact: bool,
@@ -566,7 +573,8 @@ impl Effort<'_> {
 }
 
 impl Fit {
-    /// Innovations on the train records with derivatives at the point of the fit, along a basis and then in the effects' parameters.
+    /// Innovations on the train records with derivatives at the point of the fit, along a basis and
+    /// then in the effects' parameters.
     pub fn linearised(&self, case: &Case, basis: &Basis) -> Linear {
         let columns = basis.directions();
         slopes(

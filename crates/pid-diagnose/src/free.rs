@@ -1,14 +1,16 @@
-//! Laws without a shape of their own: a force over the position of a joint, a gain of its drive over the time.
+//! Laws without a fixed shape: a force over the position of a joint, and a gain of its drive over
+//! the time.
 //!
-//! Both are given by values at equal distances with straight lines between them (C. de Boor, A Practical Guide to Splines, 2001,
-//! chapter III). They have no name in the library: what they describe better than its effects is none of these.
+//! Values at equal distances with straight lines between them give both (C. de Boor, A Practical
+//! Guide to Splines, 2001, chapter III). They have no name in the library: if they describe the
+//! records better than its effects, the cause is none of these.
 
 use crate::case::Case;
 use crate::constants::Constants;
 use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Parameter, Site, Unit, parameter};
 use crate::scalar::Scalar;
 
-/// Positions at which a force is given: few find a faint one, many a sharp one.
+/// Numbers of positions at which a force is given: few find a faint force, many a sharp one.
 const FEW: usize = 13;
 const MANY: usize = 25;
 /// Times at which a gain is given.
@@ -66,7 +68,7 @@ const fn first<const N: usize>() -> [usize; N] {
     out
 }
 
-/// What a free law is of, and over what.
+/// Kind and abscissa of a free law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Form {
@@ -126,7 +128,7 @@ impl FreeLaw {
         FreeLaw::all(case).into_iter().find(|l| l.info.id == id)
     }
 
-    /// How many cells the knots bound.
+    /// Number of cells between the knots.
     fn cells(&self) -> usize {
         self.info.parameters.len() - 1
     }
@@ -137,7 +139,7 @@ impl FreeLaw {
         (0..=cells).map(move |i| first + (last - first) * i as f64 / cells as f64)
     }
 
-    /// The law at a place; beyond the ends it keeps its last slope.
+    /// Value of the law; beyond the ends it keeps its last slope.
     fn at<D: Scalar>(&self, e: &[D], (first, last): (f64, f64), x: D) -> D {
         let cells = self.cells();
         let x = (x - first) * (cells as f64 / (last - first).max(1e-9));

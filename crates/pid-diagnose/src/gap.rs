@@ -1,13 +1,15 @@
 //! The gap: free-run error on records that were never fitted.
 //!
-//! Each record is cut into windows of the stated horizon; from the read state at the start of a window the model runs freely
-//! under the recorded inputs. Per joint the root mean square error of position and of velocity (as the drive would report it) is
-//! divided by the standard deviation of the read channel in that record; the gap is the root mean square over joints, channels
-//! and records.
+//! Each record is cut into windows of the stated horizon; from the read state at the start of a
+//! window the model runs freely under the recorded inputs. Per joint the root mean square error of
+//! position and of velocity (as the drive would report it) is divided by the standard deviation of
+//! the read channel in that record; the gap is the root mean square over joints, channels and
+//! records.
 //!
-//! This is not the free-run error of [`pid_fit::gap::metrics`]: that one is in SI units, of any model, and starts from recorded
-//! states. Here windows start from the state of the predictor, since hypotheses have states that no sensor reads, and errors are
-//! relative to the motion, so that joints and channels can be summed up.
+//! This is not the free-run error of [`pid_fit::gap::metrics`]: that one is in SI units, of any
+//! model, and starts from recorded states. Here windows start from the state of the predictor,
+//! since hypotheses have states that no sensor reads, and errors are relative to the motion, so
+//! that joints and channels can be summed up.
 
 use pid_data::Role;
 use rand::{RngExt, SeedableRng};
@@ -28,7 +30,8 @@ const LARGEST: f64 = 9.9;
 pub struct Gap {
     /// Over everything.
     pub total: f64,
-    /// Per joint and channel (position, velocity), root mean square over records; `None` where a velocity is not recorded.
+    /// Per joint and channel (position, velocity), root mean square over records; `None` where a
+    /// velocity is not recorded.
     pub joints: Vec<(f64, Option<f64>)>,
     /// Squared normalised error of each window, all joints and channels: what an interval is drawn from.
     pub windows: Vec<f64>,
@@ -87,8 +90,9 @@ fn windows(
     }
 }
 
-/// Free run over one window: positions and velocities as the drive reports them, joint by joint at each of the samples after
-/// the first. `noise` is added to every position and every measured velocity before filters.
+/// Free run over one window: positions and velocities as the drive reports them, joint by joint at
+/// each of the samples after the first. `noise` is added to every position and every measured
+/// velocity before filters.
 fn free_run(
     case: &Case,
     runner: &mut Runner<'_, '_, f64>,
@@ -221,8 +225,8 @@ impl Gap {
             .map(|(q, v)| (share(*q), v.map(share)))
             .collect()
     }
-    /// Interval of 95 % of the total, by drawing the windows anew (B. Efron, R. J. Tibshirani, An Introduction to the
-    /// Bootstrap, 1993, chapter 13), about the stated total; fixed seed.
+    /// Interval of 95 % of the total, by drawing the windows anew (B. Efron, R. J. Tibshirani, An
+    /// Introduction to the Bootstrap, 1993, chapter 13), about the stated total; fixed seed.
     pub fn interval(&self) -> (f64, f64) {
         let n = self.windows.len();
         let mean = self.windows.iter().sum::<f64>() / n.max(1) as f64;
@@ -277,18 +281,20 @@ pub fn gap(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role:
 /// Draws of the noise that a floor is averaged over.
 const DRAWS: usize = 24;
 
-/// The gap that noise alone leaves: its root mean square over some draws of the noise, and the largest of them.
+/// The gap that noise alone leaves: its root mean square over some draws of the noise, and the
+/// largest of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Floor {
     /// Root mean square.
     pub typical: f64,
-    /// Largest: few windows and starts without a reading of the velocity make it differ much from draw to draw.
+    /// Largest: few windows and starts without a reading of the velocity make it differ much from
+    /// draw to draw.
     pub largest: f64,
 }
 
-/// The gap that noise alone leaves: free runs with the drive noise drawn anew, read with reading noise, against the same runs
-/// without, from starts as far off as the filter makes them: it passes noise, and it rounds a motion that stops or turns (fixed
-/// seed).
+/// The gap of the true model under simulated noise: free runs with drive noise drawn anew and read
+/// with reading noise, against the same runs without. Starts come from the same smoothing filter as
+/// real ones, so its bias near stops and reversals is included (fixed seed).
 pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role: Role) -> Floor {
     let mut random = ChaCha8Rng::seed_from_u64(0x5eed);
     let n = case.n();
@@ -389,7 +395,8 @@ mod tests {
 
     #[test]
     fn the_floor_knows_how_the_filter_rounds_a_motion_where_windows_start() {
-        // The input jumps where each window starts: the filtered velocity is off there by far more than the noise makes it.
+        // The input jumps where each window starts: the filtered velocity is off there by far more
+        // than the noise makes it.
         let seconds = 0.5;
         let nothing = Hypothesis::default();
         let mut case = pendulum_under(&nothing, &[], 6.0, &|_| {}, &|i, t| {

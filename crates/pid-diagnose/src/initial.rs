@@ -1,14 +1,16 @@
 //! Initial-state estimation: states that no sensor reads, at the start of a record.
 //!
-//! A link behind a spring may still swing when a record starts, a bristle may be bent: neither position nor velocity of the drive
-//! tells at once. What the first moment of the record tells of them is taken from the innovations ε of the predictor,
+//! A link behind a spring may still swing when a record starts, a bristle may be bent: neither
+//! position nor velocity of the drive tells at once. What the first moment of the record tells of
+//! them is taken from the innovations ε of the predictor,
 //!
 //! ```text
 //! minimise over x    Σ_{t < T} ε(x)²  +  Σ_i (x_i / s_i)²
 //! ```
 //!
-//! with x the deviations of these states from rest and s their sizes: the twist of the gear under a tenth of the typical torque, its
-//! rate at the resonance, a bristle bent to its end. Gauss and Newton's steps with differences, halved until they pay.
+//! with x the deviations of these states from rest and s their sizes: the twist of the gear under a
+//! tenth of the typical torque, its rate at the resonance, a bristle bent to its end. Gauss and
+//! Newton's steps with differences, halved until they pay.
 
 use nalgebra::{DMatrix, DVector};
 

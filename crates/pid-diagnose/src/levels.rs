@@ -1,16 +1,18 @@
 //! Levels for a model that errs: errors of the model in place of noise.
 //!
-//! On a real robot no structure brings the innovations down to the noise of encoder and drive; what is left is the model's own
-//! error, and it is correlated. Weights from sensor noise then say what only fast motion tells, and count every sample of a slow
-//! error as news. Here the predictor follows the record slowly, with the bandwidth of the horizon that the gap is judged over,
+//! On a real robot no structure brings the innovations down to the noise of encoder and drive; what
+//! is left is the model's own error, and it is correlated. Weights from sensor noise then say what
+//! only fast motion tells, and count every sample of a slow error as news. Here the predictor
+//! follows the record slowly, with the bandwidth of the horizon that the gap is judged over,
 //!
 //! ```text
 //! ω = 4 / T,     σ_τ = I min(ω² σ_q, ω σ_v),     σ_q, σ_v = √κ · rms of what is left,     κ = 1 + 2 Σ ρ(k)
 //! ```
 //!
-//! so that its errors are nearly those of free runs over T (M. Farina, L. Piroddi, Automatica 47(10), 2011: simulation error in
-//! place of prediction error), and N samples count as N/κ independent ones (ρ: their autocorrelation; G. V. Bayley, J. M.
-//! Hammersley, J. R. Stat. Soc. Suppl. 8(2), 1946). In the levels κ counts up to 4/(ω h), the memory of the predictor: what is
+//! so that its errors are nearly those of free runs over T (M. Farina, L. Piroddi, Automatica
+//! 47(10), 2011: simulation error in place of prediction error), and N samples count as N/κ
+//! independent ones (ρ: their autocorrelation; G. V. Bayley, J. M. Hammersley, J. R. Stat. Soc.
+//! Suppl. 8(2), 1946). In the levels κ counts up to 4/(ω h), the memory of the predictor: what is
 //! correlated for longer is an effect that is still missing, and must not lose its weight for that.
 
 use pid_data::Role;
@@ -28,7 +30,8 @@ const MEMORY: f64 = 4.0;
 /// Largest error that counts, in shares of the motion.
 const LARGEST: f64 = 1.0;
 
-/// Errors of the predictor under a fit on the records of a role: `[record][joint][channel]`, position and velocity, SI.
+/// Errors of the predictor under a fit on the records of a role: `[record][joint][channel]`,
+/// position and velocity, SI.
 pub(crate) fn errors(case: &Case, fit: &Fit, role: Role) -> Vec<Vec<[Vec<f64>; 2]>> {
     let n = case.n();
     case.records
@@ -64,7 +67,8 @@ pub(crate) fn shared(x: &[f64]) -> f64 {
     if n < 4 || square <= 0.0 {
         return 1.0;
     }
-    // By the trapezoidal rule from ρ(0) = 1 on, which is that sum. Far lags in steps that grow: the correlation is smooth there.
+    // By the trapezoidal rule from ρ(0) = 1 on, which is that sum. Far lags in steps that grow: the
+    // correlation is smooth there.
     let mut sum = 0.0;
     let (mut lag, mut last) = (1_usize, (0_usize, 1.0));
     while lag < n / 2 {
@@ -80,7 +84,8 @@ pub(crate) fn shared(x: &[f64]) -> f64 {
     sum.clamp(1.0, 0.5 * n as f64)
 }
 
-/// What is left of one channel of one joint over several records: root mean square, samples, independent samples.
+/// What is left of one channel of one joint over several records: root mean square, samples,
+/// independent samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Left {
     /// Sum of squares.
@@ -126,7 +131,8 @@ pub(crate) fn follow_slowly(case: &mut Case) {
     }
 }
 
-/// Sets the levels to what a fit leaves, at the same bandwidth. `sensors` are the levels of the sensors, the least there can be.
+/// Sets the levels to what a fit leaves, at the same bandwidth. `sensors` are the levels of the
+/// sensors, the least there can be.
 pub(crate) fn settle(case: &mut Case, fit: &Fit, sensors: &[(f64, f64)]) {
     let omega = bandwidth(case);
     let left = left(&errors(case, fit, Role::Train));

@@ -1,12 +1,14 @@
 //! Which physical effect a model lacks, where it sits, and how far the gap shrinks once it is modelled.
 //!
-//! A [`Case`](case::Case) is a data folder with a nominal description; [`search`](search::search) fits the nominal structure
-//! within its tolerances, screens every effect of the library at every joint, refits the best and gives a verdict.
+//! A [`Case`](case::Case) is a data folder with a nominal description; [`search`](search::search)
+//! fits the nominal structure within its tolerances, screens every effect of the library at every
+//! joint, refits the best and gives a verdict.
 //!
 //! # An effect of your own
 //!
-//! An effect is a type with a description ([`Model`](effect::Model)) and an equation over any scalar ([`Law`](effect::Law));
-//! the hooks it does not need keep their defaults. It joins the library in the settings:
+//! An effect is a type with a description ([`Model`](effect::Model)) and an equation over any
+//! scalar ([`Law`](effect::Law)); the hooks it does not need keep their defaults. It joins the
+//! library in the settings:
 //!
 //! ```
 //! use std::sync::Arc;

@@ -1,15 +1,18 @@
-//! Where the gap lives: the missing force of the nominal fit, joint by joint, and what it goes with.
+//! Where the gap lives: the missing force of the nominal fit, joint by joint, and the quantity it
+//! depends on.
 //!
-//! The missing force w(t) is that of [`pid_fit::gap::force`], under the nominal structure with its fitted parameters, on the
-//! test records. How far it is a function of one quantity x (velocity, position, load, time since the last reversal, time) is
-//! the correlation ratio of its class means, adjusted for the number of classes,
+//! The missing force w(t) is that of [`pid_fit::gap::force`], under the nominal structure with its
+//! fitted parameters, on the test records. How far it is a function of one quantity x (velocity,
+//! position, load, time since the last reversal, time) is the correlation ratio of its class means,
+//! adjusted for the number of classes,
 //!
 //! ```text
 //! η² = 1 − (N − 1)/(N − K) · Σ (w − w̄_class)² / Σ (w − w̄)²
 //! ```
 //!
-//! (R. A. Fisher, Statistical Methods for Research Workers, 1925, section 45; T. L. Kelley 1935 for the adjustment), over K
-//! classes of equal number, apart for either direction of motion. Samples at rest are left out: there dry friction takes any value.
+//! (R. A. Fisher, Statistical Methods for Research Workers, 1925, section 45; T. L. Kelley 1935 for
+//! the adjustment), over K classes of equal number, apart for either direction of motion. Samples
+//! at rest are left out, since dry friction takes any value there.
 
 use std::cell::RefCell;
 
@@ -24,16 +27,16 @@ use crate::predict::{Runner, gains};
 
 /// Classes per direction.
 pub const CLASSES: usize = 10;
-/// Share of the largest speed below which a joint is at rest.
+/// A joint is at rest below this share of its largest speed.
 const REST: f64 = 0.02;
-/// How much more than any other quantity time must explain.
+/// Time must explain this much more than any other quantity.
 const TIME: f64 = 0.25;
 /// Points kept of a curve.
 const POINTS: usize = 500;
 /// Points kept of a cloud.
 const CLOUD: usize = 1500;
 
-/// The missing force cannot be found.
+/// Why the missing force cannot be found.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LocateError {
@@ -45,7 +48,7 @@ pub enum LocateError {
     Force(#[from] MissingForceError),
 }
 
-/// What the missing force may go with.
+/// Quantities on which the missing force may depend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Axis {
@@ -71,7 +74,7 @@ impl Axis {
         Axis::Time,
     ];
 
-    /// Words for people.
+    /// The quantity in words.
     pub fn words(self) -> &'static str {
         match self {
             Axis::Velocity => "velocity",
@@ -138,7 +141,8 @@ pub struct JointForce {
 }
 
 impl JointForce {
-    /// The quantity that explains most. Any force is a function of time: time counts only where it explains much more.
+    /// The quantity that explains most. Any force is a function of time, so time counts only where
+    /// it explains much more.
     pub fn regime(&self) -> (Axis, f64) {
         let time = self.explained[Axis::Time as usize];
         let best = Axis::ALL
@@ -178,10 +182,10 @@ impl MissingForce {
     }
 }
 
-/// Finds the missing force of the nominal fit on the test records of the data set that the case was made from.
+/// Finds the missing force of the nominal fit on the test records of the case's data set.
 ///
 /// # Errors
-/// If the structure has no equations that can be evaluated, or a record none that the smoother can follow.
+/// If the structure has no equations that can be evaluated, or the smoother cannot follow a record.
 pub fn locate(case: &Case, base: &Fit, dataset: &Dataset) -> Result<MissingForce, LocateError> {
     let n = case.n();
     let model = Model::new(case.nominal.description.robot())?;
@@ -222,7 +226,7 @@ pub fn locate(case: &Case, base: &Fit, dataset: &Dataset) -> Result<MissingForce
     Ok(summed(case, joints, &squares, count))
 }
 
-/// What is said of the samples: sizes and regimes; the samples thinned.
+/// Size and regimes of the samples of a joint; thins the samples.
 fn summed(case: &Case, mut joints: Vec<JointForce>, squares: &[f64], count: f64) -> MissingForce {
     for (j, out) in joints.iter_mut().enumerate() {
         out.rms = (squares[j] / f64::max(count, 1.0)).sqrt();
@@ -238,14 +242,15 @@ fn summed(case: &Case, mut joints: Vec<JointForce>, squares: &[f64], count: f64)
 
 /// Bandwidth of the observer behind [`rest`], rad/s.
 const REST_BANDWIDTH: f64 = 30.0;
-/// First moments of a record that tell of the start, s.
+/// The first so many seconds of a record depend on its start and are left out.
 const SETTLING: f64 = 0.2;
 
-/// Where the force lives that a fit still misses, its effects included, on the test records.
+/// The force that a fit still misses, its effects included, on the test records.
 ///
-/// An observer that follows the readings ε with gain K_v on the velocity needs the force `I K_v ε / h` beside the model's own to
-/// do so (an observer of disturbances: K. Ohnishi, M. Shibata, T. Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996), up to its
-/// bandwidth of 30 rad/s. It runs on the simulation itself, so that every effect of the library is in it.
+/// An observer with gain K_v on the velocity follows the readings ε. For that it needs the force
+/// `I K_v ε / h` beside the model's own (an observer of disturbances: K. Ohnishi, M. Shibata, T.
+/// Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996), up to its bandwidth of 30 rad/s. It runs on
+/// the simulation itself, so it includes every effect of the library.
 pub fn residual_force(case: &Case, fit: &Fit) -> MissingForce {
     let n = case.n();
     let case = crate::levels::with_bandwidth(case, REST_BANDWIDTH);
@@ -358,8 +363,9 @@ fn ratio(samples: &[Sample], axis: Axis) -> f64 {
     correlation_ratio(within, total, n, classes.len() as f64)
 }
 
-/// Correlation ratio η² of `number` samples in `classes` classes, adjusted for their number and at least 0, from the sums of squares
-/// within the classes and in all. How far a force is a function of the quantity the classes are of; 0 where that cannot be said.
+/// Correlation ratio η² of `number` samples in `classes` classes, adjusted for their number and at
+/// least 0, from the sums of squares within the classes and in all. How far a force is a function
+/// of the quantity the classes are of; 0 where that cannot be said.
 pub fn correlation_ratio(within: f64, total: f64, number: f64, classes: f64) -> f64 {
     if total > 0.0 && number > classes {
         (1.0 - (number - 1.0) / (number - classes) * within / total).max(0.0)
@@ -393,7 +399,7 @@ mod tests {
             .collect();
         let [v, q, ..] = Axis::ALL.map(|a| ratio(&samples, a));
         assert!(v > 0.97, "{v}");
-        // The direction alone tells half of it: its share is the same for every quantity.
+        // The direction alone explains half of it, and this share is the same for every quantity.
         assert!(q < 0.85, "{q}");
         let c = classes(&samples, Axis::Velocity);
         assert_eq!(c.len(), 2 * CLASSES);

@@ -1,17 +1,19 @@
 //! The next experiment: the motion, within limits, that separates two rivals best, and by how much.
 //!
-//! Candidate motions are sums of sines, fast and slow ones, within the positions, speeds and torques that the records (or the
-//! stated limits) show to be safe. A motion is run in closed loop on the robot as rival A describes it; the readings that come
-//! out are then predicted by rival B. With ε the whitened innovations of B,
+//! Candidate motions are sums of sines, fast and slow ones, within the positions, speeds and
+//! torques that the records (or the stated limits) show to be safe. Each runs in closed loop on the
+//! robot as rival A describes it; rival B then predicts the readings. With ε the whitened
+//! innovations of B,
 //!
 //! ```text
 //! Λ = ½ ( |ε|² − εᵀ J (H + JᵀJ)⁻¹ Jᵀ ε )
 //! ```
 //!
-//! is the expected logarithm of the likelihood ratio after B has been refitted to old and new records together: J are the
-//! derivatives of ε in B's parameters, H the curvature that the old records give (W. J. Hunter, A. M. Reiner, Designs for
-//! discriminating between two rival models, Technometrics 7, 1965, with the old records as prior). The lesser of both
-//! directions counts. Many motions are ranked by |ε|² alone, the best by Λ, and the winner is improved by small changes.
+//! is the expected logarithm of the likelihood ratio after B is refitted to old and new records
+//! together. J are the derivatives of ε in B's parameters, H the curvature from the old records (W.
+//! J. Hunter, A. M. Reiner, Designs for discriminating between two rival models, Technometrics 7,
+//! 1965, with the old records as prior). The lesser of both directions counts. Many motions are
+//! ranked by |ε|² alone, the best ones by Λ; small changes improve the winner.
 
 use std::f64::consts::TAU;
 
@@ -34,8 +36,9 @@ use crate::simulate::Machine;
 const LENGTH: f64 = 8.0;
 /// Time in which a motion starts from rest and comes to rest, s.
 const EDGE: f64 = 0.5;
-/// Points in the shortest period of a motion at which its limits are checked: the bound between them then costs less than a hundredth
-/// of the amplitude. And most points of a piece, however fast its sines are.
+/// Points in the shortest period of a motion at which its limits are checked: the bound between
+/// them then costs less than a hundredth of the amplitude. And most points of a piece, however fast
+/// its sines are.
 const POINTS: f64 = 32.0;
 const MOST_POINTS: f64 = 20_000.0;
 /// Sines per joint.
@@ -44,7 +47,7 @@ const SINES: usize = 5;
 const DRAWN: (usize, usize) = (24, 4);
 /// Changes tried on the winner.
 const CHANGES: usize = 16;
-/// Share of positions, speeds and torques seen (or stated) that a motion may use.
+/// A motion may use this share of the positions, speeds and torques seen (or stated).
 const SAFE: f64 = 0.95;
 /// Seed of the draws.
 const SEED: u64 = 0x9e1f;
@@ -67,10 +70,10 @@ pub struct Limits {
 pub struct Experiment {
     /// The two rivals, as `effect:joint`; `none` for the nominal structure.
     pub rivals: (String, String),
-    /// Expected logarithm of the likelihood ratio in favour of whichever is right, after refits: if the
-    /// first is, if the second is.
+    /// Expected logarithm of the likelihood ratio in favour of the right rival, after refits: if
+    /// the first is right, if the second is.
     pub log_odds: (f64, f64),
-    /// Limits that were kept.
+    /// Limits that the motion keeps.
     pub limits: Vec<Limits>,
     /// Sample time, s.
     pub sample_time: f64,
@@ -143,8 +146,9 @@ impl Wave {
         )
     }
 
-    /// Bounds on the second derivatives of position, velocity and acceleration: for sums of sines of at most `S_k = Σ a ωᵏ` in the k-th
-    /// derivative, and within the window, whose derivatives are at most 3, 24 and 96 per second and its powers, by the rule of Leibniz.
+    /// Bounds on the second derivatives of position, velocity and acceleration: for sums of sines
+    /// of at most `S_k = Σ a ωᵏ` in the k-th derivative, and within the window, whose derivatives
+    /// are at most 3, 24 and 96 per second and its powers, by the rule of Leibniz.
     fn curvatures(&self, windowed: bool) -> [f64; 3] {
         let s: [f64; 5] = std::array::from_fn(|k| {
             let sines = self.sines.iter();
@@ -161,13 +165,15 @@ impl Wave {
         }
     }
 
-    /// Scaled so that positions, speeds and accelerations stay within their limits, at all times and not on a grid alone: between two
-    /// points d apart a function exceeds the larger of its values there by at most d²/8 of its second derivative.
+    /// Scaled so that positions, speeds and accelerations stay within their limits, at all times
+    /// and not on a grid alone: between two points d apart a function exceeds the larger of its
+    /// values there by at most d²/8 of its second derivative.
     fn within(mut self, limits: &Limits, acceleration: f64) -> Self {
         let half = 0.5 * (limits.position.1 - limits.position.0);
         let fastest = self.sines.iter().map(|s| s.1.abs()).fold(0.0, f64::max);
         let mut over: f64 = 1e-300;
-        // The acceleration jumps where the window begins and ends: the pieces between are taken without their ends.
+        // The acceleration jumps where the window begins and ends: the pieces between are taken
+        // without their ends.
         for (from, to) in [(0.0, EDGE), (EDGE, LENGTH - EDGE), (LENGTH - EDGE, LENGTH)] {
             let windowed = to - from <= EDGE;
             let (from, to) = (from + 1e-9, to - 1e-9);
@@ -191,7 +197,7 @@ impl Wave {
     }
 }
 
-/// Limits from the description where it states them, else what the records have shown.
+/// Limits from the description, or from the records where it states none.
 pub fn limits(case: &Case) -> Vec<Limits> {
     (0..case.n())
         .map(|j| {
@@ -257,7 +263,8 @@ fn changed(case: &Case, limits: &[Limits], from: &[Wave], random: &mut ChaCha8Rn
         .collect()
 }
 
-/// The motion run in closed loop on the robot as a fit describes it, with what its sensors would read; `None` where it diverges.
+/// Runs the motion in closed loop on the robot as a fit describes it, with the readings of its
+/// sensors; `None` if it diverges.
 fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Record> {
     let n = case.n();
     let h = case.records[0].h;
@@ -379,7 +386,7 @@ fn misfit(case: &Case, fit: &Fit) -> f64 {
     0.5 * value(case, &fit.hypothesis, &fit.point, &gains, Role::Train).total()
 }
 
-/// Λ of a fit on one record that another rival has made.
+/// Λ of a fit on one record that another rival made.
 fn after_refit(case: &Case, fit: &Fit) -> Option<f64> {
     let size = case.nominal.size();
     let unit = nalgebra::DMatrix::<f64>::identity(size, size);
@@ -427,7 +434,7 @@ fn both(
 /// Finds the motion that separates two fits of a case; `None` where no motion can be run on both.
 pub fn separate(case: &Case, a: &Fit, b: &Fit) -> Option<Experiment> {
     let limits = limits(case);
-    // Copying the records with every motion would be waste: they play no part.
+    // The records play no part, and copying them with every motion would be waste.
     let bare = alone(case, case.records.first()?.clone());
     let least = |x: (f64, f64)| x.0.min(x.1);
     let mut random = ChaCha8Rng::seed_from_u64(SEED);

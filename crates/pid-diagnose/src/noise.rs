@@ -1,15 +1,17 @@
 //! Drive noise from the records, where it is not stated.
 //!
-//! The predictor's gain, and with it the covariance S of its innovations ε, depends on the standard deviation σ_j of the torque
-//! noise of each joint. Its maximum-likelihood value under a hypothesis and its parameters is
+//! The predictor's gain, and with it the covariance S of its innovations ε, depends on the standard
+//! deviation σ_j of the torque noise of each joint. Its maximum-likelihood value under a hypothesis
+//! and its parameters is
 //!
 //! ```text
 //! minimise over σ_j    Σ_k ε_k(σ_j)ᵀ S(σ_j)⁻¹ ε_k(σ_j) + ln det S(σ_j)
 //! ```
 //!
-//! (L. Ljung, System Identification, 1999, section 7.4). A hypothesis that leaves something out takes it for noise, so that the
-//! value belongs to the hypothesis: it is settled anew whenever a better one is found. σ_j is sought between 0.02 % and 2 % of
-//! the joint's typical torque; what is left beyond that counts as misfit.
+//! (L. Ljung, System Identification, 1999, section 7.4). A hypothesis that lacks something takes it
+//! for noise, so the value belongs to the hypothesis and is found anew with every better one. σ_j
+//! is sought between 0.02 % and 2 % of the joint's typical torque; a larger remainder counts as
+//! misfit.
 
 use pid_data::Role;
 
@@ -21,10 +23,11 @@ const LOWEST: f64 = 2e-4;
 const HIGHEST: f64 = 2e-2;
 /// Points of the ladder between them.
 const RUNGS: usize = 9;
-/// Sweeps where there are several joints: the noise of one drive moves the others too.
+/// Sweeps over the joints, since the noise of one drive moves the others too.
 const SWEEPS: usize = 2;
 
-/// Sets the drive noise of every joint whose figure is not stated to its most likely value under a fit; whether any was open.
+/// Sets the drive noise of every joint whose noise is not stated to its most likely value under a
+/// fit. Returns whether there was one.
 pub fn settle(case: &mut Case, fit: &Fit) -> bool {
     let open: Vec<usize> = (0..case.n()).filter(|&j| !case.noise[j].stated).collect();
     if open.is_empty() {
@@ -32,7 +35,8 @@ pub fn settle(case: &mut Case, fit: &Fit) -> bool {
     }
     let ratio = (HIGHEST / LOWEST).ln() / (RUNGS - 1) as f64;
     let share = |rung: f64| LOWEST * (ratio * rung).exp();
-    // What the joints pass on to each other is that of the sweep before: all climb the ladder side by side.
+    // The noise that joints pass on to each other is that of the sweep before, so all joints can be
+    // treated side by side.
     for _ in 0..if case.n() > 1 { SWEEPS } else { 1 } {
         let mut surprise = vec![[f64::INFINITY; RUNGS]; case.n()];
         for rung in 0..RUNGS {
@@ -53,7 +57,8 @@ pub fn settle(case: &mut Case, fit: &Fit) -> bool {
     true
 }
 
-/// Place of the minimum of a function given at 0, 1, 2 …: that of the parabola through the lowest value and its neighbours.
+/// Place of the minimum of a function given at 0, 1, 2 …: that of the parabola through the lowest
+/// value and its neighbours.
 fn lowest(y: &[f64]) -> f64 {
     let best = (0..y.len())
         .min_by(|&a, &b| y[a].total_cmp(&y[b]))

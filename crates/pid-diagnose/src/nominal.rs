@@ -1,8 +1,9 @@
-//! What is known of the robot before looking at the data, as the simulation takes it: coordinates with a drive each, and mass
-//! matrix and bias as programs.
+//! What is known of the robot before looking at the data, as the simulation takes it: coordinates
+//! with a drive each, and mass matrix and bias as programs.
 //!
-//! The description itself is [`pid_interpret::nominal`]'s. Unknowns are the deviations θ of its parameters in units of their
-//! tolerances, `p = p₀ + Δp θ`, in its order; how many there are differs from robot to robot.
+//! The description itself is [`pid_interpret::nominal`]'s. Unknowns are the deviations θ of its
+//! parameters in units of their tolerances, `p = p₀ + Δp θ`, in its order; how many there are
+//! differs from robot to robot.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -137,8 +138,9 @@ impl Nominal {
         Ok(Self::new(description::Nominal::read(path)?))
     }
 
-    /// Of a declared robot: nominal values and tolerances are those of its parameters. What is known of the measurement may stand in a
-    /// `measurement.toml` of the folder of the records, if there is one.
+    /// Of a declared robot: nominal values and tolerances are those of its parameters. What is
+    /// known of the measurement may stand in a `measurement.toml` of the folder of the records, if
+    /// there is one.
     ///
     /// # Errors
     /// As [`description::Nominal::of_declared`].
@@ -257,7 +259,8 @@ impl Nominal {
         p
     }
 
-    /// The records in the coordinates of the description: those of drives on several joints are computed from the joints' readings.
+    /// The records in the coordinates of the description: those of drives on several joints are
+    /// computed from the joints' readings.
     pub fn records<'a>(&self, dataset: &'a Dataset) -> Cow<'a, Dataset> {
         let Some(drives) = self.description.drives() else {
             return Cow::Borrowed(dataset);

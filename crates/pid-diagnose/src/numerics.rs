@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use crate::case::Case;
 use crate::fit::Fit;
 
-/// Warnings on the fit that a verdict rests on: iterations that ended at their limit. Empty where all of them settled.
+/// Warnings on the fit that a verdict rests on: iterations that ended at their limit. Empty where
+/// all of them settled.
 pub(crate) fn warnings(case: &Case, fit: &Fit) -> Vec<String> {
     let mut out = Vec::new();
     let blind: Vec<String> = (0..case.n())

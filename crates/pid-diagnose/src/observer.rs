@@ -1,15 +1,17 @@
 //! Steady-state Kalman gains of one joint: how an innovation corrects the predicted state.
 //!
-//! Drive side alone, or rotor and link with a gear between them, `x = (q, v)` or `(q_m, v_m, q_l, v_l)`, and behind a velocity
-//! reading that lags, `w⁺ = a w + (1 − a) v⁺`, that state too; linear:
+//! Drive side alone, or rotor and link with a gear between them, `x = (q, v)` or
+//! `(q_m, v_m, q_l, v_l)`, and behind a velocity reading that lags, `w⁺ = a w + (1 − a) v⁺`, that
+//! state too; linear:
 //!
 //! ```text
 //! x⁺ = A x + w,   w from torque noise held over a sample,   y = q (and v) + noise
 //! P = A (P − P Cᵀ S⁻¹ C P) Aᵀ + Q,   S = C P Cᵀ + R,   K = P Cᵀ S⁻¹
 //! ```
 //!
-//! (B. D. O. Anderson, J. B. Moore, Optimal Filtering, 1979, chapter 4). The predictor is consistent with any gain; this one
-//! makes its innovations nearly white where model and noise levels are right, which is what their weights rest on.
+//! (B. D. O. Anderson, J. B. Moore, Optimal Filtering, 1979, chapter 4). The predictor is
+//! consistent with any gain; this one makes its innovations nearly white where model and noise
+//! levels are right, which is what their weights rest on.
 
 use nalgebra::{DMatrix, Matrix2};
 
@@ -39,32 +41,35 @@ pub struct Design {
 /// Gain of one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gain {
-    /// Corrections of `(q_m, v_m, q_l, v_l)` and of the lagging velocity per unit of position innovation and velocity innovation.
+    /// Corrections of `(q_m, v_m, q_l, v_l)` and of the lagging velocity per unit of position
+    /// innovation and velocity innovation.
     pub rows: [[f64; 2]; 5],
     /// Inverse of the lower Cholesky factor of S: whitens (position, velocity) innovations.
     pub whiten: [[f64; 2]; 2],
-    /// How far the states that no sensor reads are from rest at the start: position and velocity of the side of the gear without
-    /// encoder, memory of a bristle. Zero unless they were looked for.
+    /// How far the states that no sensor reads are from rest at the start: position and velocity of
+    /// the side of the gear without encoder, memory of a bristle. Zero unless they were looked for.
     pub hidden: [f64; 3],
     /// Whether the covariance it rests on has settled; it does not where the sensors do not see a state.
     pub settled: bool,
 }
 
-/// Most doublings of [`steady_covariance`]: 2¹⁶ samples, minutes at the usual rates. A state whose covariance still grows then is
-/// not seen by the sensors.
+/// Most doublings of [`steady_covariance`]: 2¹⁶ samples, minutes at the usual rates. A state whose
+/// covariance still grows then is not seen by the sensors.
 const DOUBLINGS: usize = 16;
-/// Change of the covariance, relative to its diagonal, at which it has settled. Doubling converges quadratically: the next change is below rounding.
+/// Change of the covariance, relative to its diagonal, at which it has settled. Doubling converges
+/// quadratically: the next change is below rounding.
 const SETTLED: f64 = 1e-9;
 
-/// Covariance P of the predicted state in steady state, and whether it has settled: the recursion above from P = 0, two, four, eight
-/// … samples at a time,
+/// Covariance P of the predicted state in steady state, and whether it has settled: the recursion
+/// above from P = 0, two, four, eight … samples at a time,
 ///
 /// ```text
 /// W = (I + G H)⁻¹,   A⁺ = A W A,   G⁺ = G + A W G Aᵀ,   H⁺ = H + Aᵀ H W A,   H → P,
 /// ```
 ///
-/// from the transposed step, `G = Cᵀ R⁻¹ C` and `H = Q` (E. K.-W. Chu, H.-Y. Fan, W.-W. Lin, C.-S. Wang, Structure-Preserving
-/// Algorithms for Periodic Discrete-Time Algebraic Riccati Equations, International Journal of Control 77, 2004, with period one).
+/// from the transposed step, `G = Cᵀ R⁻¹ C` and `H = Q` (E. K.-W. Chu, H.-Y. Fan, W.-W. Lin, C.-S.
+/// Wang, Structure-Preserving Algorithms for Periodic Discrete-Time Algebraic Riccati Equations,
+/// International Journal of Control 77, 2004, with period one).
 fn steady_covariance(
     step: &DMatrix<f64>,
     c: &DMatrix<f64>,
@@ -164,7 +169,8 @@ pub fn gain(d: &Design) -> Gain {
     }
     let (p, settled) = steady_covariance(&step, &c, &q, &r);
     let s = &c * &p * c.transpose() + &r;
-    // S contains R, which is positive: without an inverse the covariance is not finite, and nothing is corrected.
+    // S contains R, which is positive: without an inverse the covariance is not finite, and nothing
+    // is corrected.
     let k = match s.clone().try_inverse() {
         Some(inverse) => &p * c.transpose() * inverse,
         None => DMatrix::zeros(size, outputs),
@@ -250,8 +256,8 @@ mod tests {
         assert!(blind.rows.iter().flatten().all(|x| x.is_finite()));
     }
 
-    /// A drive whose velocity reading lags, simulated: with the gain for it the whitened innovations have unit variance and no
-    /// memory; with the gain of a prompt reading they have.
+    /// A drive whose velocity reading lags, simulated: with the gain for it the whitened
+    /// innovations have unit variance and no memory; with the gain of a prompt reading they have.
     #[test]
     fn a_lagging_velocity_corrects_what_it_shows() {
         let (h, time) = (2e-3, 0.02);

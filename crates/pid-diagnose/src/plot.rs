@@ -38,7 +38,8 @@ pub(crate) fn over_time(curve: &Curve, joint: &str, unit: &str) -> Markup {
     plot.draw()
 }
 
-/// What shifts of a channel leave, the best shift with two deviations, the stated one. `what` is "input" or "velocity".
+/// What shifts of a channel leave, the best shift with two deviations, the stated one. `what` is
+/// "input" or "velocity".
 pub(crate) fn alignment(a: &Alignment, joint: &str, what: &str) -> Markup {
     let points = || a.curve.iter().map(|(t, x)| (1e3 * t, 100.0 * x));
     let x = Range::of(points().map(|p| p.0));

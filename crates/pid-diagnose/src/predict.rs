@@ -1,7 +1,8 @@
 //! One-step prediction of the readings and free runs.
 //!
-//! The predictor is the simulation corrected at every sample by its innovation, `x̂ ← x̂ + K (y − ŷ)`; its innovations,
-//! whitened, are what is fitted (L. Ljung, System Identification, 1999, chapters 3 and 7). Free runs use no correction.
+//! The predictor is the simulation corrected at every sample by its innovation,
+//! `x̂ ← x̂ + K (y − ŷ)`; its innovations, whitened, are what is fitted (L. Ljung, System
+//! Identification, 1999, chapters 3 and 7). Free runs use no correction.
 
 use std::ops::ControlFlow;
 
@@ -96,8 +97,9 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
         .collect()
 }
 
-/// Position and velocity `delay` (in samples) before the last entry of a history of samples `h` apart: cubic through positions and
-/// velocities, differentiable at zero; the first entry before the start.
+/// Position and velocity `delay` (in samples) before the last entry of a history of samples `h`
+/// apart: cubic through positions and velocities, differentiable at zero; the first entry before
+/// the start.
 fn earlier<D: Scalar>(history: &[(D, D)], delay: D, h: f64) -> (D, D) {
     let last = history.len() - 1;
     let x = -delay + last as f64;
@@ -170,7 +172,8 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         for j in 0..n {
             (q[j], v[j]) = self.read_state(j, k);
         }
-        // A controller passes the noise of its readings on: what holds the robot is the mean of the first inputs.
+        // A controller passes the noise of its readings on: what holds the robot is the mean of the
+        // first inputs.
         let last = (k + (HOLDING / self.record.h) as usize).min(self.record.len() - 1);
         let u: Vec<f64> = (0..n)
             .map(|j| self.record.u[j][k..=last].iter().sum::<f64>() / (last + 1 - k) as f64)
@@ -256,8 +259,9 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         }
     }
 
-    /// Runs the predictor over the whole record. `sink` gets each whitened innovation with sample, joint and channel (0 position,
-    /// 1 velocity); `seen` the state at every sample, before it is corrected.
+    /// Runs the predictor over the whole record. `sink` gets each whitened innovation with sample,
+    /// joint and channel (0 position, 1 velocity); `seen` the state at every sample, before it is
+    /// corrected.
     pub fn predict(
         &mut self,
         gains: &[Gain],
@@ -345,7 +349,8 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                 if lags[j].is_some() {
                     lagged[j] += fix(4);
                 }
-                // What a late reading corrects is the state it shows; from there the correction moves on with its velocity.
+                // What a late reading corrects is the state it shows; from there the correction
+                // moves on with its velocity.
                 let late = delays[j].map_or(D::nil(), |d| {
                     (d / r.h).limit(D::nil(), D::constant(k as f64))
                 });
@@ -383,8 +388,9 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         }
     }
 
-    /// Free run from sample `k` over `samples` steps: readings (position, velocity as a prompt sensor sees it) of all joints at
-    /// each of the samples after `k`, before filters of a derived or lagging velocity.
+    /// Free run from sample `k` over `samples` steps: readings (position, velocity as a prompt
+    /// sensor sees it) of all joints at each of the samples after `k`, before filters of a derived
+    /// or lagging velocity.
     pub fn free(
         &mut self,
         from: &State<D>,

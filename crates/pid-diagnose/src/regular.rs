@@ -1,20 +1,22 @@
 //! Records with unequal steps, brought to equal ones.
 //!
-//! The predictor steps with one sample time. A reading that was taken beside its time is moved there along the motion around it,
+//! The predictor steps with one sample time. A reading that was taken beside its time is moved
+//! there along the motion around it,
 //!
 //! ```text
 //! x(s) = x_i + f(s) − f(t_i),        f: parabola by least squares through the readings within three samples of t_i,
 //! ```
 //!
-//! which keeps the noise of every reading as it is: straight lines between readings would smooth it by half. A time without a
-//! reading within half a step has none: a lost row stays lost. A held input is averaged over each new step, which keeps its impulse,
+//! which keeps the noise of every reading as it is: straight lines between readings would smooth it
+//! by half. A time without a reading within half a step has none: a lost row stays lost. A held
+//! input is averaged over each new step, which keeps its impulse,
 //!
 //! ```text
 //! ū_k = 1/h ∫ u(t) dt  over  [t₀ + k h, t₀ + (k + 1) h].
 //! ```
 
-/// Largest deviation from equal steps, in steps, that is left alone. A motion of v moves by 0.002 v h meanwhile: half the quantum of a
-/// 16-bit encoder at one turn a second and 500 Hz.
+/// Largest deviation from equal steps, in steps, that is left alone. A motion of v moves by 0.002 v
+/// h meanwhile: half the quantum of a 16-bit encoder at one turn a second and 500 Hz.
 const TOLERATED: f64 = 2e-3;
 /// Readings on either side of one that its parabola takes in.
 const AROUND: usize = 3;
@@ -27,8 +29,9 @@ pub fn needed(t: &[f64]) -> Option<Vec<f64>> {
     let mut sorted = steps.clone();
     sorted.sort_by(f64::total_cmp);
     let median = *sorted.get(sorted.len() / 2)?;
-    // A pause counts the rows that it lost, so that it does not stretch the step of the others. The median alone would not do: where
-    // stamps are uneven it is not the mean, and over thousands of rows their difference adds up to whole steps.
+    // A pause counts the rows that it lost, so that it does not stretch the step of the others. The
+    // median alone would not do: where stamps are uneven it is not the mean, and over thousands of
+    // rows their difference adds up to whole steps.
     let count: usize = (steps.iter())
         .map(|step| ((step / median).round() as usize).max(1))
         .sum();
@@ -37,8 +40,8 @@ pub fn needed(t: &[f64]) -> Option<Vec<f64>> {
     strays.then(|| (0..=count).map(|k| first + k as f64 * h).collect())
 }
 
-/// Readings at the times `at`, each from the nearest one, moved along the motion; missing (NaN) where that one is missing or more than
-/// half a step away.
+/// Readings at the times `at`, each from the nearest one, moved along the motion; missing (NaN)
+/// where that one is missing or more than half a step away.
 pub fn readings(t: &[f64], x: &[f64], at: &[f64]) -> Vec<f64> {
     let half = 0.5 * (at[1] - at[0]);
     let mut i = 0;
@@ -59,7 +62,8 @@ pub fn readings(t: &[f64], x: &[f64], at: &[f64]) -> Vec<f64> {
 fn moved(t: &[f64], x: &[f64], i: usize, s: f64) -> f64 {
     let near = i.saturating_sub(AROUND)..(i + AROUND + 1).min(t.len());
     let step = (t[near.end - 1] - t[near.start]) / (near.len() - 1).max(1) as f64;
-    // Sums of powers of the scaled distance from t_i; a pause in the record parts what is near from what is not.
+    // Sums of powers of the scaled distance from t_i; a pause in the record parts what is near from
+    // what is not.
     let (mut power, mut moment) = ([0.0; 5], [0.0; 3]);
     for k in near.filter(|&k| x[k].is_finite()) {
         let d = (t[k] - t[i]) / step;

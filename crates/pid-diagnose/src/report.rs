@@ -183,7 +183,8 @@ fn shares(place: &MissingForce) -> Vec<Share> {
         .collect()
 }
 
-/// The first two rivals: the likeliest candidate and the likeliest one beside it; the nominal structure where nothing is named.
+/// The first two rivals: the likeliest candidate and the likeliest one beside it; the nominal
+/// structure where nothing is named.
 fn rivals(found: &Evidence, forced: bool) -> Option<(&Fit, &Fit)> {
     let first = found.rivals.first()?;
     let rival = found.criteria.rival;

@@ -100,8 +100,8 @@ impl<D: DualNum<Primitive = f64> + Copy + Send + Sync + 'static> Scalar for D {
     }
 }
 
-/// A value and its first derivatives in `N` directions, without the optional parts of the general dual numbers: the inner
-/// loop of the simulation.
+/// A value and its first derivatives in `N` directions, without the optional parts of the general
+/// dual numbers: the inner loop of the simulation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lanes<const N: usize> {
     /// Value.

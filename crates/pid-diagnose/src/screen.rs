@@ -1,15 +1,16 @@
 //! Screening: how much each effect at each joint would gain, without refitting everything.
 //!
-//! Effects with an absent point (see [`Info::amplitudes`](crate::effect::Info::amplitudes)) take the exact score test there:
-//! derivatives of the innovations in their amplitudes at zero, many effects side by side in one pass, and the minimum of the
-//! quadratic model with the nominal parameters free within their tolerances,
+//! Effects with an absent point (see [`Info::amplitudes`](crate::effect::Info::amplitudes)) take
+//! the exact score test there: derivatives of the innovations in their amplitudes at zero, many
+//! effects side by side in one pass, and the minimum of the quadratic model with the nominal
+//! parameters free within their tolerances,
 //!
 //! ```text
 //! gain = ½ ε₀ᵀε₀ − min over (θ, e) ½ |ε₀ + J_θ Δθ + J_e e|² + prior
 //! ```
 //!
-//! (C. R. Rao 1948; as in D. A. Sprott, Statistical Inference in Science, 2000, for the bounded form). The others are linearised
-//! at each of their starts.
+//! (C. R. Rao 1948; as in D. A. Sprott, Statistical Inference in Science, 2000, for the bounded
+//! form). The others are linearised at each of their starts.
 
 use nalgebra::{DMatrix, DVector};
 use pid_data::Role;
@@ -50,7 +51,8 @@ struct Reference<'a> {
     h: DMatrix<f64>,
 }
 
-/// Every effect of a library at every joint it can have beside the terms already there, with its start values in SI.
+/// Every effect of a library at every joint it can have beside the terms already there, with its
+/// start values in SI.
 pub fn candidates(
     case: &Case,
     library: &[Arc<dyn Effect>],
@@ -95,7 +97,8 @@ pub fn candidates(
     out
 }
 
-/// Scores all candidates on top of a fit, best first; with the fit's derivatives along the basis, for refits to borrow.
+/// Scores all candidates on top of a fit, best first; with the fit's derivatives along the basis,
+/// for refits to borrow.
 pub fn screen(
     case: &Case,
     basis: &Basis,
@@ -214,8 +217,8 @@ impl Reference<'_> {
         out
     }
 
-    /// The others: from the starts that are [`followed`](Self::followed) a few steps in the effect's own parameters, then the
-    /// quadratic model.
+    /// The others: from the starts that are [`followed`](Self::followed) a few steps in the
+    /// effect's own parameters, then the quadratic model.
     fn finite(&self, candidates: &[(Term, Vec<Vec<f64>>)]) -> Vec<Candidate> {
         let terms: Vec<&(Term, Vec<Vec<f64>>)> = candidates
             .iter()
@@ -226,7 +229,8 @@ impl Reference<'_> {
             .enumerate()
             .flat_map(|(i, (_, s))| s.iter().map(move |s| (i, s)))
             .collect();
-        // A start that neither gains nor is the lowest of its candidate is known to be neither after a part of the records.
+        // A start that neither gains nor is the lowest of its candidate is known to be neither
+        // after a part of the records.
         let present = self.fit.train.evidence();
         let lowest: Vec<Mutex<f64>> = terms.iter().map(|_| Mutex::new(f64::INFINITY)).collect();
         let values: Vec<(usize, Point, f64)> = jobs
@@ -291,7 +295,8 @@ impl Reference<'_> {
             .collect()
     }
 
-    /// Of every term the lowest start; where several gain already, the lowest after [`Budget::glance`] steps from each, [`Budget::followed`] at most.
+    /// Of every term the lowest start; where several gain already, the lowest after
+    /// [`Budget::glance`] steps from each, [`Budget::followed`] at most.
     fn followed(
         &self,
         terms: &[&(Term, Vec<Vec<f64>>)],
@@ -332,8 +337,8 @@ impl Reference<'_> {
         (hypothesis, at)
     }
 
-    /// Minimum of the quadratic model over θ, the parameters of the effects present and the columns `block`: objective (twice the
-    /// model), θ there, step of the block.
+    /// Minimum of the quadratic model over θ, the parameters of the effects present and the columns
+    /// `block`: objective (twice the model), θ there, step of the block.
     fn minimise(
         &self,
         r: &DVector<f64>,

@@ -1,4 +1,5 @@
-//! One substep of the robot with its effects, over any [`Scalar`]; see [`effect`](crate::effect) for the equation.
+//! One substep of the robot with its effects, over any [`Scalar`]; see [`effect`](crate::effect)
+//! for the equation.
 
 use std::borrow::Cow;
 
@@ -104,7 +105,8 @@ pub struct Machine<'h, D: Pick> {
     memory: usize,
     /// Gear of each joint.
     pub gears: Vec<Option<Gear<D>>>,
-    /// Time of the first command since the start of what was recorded, s: effects that depend on time count from there.
+    /// Time of the first command since the start of what was recorded, s: effects that depend on
+    /// time count from there.
     pub begin: f64,
     rotors: Vec<usize>,
     links: links::Work<D>,
@@ -131,11 +133,13 @@ pub struct Machine<'h, D: Pick> {
     pub unsettled: usize,
 }
 
-/// Rounds of [`Machine::solve`] in which all joints may change between sticking and sliding at once. After them one joint changes at a
-/// time, the first that must, which cannot cycle where numbers are exact (K. G. Murty, Note on a Bard-type scheme for solving the
-/// complementarity problem, Opsearch 11, 1974).
+/// Rounds of [`Machine::solve`] in which all joints may change between sticking and sliding at
+/// once. After them one joint changes at a time, the first that must, which cannot cycle where
+/// numbers are exact (K. G. Murty, Note on a Bard-type scheme for solving the complementarity
+/// problem, Opsearch 11, 1974).
 const TOGETHER: usize = 6;
-/// Most rounds: many times the number of joints. A step that needs more goes on with what it has, and is counted.
+/// Most rounds: many times the number of joints. A step that needs more goes on with what it has,
+/// and is counted.
 const ROUNDS: usize = 40;
 
 impl<'h, D: Pick> Machine<'h, D> {
@@ -244,7 +248,8 @@ impl<'h, D: Pick> Machine<'h, D> {
         self.links_at_half(force);
     }
 
-    /// The state in which the drives at their first inputs hold the robot at the drive-side positions `q`, `v`.
+    /// The state in which the drives at their first inputs hold the robot at the drive-side
+    /// positions `q`, `v`.
     pub fn rest(&mut self, q: &[f64], v: &[f64], u: &[f64]) -> State<D> {
         let n = self.n();
         let lift = |x: &[f64]| x.iter().map(|&x| D::constant(x)).collect::<Vec<D>>();
@@ -328,11 +333,13 @@ impl<'h, D: Pick> Machine<'h, D> {
         out
     }
 
-    /// Moves the state by one substep of `at(j).dt` from `at(j).t`; `commands` holds the inputs of each joint.
+    /// Moves the state by one substep of `at(j).dt` from `at(j).t`; `commands` holds the inputs of
+    /// each joint.
     ///
-    /// `links`: time, s, for whose middle mass matrix and bias are evaluated, from this step on; `None`: those of the steps before
-    /// serve. Contacts and resonances of a gear need short steps, the links behind it do not (C. W. Gear, D. R. Wells, Multirate
-    /// linear multistep methods, BIT 24, 1984).
+    /// `links`: time, s, for whose middle mass matrix and bias are evaluated, from this step on;
+    /// `None`: those of the steps before serve. Contacts and resonances of a gear need short steps,
+    /// the links behind it do not (C. W. Gear, D. R. Wells, Multirate linear multistep methods, BIT
+    /// 24, 1984).
     pub fn step(&mut self, state: &mut State<D>, commands: &[Commands<'_>], links: Option<f64>) {
         kernels::step(self, state, commands, links);
     }
@@ -568,7 +575,8 @@ impl<'h, D: Pick> Machine<'h, D> {
         }
     }
 
-    /// Velocities after the step, with dry friction: the active set is found on values, derivatives belong to it.
+    /// Velocities after the step, with dry friction: the active set is found on values, derivatives
+    /// belong to it.
     #[inline(always)]
     fn solve(&mut self, m: usize) {
         for i in 0..m * m {
@@ -719,8 +727,8 @@ mod tests {
     const H: f64 = 4e-3;
     const SAMPLES: usize = 100;
 
-    /// Link positions of a six-joint arm whose second joint has a gear, after a motion under current; the links are evaluated at
-    /// every fine substep, or held.
+    /// Link positions of a six-joint arm whose second joint has a gear, after a motion under
+    /// current; the links are evaluated at every fine substep, or held.
     fn run(effect: &str, e: &[f64], refined: usize, held: bool) -> Vec<f64> {
         let text = include_str!("../robots/ur10e.toml");
         let nominal = Nominal::parse(text, "ur10e.toml".as_ref()).unwrap();
@@ -766,8 +774,9 @@ mod tests {
         a.iter().zip(b).fold(0.0, |d, (a, b)| (a - b).abs().max(d))
     }
 
-    /// One joint sticks below its level of friction and slides beyond it. Two whose matrix is not symmetric, as none of a robot is,
-    /// have no consistent state: the second slides only while the first sticks, and the first only while the second slides.
+    /// One joint sticks below its level of friction and slides beyond it. Two whose matrix is not
+    /// symmetric, as none of a robot is, have no consistent state: the second slides only while the
+    /// first sticks, and the first only while the second slides.
     #[test]
     fn friction_settles_and_what_does_not_is_counted() {
         let text = include_str!("../robots/ur10e.toml");

@@ -1,4 +1,4 @@
-//! When a signal acts: what is left between two channels while one is shifted in time against the other.
+//! When a signal acts: the misfit between two channels while one of them is shifted in time.
 //!
 //! Least squares over the shift τ, with columns whose sizes are free at every shift:
 //!
@@ -6,18 +6,18 @@
 //! left(τ)² = min_c  Σ_k (y_k − s(t_k − τ) − Σ_i c_i x_ik)² / Σ_k s(t_k)²
 //! ```
 //!
-//! (G. C. Carter, Proceedings of the IEEE 75(2), 1987, on the coherent estimation of delays). All channels pass the same
-//! symmetric window first. The deviation of the best shift is that of a Gauss-Newton step there, its residuals counted by their own
-//! correlation.
+//! (G. C. Carter, Proceedings of the IEEE 75(2), 1987, on the coherent estimation of delays). All
+//! channels pass the same symmetric window first. The deviation of the best shift is that of a
+//! Gauss-Newton step there, its residuals counted by their own correlation.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use crate::levels::shared;
 
-/// Width of the moving average that runs twice over every channel, s.
+/// Width of the moving average, s. It runs twice over every channel.
 const WINDOW: f64 = 0.02;
-/// Shifts reach this far to either side, s, and at least [`SAMPLES`].
+/// Shifts reach this far to either side, s, and at least [`SAMPLES`] samples.
 const REACH: f64 = 0.1;
 const SAMPLES: f64 = 5.0;
 /// Shifts of a curve to either side.
@@ -26,9 +26,9 @@ const STEPS: i32 = 40;
 const MOST: usize = 20_000;
 /// Steps of the golden section about the best shift of the curve.
 const GOLDEN: usize = 30;
-/// Deviations beyond which a shift is none of chance.
+/// A shift beyond this many deviations is no chance.
 const SURE: f64 = 4.0;
-/// Least share of the squares left that a shift must take away for it to be worth a word.
+/// A shift is worth a word if it takes away at least this share of the squares left.
 const WORTH: f64 = 0.3;
 
 /// A channel that varies by less than this share of its size stands still.
@@ -39,28 +39,30 @@ const STILL: f64 = 1e-9;
 pub struct Channels {
     /// Sample time, s.
     pub h: f64,
-    /// What stands still, y; samples that are not numbers do not count, nor those within a window of them.
+    /// The fixed channel y. Samples that are not numbers do not count, nor do those within a window
+    /// of them.
     pub still: Vec<f64>,
-    /// What is shifted, s.
+    /// The shifted channel s.
     pub shifted: Vec<f64>,
     /// Columns of free size, x.
     pub beside: Vec<Vec<f64>>,
 }
 
-/// How one channel lies in time against others.
+/// Shift of one channel against others.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Alignment {
-    /// The shift that leaves least, s; positive where the signal acts or shows late.
+    /// The shift with the least misfit, s; positive where the signal acts or shows late.
     pub delay: f64,
-    /// Its standard deviation, s; `None` where the motion tells nothing of it, or the best shift is the largest that was tried.
+    /// Its standard deviation, s; `None` where the motion does not determine it, or where the best
+    /// shift is the largest that was tried.
     pub std: Option<f64>,
     /// The shift that the description states, s.
     pub stated: f64,
-    /// Root mean square that the stated shift leaves, relative to the size of the channel.
+    /// Root mean square misfit at the stated shift, relative to the size of the channel.
     pub left: f64,
-    /// Share of the squares left at the stated shift that the best one takes away.
+    /// Share of the squared misfit at the stated shift that the best one takes away.
     pub gain: f64,
-    /// Shifts, s, and what they leave, relative to the size of the channel.
+    /// Shifts, s, and the misfit at each, relative to the size of the channel.
     #[serde(skip)]
     pub curve: Vec<(f64, f64)>,
     /// Sizes of the columns at the best shift.
@@ -69,14 +71,15 @@ pub struct Alignment {
 }
 
 impl Alignment {
-    /// Whether the shift differs from the stated one beyond chance and by as much as matters.
+    /// Whether the shift differs from the stated one beyond chance and by enough to matter.
     pub fn noticeable(&self) -> bool {
         self.std
             .is_some_and(|s| (self.delay - self.stated).abs() > SURE * s && self.gain > WORTH)
     }
 }
 
-/// A moving average of an odd number of samples, run twice; ends as far as they reach.
+/// A moving average of an odd number of samples, run twice; near the ends it takes the samples
+/// there are.
 fn averaged(x: &[f64], width: usize) -> Vec<f64> {
     let once = |x: &[f64]| -> Vec<f64> {
         let half = width / 2;
@@ -91,7 +94,7 @@ fn averaged(x: &[f64], width: usize) -> Vec<f64> {
     once(&once(x))
 }
 
-/// Everything that a shift is judged by.
+/// Data by which a shift is judged.
 struct Problem {
     records: Vec<(Channels, Vec<usize>)>,
     still: DVector<f64>,
@@ -201,8 +204,8 @@ fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
     DMatrix::from_columns(&kept)
 }
 
-/// Finds the shift of `shifted` that leaves least beside the columns, `stated` the one to compare with, all records together;
-/// `None` where records are too short for it or the channel does not move.
+/// Finds the shift of `shifted` with the least misfit beside the columns, all records together, and
+/// compares it with `stated`. `None` where records are too short or the channel does not move.
 pub fn align(records: Vec<Channels>, stated: f64) -> Option<Alignment> {
     let h = records.iter().map(|r| r.h).fold(0.0, f64::max);
     let reach = REACH.max(SAMPLES * h).max(2.0 * stated.abs());
@@ -247,7 +250,7 @@ pub fn align(records: Vec<Channels>, stated: f64) -> Option<Alignment> {
     })
 }
 
-/// Golden section: where a function of one minimum between two places is least.
+/// Golden section: the place of the minimum of a function with one minimum between two places.
 pub(crate) fn golden(steps: usize, (mut a, mut b): (f64, f64), f: impl Fn(f64) -> f64) -> f64 {
     let ratio = 0.5 * (5f64.sqrt() - 1.0);
     for _ in 0..steps {
@@ -272,7 +275,8 @@ mod tests {
         (7.0 * t).sin() + 0.5 * (17.0 * t + 1.0).sin() + 0.2 * (31.0 * t).cos()
     }
 
-    /// Channels whose shifted one acts late, beside a slow disturbance of known shape and noise.
+    /// Channels of which the shifted one acts late, beside a slow disturbance of known shape and
+    /// noise.
     fn channels(late: f64, noise: f64, seed: u64) -> Channels {
         let mut draw = Draw::new(seed);
         let t = (0..3000).map(|k| f64::from(k) * H);

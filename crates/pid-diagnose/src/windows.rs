@@ -1,17 +1,19 @@
-//! Where in time a force acts: a start for effects that are on within windows.
+//! When a force acts: start values for effects that are on within time windows.
 //!
-//! The time since the start of a record, shared by all train records, is cut into bins; in each bin a constant amplitude is
-//! estimated from the linearised innovations with the nominal parameters free within their prior,
+//! The time since the start of a record, shared by all train records, is cut into bins; in each bin
+//! a constant amplitude is estimated from the linearised innovations with the nominal parameters
+//! free within their prior,
 //!
 //! ```text
 //! min over (z, f) |ε₀ + J_z z + Σ_{b on} J_b f_b|² + |z / σ|²,      s_b = f_bᵀ Cov(f_b)⁻¹ f_b
 //! ```
 //!
-//! Bins are switched on one after the other, each the one that gains most beside those that are on, until what it gains is not
-//! significant: a force that never ends is nearly a change of the nominal parameters, and only bins beside bins without a force tell
-//! the two apart. Bins that are on, joined where they are neighbours, are the windows to start from; their edges are parameters of
-//! the refit. For the same reason a force within some windows is nearly the opposite force outside them: where a window reaches an
-//! end of the records, the times without a force are a second start.
+//! Bins are switched on one after the other: each time the one that gains most beside those that
+//! are on, until its gain is not significant. A force that never ends is nearly a change of the
+//! nominal parameters, and only bins without a force tell the two apart. Neighbouring bins that are
+//! on make a window; the windows' edges are parameters of the refit. For the same reason a force
+//! within some windows is nearly the opposite force outside them: where a window reaches an end of
+//! the records, the times without a force are a second start.
 
 use nalgebra::{DMatrix, DVector};
 use pid_data::Role;
@@ -21,7 +23,8 @@ use crate::case::Case;
 use crate::effect::{LANES, Term};
 use crate::fit::{Basis, Direction, Fit, PRIOR, linearise};
 
-/// Shortest bins, s, and the most of them: short bins tell windows apart that lie close to each other, long ones see a faint force.
+/// Shortest bins, s, and their largest number. Short bins separate windows that lie close to each
+/// other, long ones see a faint force.
 const BINS: [(f64, usize); 2] = [(0.4, 18), (0.2, 36)];
 /// Gain of a bin that starts follow, in mean squared innovations that are left: five standard deviations.
 const SIGNIFICANT: f64 = 25.0;
@@ -30,7 +33,8 @@ const ON: f64 = 0.12;
 /// A time after every record, s.
 const NEVER: f64 = 2e5;
 
-/// Parameters of a timed effect from which a refit should start, for each length of bins; none if it is not timed or shows in no bin.
+/// Start parameters of a timed effect for a refit, one set for each length of bins; none if the
+/// effect is not timed or shows in no bin.
 pub fn starts(case: &Case, basis: &Basis, fit: &Fit, term: &Term) -> Vec<Vec<f64>> {
     BINS.iter()
         .filter_map(|&bins| found(case, basis, fit, term, bins))
@@ -149,7 +153,7 @@ fn found(
     }
     let inverse = h.cholesky()?.inverse();
     let x: DVector<f64> = -(&inverse * j.tr_mul(&plain.r));
-    // What the nominal parameters leave of the information on the amplitudes.
+    // The information on the amplitudes that the nominal parameters leave.
     let covariance = inverse
         .view((rank, rank), (count * m, count * m))
         .into_owned();
@@ -214,7 +218,8 @@ fn found(
     Some(out)
 }
 
-/// The strongest windows that neighbouring bins make, in the order of time: first bin and the one after the last.
+/// The strongest windows of neighbouring bins, in the order of time: first bin and the one after
+/// the last.
 fn joined(on: &[bool], strength: &[f64], most: usize) -> Vec<(usize, usize)> {
     let mut windows: Vec<(usize, usize, f64)> = Vec::new();
     for (b, s) in strength.iter().enumerate().filter(|(b, _)| on[*b]) {

@@ -6,8 +6,8 @@ use crate::page::page;
 use crate::report::{Report, WriteError};
 
 impl Report {
-    /// Writes `report.html`, `next_experiment.csv` if there is one, `extended.toml` if a file can state the robot, and last
-    /// `diagnosis.json`, so that a folder is complete when that is there.
+    /// Writes `report.html`, `next_experiment.csv` if there is one, `extended.toml` if a file can
+    /// state the robot, and last `diagnosis.json`, so that a folder is complete when that is there.
     ///
     /// # Errors
     /// If a file cannot be written.

@@ -1,4 +1,5 @@
-//! Declared robots against records of robots that have a spring more: no `nominal.toml`, the same verdict as with one.
+//! Declared robots against records of robots that have a spring more: no `nominal.toml`, the same
+//! verdict as with one.
 
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;

@@ -30,7 +30,8 @@ impl Drop for Drawn {
     }
 }
 
-/// The first case of the plan with stated noise and measured velocities whose cause, or absence of one, is as asked for.
+/// The first case of the plan with stated noise and measured velocities whose cause, or absence of
+/// one, is as asked for.
 pub(crate) fn first(what: &str, wanted: impl Fn(Option<&Kind>) -> bool) -> Drawn {
     let fits = |truth: &Truth| {
         let known = truth.noise_stated && truth.velocity == "measured";

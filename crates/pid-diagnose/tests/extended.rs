@@ -1,4 +1,5 @@
-//! From a diagnosis to the extended model and back: the same gap, nothing left to name, the same sizes by an NLP.
+//! From a diagnosis to the extended model and back: the same gap, nothing left to name, the same
+//! sizes by an NLP.
 
 use std::ops::ControlFlow;
 
@@ -61,7 +62,8 @@ fn channels(name: &str) -> JointChannels {
     }
 }
 
-/// Records of the arm with an effect at the elbow, by the simulator of the diagnosis, sticking friction and all.
+/// Records of the arm with an effect at the elbow, by the simulator of the diagnosis, sticking
+/// friction and all.
 fn records(id: &str, e: &[f64]) -> Dataset {
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let experiments = ["a", "b", "c", "d"]
@@ -123,8 +125,8 @@ fn records(id: &str, e: &[f64]) -> Dataset {
     dataset
 }
 
-/// How the NLP sees the machine: sharpness of the transition at rest, s/rad, or two of them, the second twice the first, to
-/// extrapolate to a jump; and steps per sample.
+/// How the NLP sees the machine: sharpness of the transition at rest, s/rad, or two of them, the
+/// second twice the first, to extrapolate to a jump; and steps per sample.
 type Sight<'a> = (&'a [f64], usize);
 
 /// Diagnosis, extended model, its gap, its diagnosis, its identification.

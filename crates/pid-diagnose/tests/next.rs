@@ -1,4 +1,5 @@
-//! The next experiment: limits are kept, the expected odds come true, and what cannot be separated is said to be so.
+//! The next experiment: limits are kept, the expected odds come true, and what cannot be separated
+//! is said to be so.
 
 use std::path::Path;
 

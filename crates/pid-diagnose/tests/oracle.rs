@@ -1,5 +1,5 @@
-//! Two derivations of the same physics: the programs on the compiler's equations, by which records are diagnosed, and the study's
-//! own linkage, by which withheld cases are simulated.
+//! Two derivations of the same physics: the programs on the compiler's equations, by which records
+//! are diagnosed, and the study's own linkage, by which withheld cases are simulated.
 
 use std::fmt::Write;
 
@@ -12,7 +12,8 @@ use pid_interpret::links::{At, Links};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A description of one to seven joints: chains and branches, slides and hinges, axes of the frames and others.
+/// A description of one to seven joints: chains and branches, slides and hinges, axes of the frames
+/// and others.
 fn drawn(random: &mut ChaCha8Rng) -> Nominal {
     let mut x = |low: f64, high: f64| random.random_range(low..high);
     let n = 1 + x(0.0, 7.0) as usize;
@@ -147,7 +148,8 @@ fn programs_and_linkage_agree_on_fifty_drawn_trees() {
 #[test]
 fn a_mistake_in_one_is_seen_by_the_other() {
     let mut random = ChaCha8Rng::seed_from_u64(34);
-    // A chain of hinges, so that every joint feels the last link; on a branch of its own a link may turn about one axis alone.
+    // A chain of hinges, so that every joint feels the last link; on a branch of its own a link may
+    // turn about one axis alone.
     let chain = |nominal: &Nominal| {
         let mut joints = nominal.description.robot().joints.iter().enumerate();
         joints.all(|(k, j)| !j.kind.is_length() && j.parent == k.checked_sub(1))

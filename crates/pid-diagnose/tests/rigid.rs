@@ -114,8 +114,8 @@ fn a_slide_on_a_turning_arm_feels_centrifugal_and_coriolis_forces() {
 
 #[test]
 fn the_mass_matrix_is_the_kinetic_energy_and_the_bias_keeps_it() {
-    // Along the free motion q̈ = −M⁻¹ b the energy rate vᵀ(M q̈ + b) vanishes; with gravity off, vᵀ b = −½ vᵀ Ṁ v... checked as
-    // d(½ vᵀ M v)/dt = 0 through duals in time.
+    // Along the free motion q̈ = −M⁻¹ b the energy rate vᵀ(M q̈ + b) vanishes; with gravity off, vᵀ
+    // b = −½ vᵀ Ṁ v... checked as d(½ vᵀ M v)/dt = 0 through duals in time.
     let tilted = [[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]];
     let mut hinges = chain(vec![
         hinge(true, [0.0, 0.0, 1.0], [0.0, 0.1, 0.2]),

@@ -1,4 +1,5 @@
-//! What the practice cases of others show, on drawn cases of the study: nothing, an effect with its size, and what has no name.
+//! What the practice cases of others show, on drawn cases of the study: nothing, an effect with its
+//! size, and what has no name.
 
 use pid_diagnose::case::Case;
 use pid_diagnose::diagnosis::{Diagnosis, Verdict};

@@ -1,5 +1,5 @@
-//! Derivatives of the predictor's innovations from the very first sample on, against differences: the state at the start is read
-//! through the sensor, and moves with the sensor's parameters.
+//! Derivatives of the predictor's innovations from the very first sample on, against differences:
+//! the state at the start is read through the sensor, and moves with the sensor's parameters.
 
 use std::fmt::Write as _;
 

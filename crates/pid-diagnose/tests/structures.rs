@@ -1,5 +1,5 @@
-//! Robots beyond chains of driven links against records of robots with an effect more: a mimic gripper, a bare Lagrangian, a
-//! coupled wrist.
+//! Robots beyond chains of driven links against records of robots with an effect more: a mimic
+//! gripper, a bare Lagrangian, a coupled wrist.
 
 use pid_diagnose::diagnosis::Diagnosis;
 use pid_diagnose::nominal::Nominal;

@@ -1,4 +1,5 @@
-//! The withheld-effect study: the same plan gives the same cases, what is there is not made again, scores count as they say.
+//! The withheld-effect study: the same plan gives the same cases, what is there is not made again,
+//! scores count as they say.
 
 use pid_diagnose::diagnosis::Verdict;
 use pid_diagnose::report::Report;
@@ -22,8 +23,8 @@ fn diagnosis_page(case: &std::path::Path) {
     assert!(html.contains("missing force, N m</text>") || html.contains("missing force, N</text>"));
 }
 
-/// A robot that lacks nothing, seen by an independent simulation: nothing is named, and the innovations are as large as the
-/// noise that was drawn.
+/// A robot that lacks nothing, seen by an independent simulation: nothing is named, and the
+/// innovations are as large as the noise that was drawn.
 #[test]
 fn a_drawn_robot_without_a_cause_is_called_none() {
     let plan = Plan {
@@ -71,7 +72,8 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
     let s = summary(&wrong);
     assert_eq!((s.false_alarms.hits, s.false_alarms.of), (1, 2));
     assert!((s.calibration_error - 0.5).abs() < 1e-12);
-    // A tilt belongs to no joint; about the one axis of a robot it is an offset of the first encoder, and of no other.
+    // A tilt belongs to no joint; about the one axis of a robot it is an offset of the first
+    // encoder, and of no other.
     let verdict = |one_axis: bool, joint: usize| {
         let mut o = first[0].clone();
         o.truth.causes = vec![Cause {

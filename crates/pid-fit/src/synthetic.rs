@@ -1,11 +1,12 @@
-//! Records of a robot that is known: simulated motions under random multisines, read with noise of known size.
+//! Records of a known robot: simulated motions under random multisines, read with noise of known
+//! size.
 //!
 //! ```text
 //! u_j(t) = A_j Σ_k sin(2π f_k t + φ_jk)/√(2 K)·2,      f_k = k/T, k = 1 … K,   K = ⌊f_max T⌋
 //! ```
 //!
-//! with random phases φ, held between samples. Readings are the simulated states plus normal noise; a share of them may be
-//! outliers. Everything follows from the seed.
+//! with random phases φ, held between samples. Readings are the simulated states plus normal noise;
+//! a share of them may be outliers. Everything follows from the seed.
 
 use crate::integrate::{self, Drive, SimulateError};
 use pid_data::{
@@ -16,7 +17,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-/// How records are made.
+/// Settings of the records.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recipe {
     /// Number of records.
@@ -31,7 +32,8 @@ pub struct Recipe {
     pub highest: f64,
     /// Positions at the start, rad or m; velocities are zero.
     pub start: Vec<f64>,
-    /// Standard deviation of the reading noise, positions of all joints, then velocities; a velocity of `inf` is not read.
+    /// Standard deviation of the reading noise, positions of all joints, then velocities; a
+    /// velocity of `inf` is not read.
     pub noise: Vec<f64>,
     /// Share of the readings that are outliers, and their noise as a multiple of the ordinary one.
     pub outliers: (f64, f64),

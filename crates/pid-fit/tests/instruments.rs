@@ -1,4 +1,5 @@
-//! Instrumental variables on a closed loop whose noise is fed back, against least squares on the same records.
+//! Instrumental variables on a closed loop whose noise is fed back, against least squares on the
+//! same records.
 
 use pid_data::{
     Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,

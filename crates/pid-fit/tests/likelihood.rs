@@ -65,7 +65,7 @@ fn estimated_noise_is_that_of_the_readings() {
         let level = level.expect("fitted");
         assert!((level / expected - 1.0).abs() < 0.08, "{level} {expected}");
     }
-    // A stated level stands.
+    // A stated level stays as it is.
     let stated = Likelihood {
         noise: vec![Some(4e-3), None],
         ..Likelihood::default()
@@ -74,7 +74,7 @@ fn estimated_noise_is_that_of_the_readings() {
     assert!((other.noise[1].expect("fitted") / NOISE[1] - 1.0).abs() < 0.08);
 }
 
-/// Velocities computed from the positions have their errors: they add nothing to what the positions tell.
+/// Velocities computed from the positions have their errors: they add nothing to the positions.
 #[test]
 fn computed_velocities_are_no_further_readings() {
     let mut measured = records(&ServoPendulum, &truth(), &recipe(3), 1).expect("simulates");
@@ -107,7 +107,7 @@ fn computed_velocities_are_no_further_readings() {
         assert!((deviation / without - 1.0).abs() < 1e-3, "{name}");
         assert_ne!(own(&measured).0, value, "{name}");
     }
-    // Who states a level for them has them fitted.
+    // A user who states a level for them has them fitted.
     let stated = Likelihood {
         noise: vec![None, Some(0.2)],
         ..Likelihood::default()
@@ -157,8 +157,8 @@ fn shooting_and_full_discretization_agree() {
 
 #[test]
 fn a_posterior_is_the_prior_of_further_records() {
-    // Two halves in turn, the first as prior of the second, against both at once; noise stated, so that the posteriors are
-    // comparable. One free parameter: its posterior is nearly normal.
+    // Two halves in turn, the first as prior of the second, against both at once; noise stated, so
+    // that the posteriors are comparable. One free parameter: its posterior is nearly normal.
     let both = records(&ServoPendulum, &truth(), &recipe(4), 7).expect("simulates");
     let half = |range: std::ops::Range<usize>| Dataset {
         experiments: both.experiments[range].to_vec(),
@@ -235,8 +235,9 @@ fn long_tailed_losses_stand_outliers() {
 
 #[test]
 fn the_windows_gradients_sum_to_that_of_the_priors() {
-    // At a solution in the interior of its bounds the data's gradient balances the priors'; here there is none, so the clusters
-    // have mean zero and the sandwich on white noise is near the Hessian's form.
+    // At a solution in the interior of its bounds the data's gradient balances the priors'; here
+    // there is none, so the clusters have mean zero and the sandwich on white noise is near the
+    // Hessian's form.
     let dataset = records(&ServoPendulum, &truth(), &recipe(12), 5).expect("simulates");
     let names = ["dry_shaft", "viscous_shaft", "gain_shaft"];
     let by_hessian = Settings {
@@ -303,7 +304,8 @@ fn its_profile_is_the_normal_interval(dataset: &Dataset, settings: &Settings) {
 
 #[test]
 fn priors_are_knowledge_of_what_the_records_leave_open() {
-    // Voltage acts by gain/resistance, back-EMF and friction by gain²/resistance + viscous: three parameters, two combinations.
+    // Voltage acts by gain/resistance, back-EMF and friction by gain²/resistance + viscous: three
+    // parameters, two combinations.
     let dataset = records(&ServoPendulum, &truth(), &recipe(3), 23).expect("simulates");
     let names = ["gain_shaft", "resistance_shaft", "viscous_shaft"];
     let alone = fit(&dataset, &settings(&names, Likelihood::default()));
@@ -347,9 +349,10 @@ fn priors_are_knowledge_of_what_the_records_leave_open() {
     assert!(info.lower <= low && low < value && value < high && high <= info.upper);
 }
 
-/// Short steps make every start look feasible: from noisy states the exact Hessian has multipliers that mean nothing, also where the
-/// parameters are right. So it is with each fit under new noise levels: approached by Gauss-Newton they settle, and sooner than those
-/// of the exact Hessian alone, which need not.
+/// Short steps make every start look feasible: from noisy states the exact Hessian has multipliers
+/// that mean nothing, even where the parameters are right. Every fit under new noise levels is such
+/// a case. Approached by Gauss-Newton the fits settle, and sooner than with the exact Hessian
+/// alone, which need not settle.
 #[test]
 fn fits_from_right_parameters_settle_and_sooner_after_gauss_newton() {
     let short = Recipe {
@@ -363,7 +366,7 @@ fn fits_from_right_parameters_settle_and_sooner_after_gauss_newton() {
         outliers: (0.0, 1.0),
     };
     let truth: Vec<f64> = ServoPendulum.params().iter().map(|p| p.nominal).collect();
-    // Over several records: how far a single fit wanders is a matter of rounding.
+    // Over several records, since rounding decides how far a single fit wanders.
     let run = |prepare: Prepare| {
         let mut sum = 0;
         for seed in 5..10 {

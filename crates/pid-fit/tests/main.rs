@@ -1,4 +1,5 @@
-//! Tests of regression and of wrapped models, one program: a program for each file would link the solver as many times.
+//! Tests of regression and of wrapped models, one program: a program for each file would link the
+//! solver as many times.
 //!
 //! A file alone: `cargo test -p pid-estimate --test main FILE::`.
 

@@ -1,4 +1,5 @@
-//! Regressions over records that differ: a payload, offsets of each record, torques with outliers, prior knowledge.
+//! Regressions over records that differ: a payload, offsets of each record, torques with outliers,
+//! prior knowledge.
 
 use pid_data::{Dataset, Experiment, InputHold, Role};
 use pid_fit::inertia::pseudo_inertia::SUFFIXES;
@@ -11,7 +12,8 @@ use pid_models::Ur10e;
 use pid_runtime::dynamics::{At, Dynamics};
 use pid_runtime::extend::Extended;
 
-/// A body of 2.5 kg at the flange, in the frame of the last link: mass, first moment, inertia about the origin.
+/// A body of 2.5 kg at the flange, in the frame of the last link: mass, first moment, inertia about
+/// the origin.
 const BODY: [f64; 10] = [2.5, 0.1, 0.4, 0.3, 0.12, 0.06, 0.08, -0.02, -0.015, -0.05];
 
 fn model() -> Extended<'static> {
@@ -23,8 +25,8 @@ fn position(name: &str) -> usize {
     found.expect("a parameter")
 }
 
-/// Sums of sines, and the torques that the inverse dynamics ask for; with outliers, two samples of forty are off by 60 N·m at one
-/// joint.
+/// Sums of sines, and the torques that the inverse dynamics ask for; with outliers, two samples of
+/// forty are off by 60 N·m at one joint.
 fn record(name: &str, role: Role, seed: f64, p: &[f64], outliers: bool) -> Experiment {
     let model = model();
     let (n, nq, step) = (2400, 6, 0.01);
@@ -74,7 +76,8 @@ fn record(name: &str, role: Role, seed: f64, p: &[f64], outliers: bool) -> Exper
     }
 }
 
-/// Two records without the body and one with it, each with an offset of its own at the elbow; one of each kind to be judged.
+/// Two records without the body and one with it, each with an offset of its own at the elbow; one
+/// of each kind to be judged.
 fn dataset(outliers: bool) -> Dataset {
     let model = model();
     let nominal: Vec<f64> = model.params().iter().map(|p| p.nominal).collect();
@@ -112,8 +115,8 @@ fn dataset(outliers: bool) -> Dataset {
     }
 }
 
-/// Scaling the torques of one joint in all records is what an error of its gain does: the deviation that a stated one adds is the
-/// slope of the whole regression by it.
+/// An error of a gain scales the torques of one joint in all records. The deviation that a stated
+/// error adds is therefore the slope of the whole regression along that scale.
 #[test]
 fn a_gain_known_to_a_tenth_leaves_the_payload_to_what_it_does_to_it() {
     let data = dataset(false);
@@ -218,8 +221,9 @@ fn one_fit_tells_robot_payload_and_offsets_apart() {
         let found = value(&found, &format!("offset_elbow@{record}"));
         assert!((found - offset).abs() < 2e-2, "{record}: {found}");
     }
-    // With the mean of the offsets, 1.0, the unseen records are met, loaded or not, to what the filter makes of dry friction where a
-    // joint reverses (it is within the steps of rest, which are judged). The robot alone misses the loaded one.
+    // With the mean of the offsets, 1.0, the fit meets the unseen records, loaded or not, up to the
+    // effect of the filter on dry friction where a joint reverses. The robot alone misses the
+    // loaded one.
     let overall = |errors: &[Errors], record: &str| {
         let row = errors.iter().find(|e| e.records == record);
         row.and_then(|e| e.overall).expect("judged")

@@ -1,4 +1,5 @@
-//! Friction that builds up over a displacement, found in records of a slide whose contact was integrated over time.
+//! Friction that builds up over a displacement, found in records of a slide whose contact was
+//! integrated over time.
 
 use std::f64::consts::TAU;
 

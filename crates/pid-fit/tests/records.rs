@@ -133,7 +133,8 @@ fn friction_of_the_tx40_that_saturates_carries_over_and_left_out_records_choose_
     let (falling, found) = (fit(&["stribeck"]), fit(&["stribeck", "saturating"]));
     let folds = |r: &Regression| r.folds.expect("several records");
     assert!(folds(&found) < 0.9 * folds(&falling), "{}", folds(&found));
-    // Least squares with Coulomb and viscous friction and the coupled wrist, same filter: 6.9 % (the data set's README).
+    // Least squares with Coulomb and viscous friction and the coupled wrist, same filter: 6.9 %
+    // (the data set's README).
     let (_, _, errors) = found.consistent.as_ref().expect("asked for");
     let consistent = errors.iter().find(|e| e.records == "test (all)");
     let consistent = consistent.and_then(|e| e.overall).expect("judged");
@@ -146,7 +147,8 @@ fn every_joint_of_the_ur10e_is_below_least_squares_with_friction_that_has_a_memo
     let Some(mut dataset) = records("ur10e") else {
         return;
     };
-    // Currents are readings; gains of the drives, N·m/A, as Mamedov and Mikhel 2020 identified them with a known payload.
+    // Currents are readings; gains of the drives, N·m/A, as Mamedov and Mikhel 2020 identified them
+    // with a known payload.
     let gains = [10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232];
     dataset.input_hold = InputHold::Linear;
     for record in &mut dataset.experiments {

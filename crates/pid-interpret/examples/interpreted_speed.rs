@@ -1,7 +1,8 @@
 //! Time of one evaluation, interpreted and compiled, at the same point in the same run.
 //!
-//! `cargo run --release -p pid-interpret --example interpreted_speed` prints nanoseconds per node of r, J and H: compiled,
-//! interpreted, and interpreted four nodes at once. The least of several rounds counts, other work on the machine aside.
+//! `cargo run --release -p pid-interpret --example interpreted_speed` prints nanoseconds per node
+//! of r, J and H: compiled, interpreted, and interpreted four nodes at once. It takes the least of
+//! several rounds, so that other work on the machine does not count.
 #![allow(clippy::print_stdout, reason = "its result is what it prints")]
 
 #[path = "../tests/common/mod.rs"]

@@ -1,5 +1,5 @@
-//! What a robot must satisfy before it is derived. The checker of `robot!` and the readers of files hand over robots that
-//! do; one that is put together by a program may not.
+//! Conditions that a robot must satisfy before it is derived. The checker of `robot!` and the
+//! readers of files guarantee them; a robot put together by a program may break them.
 
 use pid_derive::model::{Affine, Expr, Inertial, Joint, JointKind, Robot};
 use thiserror::Error;
@@ -79,9 +79,9 @@ pub enum Fault {
     Coordinate {
         /// The joint.
         joint: String,
-        /// What it has.
+        /// The number it has.
         found: Option<usize>,
-        /// What it should have.
+        /// The number it should have.
         expected: Option<usize>,
     },
     /// An axis that is not of unit length.
@@ -92,7 +92,8 @@ pub enum Fault {
         /// Its length.
         length: f64,
     },
-    /// A joint whose kind does not fit: coordinates of a Lagrangian have no axis, joints between links have one.
+    /// A joint whose kind does not fit: coordinates of a Lagrangian have no axis, joints between
+    /// links have one.
     #[error(
         "joint `{joint}` is a coordinate of a Lagrangian, but the robot has none, or the other way round; a robot has a \
          Lagrangian and coordinates of the kinds `Angle` and `Length`, or links and joints between them"

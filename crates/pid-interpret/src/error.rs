@@ -1,6 +1,6 @@
 use thiserror::Error;
 
-/// Why a robot is no model.
+/// Why a robot cannot become a model.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -9,7 +9,7 @@ pub enum Error {
     Malformed {
         /// Name of the robot.
         robot: String,
-        /// What is wrong.
+        /// The fault.
         fault: crate::check::Fault,
     },
     /// Nothing moves.

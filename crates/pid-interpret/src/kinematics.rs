@@ -35,7 +35,7 @@ pub enum KinematicsError {
         robot: String,
         /// The link asked for.
         link: String,
-        /// What it has.
+        /// The links that it has.
         found: String,
     },
     /// A place that is no number.
@@ -61,7 +61,8 @@ pub struct Kinematics {
 }
 
 impl Kinematics {
-    /// Of a model that carries its declaration. Points are named after their links; several on one link are numbered.
+    /// Of a model that carries its declaration. Points are named after their links; several on one
+    /// link are numbered.
     ///
     /// # Errors
     /// If the model is no declared robot, a link does not exist, or a place is not finite.

@@ -1,15 +1,17 @@
-//! Robots that are known at run time only, as models of [`pid_runtime`].
+//! Models of robots that are known only at run time.
 //!
-//! A robot declared with `robot!` becomes Rust code; one that is read from a file becomes a [`Model`]: the same derivation
-//! and the same exact derivatives (`pid-derive`), evaluated by programs on the expression graph
-//! ([`pid_symbolic::program`]). Both have the same faces, [`Hessian`](pid_runtime::dynamics::Hessian) and
-//! [`GenericDynamics`](pid_runtime::generic::GenericDynamics), so everything that takes a model takes either.
+//! A robot declared with `robot!` becomes Rust code; one that is read from a file becomes a
+//! [`Model`]: the same derivation and the same exact derivatives (`pid-derive`), evaluated by
+//! programs on the expression graph ([`pid_symbolic::program`]). Both have the same faces,
+//! [`Hessian`](pid_runtime::dynamics::Hessian) and
+//! [`GenericDynamics`](pid_runtime::generic::GenericDynamics), so everything that takes a model
+//! takes either.
 //!
 //! - [`model`]: the model;
 //! - [`links`]: mass matrix and bias over any number, with constants that can be changed;
-//! - [`kinematics`]: where points of a declared robot are;
+//! - [`kinematics`]: positions of points of a declared robot;
 //! - [`nominal`]: a robot's nominal description with tolerances and noise, from a file;
-//! - [`check`]: what a robot made by a program must satisfy before it is derived.
+//! - [`check`]: conditions on a robot that a program puts together.
 //!
 //! # Example
 //! A pendulum, its rod 0.5 m long:

@@ -4,10 +4,12 @@
 //! M(q) a + b(q, v) − J(q)ᵀ f
 //! ```
 //!
-//! with a force f on a tool point. M leaves out the rotors of the coordinates: a drive may sit behind a gear. Three programs on
-//! the equations of `pid-derive` share the work: [`Links::constants`] from parameters to constants (gravity, ten inertial
-//! parameters a body, rotor inertias), once; [`Links::prepare`] everything that does not depend on the motion, once after the
-//! constants were changed; [`Links::evaluate`] the rest, at every step. None allocates after its first call.
+//! with a force f on a tool point. M leaves out the rotors of the coordinates: a drive may sit
+//! behind a gear. Three programs on the equations of `pid-derive` share the work:
+//! [`Links::constants`] from parameters to constants (gravity, ten inertial parameters a body,
+//! rotor inertias), once; [`Links::prepare`] everything that does not depend on the motion, once
+//! after the constants were changed; [`Links::evaluate`] the rest, at every step. None allocates
+//! after its first call.
 
 use pid_derive::links::{GRAVITY, PER_BODY, Tool, links};
 use pid_derive::model::Robot;
@@ -23,7 +25,8 @@ pub enum Constant {
     Mass(usize),
     /// Component of the first moment m·c of a body in its frame, kg·m: body, axis.
     Moment(usize, usize),
-    /// Entry xx, yy, zz, xy, xz, yz of the inertia of a body about the origin of its frame, kg·m²: body, entry.
+    /// Entry xx, yy, zz, xy, xz, yz of the inertia of a body about the origin of its frame, kg·m²:
+    /// body, entry.
     Inertia(usize, usize),
     /// Rotor inertia (kg·m²) or mass (kg) at a coordinate.
     Rotor(usize),
@@ -244,7 +247,8 @@ impl Links {
         scratch
     }
 
-    /// M (to [`Work::mass`]) and b − Jᵀ f at a motion; `turn` is sine and cosine. A force without a tool does nothing.
+    /// M (to [`Work::mass`]) and b − Jᵀ f at a motion; `turn` is sine and cosine. A force without a
+    /// tool does nothing.
     ///
     /// # Panics
     /// If `q`, `v` or `bias` do not have one entry per coordinate.

@@ -23,11 +23,11 @@ use crate::function::Function;
 
 /// A robot as programs on its expression graph.
 ///
-/// Values and first derivatives are derived when the model is made, second derivatives when they are asked for first:
-/// they cost several times as much and most uses never need them. Ranks of the parameters likewise.
+/// Values and first derivatives are derived when the model is made. Second derivatives and ranks
+/// are derived at their first use: they cost several times as much, and most uses never need them.
 ///
-/// Evaluation allocates nothing after the first call on a thread. Like the generated models, functions panic if a slice
-/// they read has another length than [`Dims`] says.
+/// Evaluation allocates nothing after the first call on a thread. Like the generated models,
+/// functions panic if a slice they read has another length than [`Dims`] says.
 pub struct Model {
     name: String,
     dims: Dims,
@@ -88,10 +88,11 @@ impl Derivative {
 impl Model {
     /// Derives the equations of a robot and makes them ready for evaluation.
     ///
-    /// What the robot asks to be emitted does not matter: everything is there.
+    /// Everything is derived, whatever the robot's `emit` says.
     ///
     /// # Errors
-    /// If the robot contradicts itself, has no moving joint, a singular mass matrix, or equations that are finite nowhere.
+    /// If the robot contradicts itself, has no moving joint, a singular mass matrix, or equations
+    /// that are finite nowhere.
     pub fn new(robot: &Robot) -> Result<Self, Error> {
         check::check(robot).map_err(|fault| Error::Malformed {
             robot: robot.name.clone(),
@@ -275,7 +276,7 @@ impl Dynamics for Model {
     /// Computed when it is asked for first.
     fn identifiability(&self) -> Option<&Identifiability> {
         let found = self.identifiability.get_or_init(|| {
-            // The equations have been derived once; what cannot be derived has no model.
+            // The equations have been derived once, so they can be derived again.
             let found = pid_derive::identifiability(&self.robot).ok()?;
             Some(Identifiability {
                 all: structural(&self.robot, &found.all),

@@ -1,4 +1,5 @@
-//! Nominal descriptions of declared robots: the same dynamics as the declaration, tolerances from its ranges, and messages.
+//! Nominal descriptions of declared robots: the same dynamics as the declaration, tolerances from
+//! its ranges, and messages.
 
 use pid_interpret::Model;
 use pid_interpret::nominal::{
@@ -83,7 +84,8 @@ fn scatter(k: usize) -> f64 {
     ((k as f64 + 1.0) * 12.9898).sin()
 }
 
-/// Largest difference of the residuals of declared and described robot at nominal parameters, relative to the largest residual.
+/// Largest difference of the residuals of declared and described robot at nominal parameters,
+/// relative to the largest residual.
 fn difference(model: &dyn Dynamics, nominal: &Nominal) -> f64 {
     let described = Model::new(nominal.robot()).unwrap();
     let dims = model.dims();
@@ -203,7 +205,7 @@ fn the_declaration_is_read_back_whole() {
     }
 }
 
-/// What becomes of every model of this workspace.
+/// The outcome for every model of this workspace.
 #[test]
 fn models_have_descriptions_or_say_why_not() {
     let outcome = |name: &str| {

@@ -1,4 +1,5 @@
-//! Positions of points, against geometry written by hand, against the dynamics of a mass at the point, and against differences.
+//! Positions of points, against geometry written by hand, against the dynamics of a mass at the
+//! point, and against differences.
 
 use pid_interpret::Kinematics;
 use pid_interpret::kinematics::{KinematicsError, Point};

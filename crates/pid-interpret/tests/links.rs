@@ -1,4 +1,5 @@
-//! Mass matrix and bias with changeable constants against the emitted functions of every model of this workspace.
+//! Mass matrix and bias with changeable constants against the emitted functions of every model of
+//! this workspace.
 
 use pid_interpret::Links;
 use pid_interpret::links::{At, Constant};

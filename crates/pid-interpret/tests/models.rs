@@ -1,4 +1,5 @@
-//! Every robot of `pid-models`, compiled and interpreted from the same declaration: equal values, equal derivatives.
+//! Every robot of `pid-models`, compiled and interpreted from the same declaration: equal values,
+//! equal derivatives.
 
 mod common;
 
@@ -9,7 +10,8 @@ use pid_runtime::generic;
 use pid_runtime::lanes::{LANES, Lane, LanesAt};
 use pid_symbolic::random::Random;
 
-/// Agreement relative to the largest entry. The generated code is the same graph: only rounding of libraries may differ.
+/// Agreement relative to the largest entry. The generated code is the same graph: only rounding of
+/// libraries may differ.
 const AGREEMENT: f64 = 1e-13;
 const POINTS: usize = 20;
 

@@ -6,8 +6,9 @@ pub use fearless_simd::{Level, Simd, SimdBase, SimdFloat, SimdFrom, f64x4};
 
 use crate::Lane;
 
-/// Runs an expression over the token `$simd` for AVX2 with FMA where the processor has them, for the baseline elsewhere. The
-/// functions it calls are generic over [`Simd`] and `#[inline(always)]`.
+/// Runs an expression over the token `$simd` for AVX2 with FMA where the processor has them, for
+/// the baseline elsewhere. The functions it calls are generic over [`Simd`] and
+/// `#[inline(always)]`.
 #[macro_export]
 macro_rules! widest {
     ($simd:ident => $work:expr) => {{

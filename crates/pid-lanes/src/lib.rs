@@ -1,7 +1,7 @@
 //! Four numbers at once: the vectors of loops over samples.
 //!
-//! A [`Lane`] holds one component of [`LANES`] samples. The functions of [`kernel`] work on lanes with the widest vectors that
-//! the processor has when the program runs.
+//! A [`Lane`] holds one component of [`LANES`] samples. The functions of [`kernel`] work on lanes
+//! with the widest vectors that the processor has when the program runs.
 
 pub mod kernel;
 

@@ -15,8 +15,8 @@ pub struct Eigen {
 }
 
 impl Eigen {
-    /// Reads the lower triangle; `None` where a value is not finite. By the calling thread alone: faer's own choice rounds by the
-    /// number of threads.
+    /// Reads the lower triangle; `None` where a value is not finite. Runs on the calling thread
+    /// alone, since faer with several threads rounds by their number.
     pub fn of(matrix: MatRef<'_, f64>) -> Option<Self> {
         let n = matrix.nrows();
         let (mut vectors, mut diagonal) = (Mat::zeros(n, n), Diag::zeros(n));

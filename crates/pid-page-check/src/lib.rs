@@ -13,9 +13,9 @@ pub struct Counted {
     pub tables: usize,
 }
 
-/// Checks a page: it is well-formed; every drawing has `role="img"` and a title; every plot has two axes with quantity and
-/// unit; no coordinate is infinite or not a number; no rectangle is without width; every table scrolls within itself; title,
-/// footer, program and date are there.
+/// Checks a page: it is well-formed; every drawing has `role="img"` and a title; every plot has two
+/// axes with quantity and unit; no coordinate is infinite or not a number; no rectangle is without
+/// width; every table scrolls within itself; title, footer, program and date are there.
 ///
 /// # Errors
 /// The first thing that is not in order.

@@ -9,7 +9,8 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis from `low` to `high`. A number without unit has the unit `"1"`, which is written "dimensionless".
+    /// An axis from `low` to `high`. A number without unit has the unit `"1"`, which is written
+    /// "dimensionless".
     pub fn new(quantity: &str, unit: &str, (low, high): (f64, f64)) -> Self {
         let (low, high) = match low < high && low.is_finite() && high.is_finite() {
             true => (low, high),
@@ -56,7 +57,8 @@ impl Axis {
         )
     }
 
-    /// Where a value lies: 0 at the low end, 1 at the high one. At most ten widths outside, and `None` for what has no place.
+    /// Where a value lies: 0 at the low end, 1 at the high one. At most ten widths outside, and
+    /// `None` for what has no place.
     pub(crate) fn share(&self, x: f64) -> Option<f64> {
         let share = if self.log {
             (x / self.low).ln() / (self.high / self.low).ln()

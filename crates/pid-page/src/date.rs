@@ -13,7 +13,8 @@ pub struct Date {
 }
 
 impl Date {
-    /// Today in UTC; the day of `SOURCE_DATE_EPOCH` (seconds since 1970) where it is set, so that a page can be made again.
+    /// Today in UTC; the day of `SOURCE_DATE_EPOCH` (seconds since 1970) where it is set, so that a
+    /// page can be made again.
     pub fn today() -> Self {
         let fixed = std::env::var("SOURCE_DATE_EPOCH").ok();
         let seconds = fixed.and_then(|s| s.parse().ok()).unwrap_or_else(|| {

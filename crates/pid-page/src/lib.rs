@@ -1,7 +1,8 @@
 //! Pages and plots, one layout and one kind of drawing for all reports, diagnoses and studies.
 //!
-//! A page is one file without scripts or links to others. It follows the reader's choice of dark or light, fits a phone
-//! and prints without cut tables or plots. A plot is inline SVG whose colours are CSS variables of the page.
+//! A page is one file without scripts or links to others. It follows the reader's choice of dark or
+//! light, fits a phone and prints without cut tables or plots. A plot is inline SVG whose colours
+//! are CSS variables of the page.
 //!
 //! ```
 //! use pid_page::{Axis, Footer, Ink, Page, Plot};

@@ -21,7 +21,8 @@ pub enum Ink {
     Backward,
     /// What was stated before, dashed.
     Stated,
-    /// One of six colours for series without a meaning of their own; the seventh series takes the first again.
+    /// One of six colours for series without a meaning of their own; the seventh series takes the
+    /// first again.
     Series(usize),
 }
 
@@ -86,7 +87,8 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// An empty plot. `title` says what it shows, to a reader who cannot see it; the ranges of the axes are added to it.
+    /// An empty plot. `title` says what it shows, to a reader who cannot see it; the ranges of the
+    /// axes are added to it.
     pub fn new(title: &str, x: Axis, y: Axis) -> Self {
         Self {
             title: title.to_owned(),

@@ -37,8 +37,8 @@ impl Range {
         }
     }
 
-    /// Widens the range to hold all but the outermost half percent on either side, with half as much room again:
-    /// a single impact must not flatten the rest.
+    /// Widens the range to hold all but the outermost half percent on either side, with half as
+    /// much room again: a single impact must not flatten the rest.
     pub fn cover_most(&mut self, values: impl IntoIterator<Item = f64>) {
         let mut sorted: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);

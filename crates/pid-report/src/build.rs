@@ -1,4 +1,4 @@
-//! Records condensed into what a report can show.
+//! Condenses records for a report.
 
 use super::{Direction, ForceBin, ForceTrace, MissingForce, Motion, MotionJoint, Trace};
 use pid_data::{Dataset, Experiment, Role};
@@ -11,20 +11,23 @@ const FEWEST: usize = 8;
 /// Samples kept for scatter plots.
 const SCATTER: usize = 700;
 
-/// How finely curves are kept: so many stretches per curve, two points each.
+/// How finely curves are kept: this many stretches per curve, two points each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TraceBudget(pub usize);
 
 impl TraceBudget {
-    /// A share for each of `curves` curves so that a page stays well below 3 MB, at least 60 and at most 500 stretches.
+    /// Gives each of `curves` curves a share so that a page stays well below 3 MB: at least 60 and
+    /// at most 500 stretches.
     pub fn shared_by(curves: usize) -> Self {
         TraceBudget((40_000 / curves.max(1)).clamp(60, 500))
     }
 }
 
-/// Reduces a curve to the smallest and the largest value of each of `budget` stretches, in their order of time.
+/// Reduces a curve to the smallest and the largest value of each of `budget` stretches, in their
+/// order of time.
 ///
-/// `t` increasing, `y` of the same length; NaN interrupts the curve. Curves that are short enough are kept as they are.
+/// `t` increasing, `y` of the same length; NaN interrupts the curve. Curves that are short enough
+/// are kept as they are.
 pub fn trace(t: &[f64], y: impl Fn(usize) -> f64, budget: TraceBudget) -> Trace {
     let n = t.len();
     let mut out = Trace::default();
@@ -64,7 +67,7 @@ pub fn motion(
 ) -> Motion {
     let nq = experiment.nq;
     let t = &experiment.t;
-    // Restarts interrupt the simulated curve: nothing is drawn across them.
+    // Restarts interrupt the simulated curve, so that no line joins two windows.
     let mut restart = vec![false; t.len()];
     for window in &run.windows {
         restart[window.start] = window.start > 0;
@@ -102,7 +105,7 @@ pub fn motion(
     }
 }
 
-/// The missing generalised force of one experiment, as an analysis gives it; N × nq row by row.
+/// The missing generalised force of one experiment; N × nq row by row.
 #[derive(Debug, Clone, Copy)]
 pub struct ForceRecord<'a> {
     /// The experiment.
@@ -123,7 +126,8 @@ pub struct ForceRecord<'a> {
     pub total: &'a [f64],
 }
 
-/// Condenses the missing force of all joints: size, share, curves over time, samples, means over classes of velocity and position.
+/// Condenses the missing force of all joints: size, share, curves over time, samples, means over
+/// classes of velocity and position.
 pub fn missing_force(
     dataset: &Dataset,
     records: &[ForceRecord<'_>],
@@ -190,7 +194,8 @@ pub fn missing_force(
     out
 }
 
-/// Evenly spread selection. Strides are not whole numbers, so that periodic motion is not caught always at the same phase.
+/// Selects samples evenly. Strides are not whole numbers, so that a periodic motion is not met at
+/// the same phase each time.
 fn thin(samples: &[[f64; 3]]) -> Vec<[f64; 3]> {
     if samples.len() <= SCATTER {
         return samples.to_vec();
@@ -200,8 +205,9 @@ fn thin(samples: &[[f64; 3]]) -> Vec<[f64; 3]> {
         .collect()
 }
 
-/// Classes of equal width between the 0.5 % and the 99.5 % quantile of coordinate `axis`, for each direction of motion.
-/// Samples slower than 1 % of the fast ones (98 % quantile of |v|) have no direction and are left out.
+/// Classes of equal width between the 0.5 % and the 99.5 % quantile of coordinate `axis`, for each
+/// direction of motion. Samples slower than 1 % of the fast ones (98 % quantile of |v|) have no
+/// direction and are left out.
 fn bins(samples: &[[f64; 3]], axis: usize) -> Vec<ForceBin> {
     if samples.is_empty() {
         return Vec::new();

@@ -1,10 +1,11 @@
-//! The result of an identification as one value, and its three faces: a page, JSON, terminal text.
+//! The result of an identification as one value with three forms: page, JSON, terminal text.
 //!
-//! Everything a reader sees comes from a [`Report`]: [`Report::to_html`], [`Report::to_json`] and [`Report::to_text`] only
-//! arrange it. The helpers [`motion`] and [`missing_force`] condense records into it: long records are reduced to the smallest and
-//! largest value of each stretch, so that no peak is lost and the file stays small.
+//! Everything a reader sees comes from a [`Report`]; [`Report::to_html`], [`Report::to_json`] and
+//! [`Report::to_text`] only arrange it. [`motion`] and [`missing_force`] condense records: a long
+//! record is reduced to the smallest and largest value of each stretch, so that no peak is lost and
+//! the file stays small.
 //!
-//! Values that are not known are `None`, in JSON `null`; there are no NaN in a report.
+//! Unknown values are `None`, in JSON `null`; a report holds no NaN.
 
 mod build;
 mod html;
@@ -172,14 +173,14 @@ pub struct OutcomeSection {
     pub status: String,
     /// Iterations of the best start, without those before its last solve.
     pub iterations: usize,
-    /// Those before: fitting the residual, lifting, earlier noise levels.
+    /// Iterations before its last solve: residual fit, lifting, earlier noise levels.
     #[serde(default)]
     pub preparing_iterations: usize,
     /// Its objective; `None` if nothing was minimised.
     pub objective: Option<f64>,
     /// Time of the whole identification, s.
     pub seconds: f64,
-    /// Re-computed from the problem itself, not from the solver's claims.
+    /// Recomputed from the problem itself, not from the solver's claims.
     pub checks: Vec<CheckRow>,
 }
 
@@ -310,7 +311,7 @@ pub struct MotionJoint {
     pub v_simulated: Trace,
 }
 
-/// A curve, reduced to what can be seen. `None` in `y` interrupts it.
+/// A curve, reduced to the points that a plot can show. `None` in `y` interrupts it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Trace {
     /// Abscissa, increasing; time in s unless said otherwise.
@@ -319,8 +320,8 @@ pub struct Trace {
     pub y: Vec<Option<f64>>,
 }
 
-/// The generalised force that the model lacks on one joint: what would have to act in addition for the model to follow
-/// the record.
+/// The generalised force that the model lacks on one joint: it must act in addition for the model
+/// to follow the record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MissingForce {
     /// Name of the joint.
@@ -433,7 +434,8 @@ impl Report {
         Ok(serde_json::from_value(value)?)
     }
 
-    /// The report as a page that needs nothing else: plots are drawn in it, colours follow the reader's light or dark setting.
+    /// The report as one page without other files: it contains its plots, and colours follow the
+    /// reader's light or dark setting.
     pub fn to_html(&self) -> String {
         html::page(self)
     }

@@ -37,7 +37,8 @@ pub(super) fn compare(axes: &Axes<'_>, measured: Option<&Trace>, simulated: &Tra
         x.cover(trace.x.iter().copied());
         y.cover(values(trace));
     }
-    // A diverging simulation must not flatten the record: the record decides where there is one.
+    // A diverging simulation must not flatten the record: the record sets the range where there is
+    // one.
     if let Some(measured) = measured {
         y = y.within(&Range::of(values(measured)), 0.6);
     }
@@ -66,7 +67,8 @@ pub(super) fn force_over_time(axes: &Axes<'_>, w: &Trace, band: Option<&Trace>) 
     plot.draw()
 }
 
-/// Missing force against velocity (`axis` 1) or position (`axis` 0), coloured by the direction of motion, with class means.
+/// Missing force against velocity (`axis` 1) or position (`axis` 0), coloured by the direction of
+/// motion, with class means.
 pub(super) fn scatter(
     axes: &Axes<'_>,
     samples: &[[f64; 3]],

@@ -1,14 +1,17 @@
-//! What a robot costs to build: generates arms of 1 … 7 joints, expands them, compiles the expansions with rustc.
+//! Cost of building a robot: generates arms of 1 … 7 joints, expands them, and compiles the
+//! expansions with rustc.
 //!
 //! ```text
 //! cargo run --release -p pid-studies -- build-budget [largest n]
 //! ```
-//! "general": joint frames turned and moved in all directions. "industrial": quarter turns and one or two offsets. All ten
-//! inertial parameters of every link are open, four parameters of the drive per joint; r, M, b, J and H are emitted, r and the
-//! forces also over dual numbers. Printed: operations of r + J + H, statements and bytes of the expansion, seconds of expansion
-//! (macro built with optimisation; for one built without see `pid-codegen/src/bin/macro_seconds.rs`), processor seconds
-//! of rustc for the expansion: optimised, optimised with lanes added, not optimised. Budget: rustc, optimised, n = 2 below 1 s, n = 6 below 6 s, n = 7 below
-//! 10 s; macro below 1 s. Needs Linux (processor time of child processes from `/proc`).
+//! "general": joint frames turned and moved in all directions. "industrial": quarter turns and one
+//! or two offsets. All ten inertial parameters of every link are open, four parameters of the drive
+//! per joint; r, M, b, J and H are emitted, r and the forces also over dual numbers. Printed:
+//! operations of r + J + H, statements and bytes of the expansion, seconds of expansion (macro
+//! built with optimisation; for one built without see `pid-codegen/src/bin/macro_seconds.rs`),
+//! processor seconds of rustc for the expansion: optimised, optimised with lanes added, not
+//! optimised. Budget: rustc, optimised, n = 2 below 1 s, n = 6 below 6 s, n = 7 below 10 s; macro
+//! below 1 s. Needs Linux (processor time of child processes from `/proc`).
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -63,7 +66,7 @@ fn arm(n: usize, general: bool, lanes: &str) -> String {
     text
 }
 
-/// Processor seconds of this thread; by the clock where the system does not tell.
+/// Processor seconds of this thread, or wall-clock seconds where the system does not count them.
 fn processor_seconds(start: Instant) -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let nanoseconds = text

@@ -1,12 +1,13 @@
-//! What constraints of the user cost: an identification with a speed limit at every node and a bound on a product of parameters, by the
-//! structured linear system and by that of the whole matrix.
+//! Cost of user constraints: an identification with a speed limit at every node and a bound on a
+//! product of parameters, by the structured linear system and by that of the whole matrix.
 //!
 //! ```text
 //! pid-studies constrained [N,N,…]
 //! ```
 //!
-//! The two-link robot under sums of sines with noise and Stribeck friction (as `scaling`), trapezoidal rule, starts at the true values.
-//! The limit is a tenth below the largest speed of the record. Seconds are of the processor.
+//! The two-link robot under sums of sines with noise and Stribeck friction (as `scaling`),
+//! trapezoidal rule, starts at the true values. The limit is a tenth below the largest speed of the
+//! record. Seconds are of the processor.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;

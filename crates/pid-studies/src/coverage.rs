@@ -71,7 +71,8 @@ pub struct CoverageArgs {
     /// Parameter that is held at the truth; may be repeated.
     #[arg(long, value_name = "NAME")]
     pub(crate) hold: Vec<String>,
-    /// Parameter whose intervals by profile likelihood are counted too, at one more fit per set; may be repeated.
+    /// Parameter whose intervals by profile likelihood are counted too, at one more fit per set;
+    /// may be repeated.
     #[arg(long, value_name = "NAME")]
     pub(crate) profile: Vec<String>,
     /// One-step scheme.

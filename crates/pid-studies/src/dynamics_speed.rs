@@ -1,5 +1,6 @@
-//! Time of one evaluation of the six-axis arm with 84 parameters, 60 of them inertial: r, r and ∂r/∂z, ∂²(λᵀr)/∂z², one
-//! node and four at once; forward dynamics with all first derivatives (states, inputs, parameters).
+//! Time of one evaluation of the six-axis arm with 84 parameters, 60 of them inertial: r, r and
+//! ∂r/∂z, ∂²(λᵀr)/∂z², one node and four at once; forward dynamics with all first derivatives
+//! (states, inputs, parameters).
 //!
 //! ```text
 //! cargo run --release -p pid-studies -- dynamics-speed

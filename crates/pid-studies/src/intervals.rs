@@ -1,8 +1,10 @@
-//! Do the intervals hold? Records are simulated with noise of known size, identified, and the truth is looked for in the intervals.
+//! Coverage of the intervals: records are simulated with noise of known size and identified, and
+//! the truth is looked for in the intervals.
 //!
-//! A model whose parameters enter through fewer combinations has no interval for each of them. Parameters are therefore held at the
-//! truth until the others are determined one by one: in each direction that the records leave open, the one that moves most. Each
-//! remaining parameter then stands for the combination it is part of.
+//! A model whose parameters enter through fewer combinations has no interval for each of them.
+//! Parameters are therefore held at the truth until the others are determined one by one. In each
+//! direction that the records leave open, the parameter that moves most is held. Each remaining
+//! parameter then stands for the combination it is part of.
 
 use std::ops::ControlFlow;
 
@@ -19,7 +21,8 @@ const QUANTILE: f64 = 1.959_963_984_540_054;
 /// Most rounds of holding parameters.
 const ROUNDS: usize = 20;
 
-/// Mean error over scatter that is no bias of an estimator near the truth.
+/// A mean error above this many scatters is no bias of an estimator near the truth: the fits found
+/// another solution.
 pub const FAR: f64 = 20.0;
 
 /// A study that cannot be made.
@@ -59,8 +62,9 @@ pub struct Row {
     pub scatter: f64,
     /// Mean standard deviation they state.
     pub stated: f64,
-    /// Share of the sets whose 95 % interval by profile likelihood holds the truth, and the sets with such an interval, those with
-    /// the parameter at a bound included; `None` unless it was asked for.
+    /// Share of the sets whose 95 % interval by profile likelihood holds the truth, and the sets
+    /// with such an interval, those with the parameter at a bound included; `None` unless it was
+    /// asked for.
     pub profile: Option<(f64, usize)>,
 }
 
@@ -71,7 +75,8 @@ pub struct Study {
     pub sets: usize,
     /// Seed of the first; each further one has the next.
     pub seed: u64,
-    /// Parameters whose intervals by profile likelihood are counted too, one more fit per set each; those held are passed over.
+    /// Parameters whose intervals by profile likelihood are counted too, one more fit per set each;
+    /// those held are passed over.
     pub profiled: Vec<usize>,
 }
 
@@ -84,9 +89,9 @@ pub struct Coverage {
     pub held: Vec<usize>,
     /// Sets that were identified, and sets whose solver did not converge (left out).
     pub sets: (usize, usize),
-    /// Whether the estimates lie together far from the truth ([`FAR`] deviations in a third of the parameters): with the parameters
-    /// that are held, other values of the rest make the same motions. Held sets leave such discrete ambiguities where the
-    /// combinations are not linear in the parameters.
+    /// Whether the estimates lie together far from the truth ([`FAR`] deviations in a third of the
+    /// parameters): other values of the free parameters then make the same motions. Held sets leave
+    /// such discrete ambiguities where the combinations are not linear in the parameters.
     pub elsewhere: bool,
     /// Whether it was interrupted.
     pub interrupted: bool,
@@ -102,7 +107,8 @@ impl Coverage {
     }
 }
 
-/// Simulates and identifies the data sets of a study; `settings` as for one of them, the fits start at the truth.
+/// Simulates and identifies the data sets of a study; `settings` as for one of them, the fits start
+/// at the truth.
 ///
 /// `news` is called with the number of finished sets and may end the study.
 ///
@@ -140,7 +146,7 @@ pub fn coverage(
             })
             .collect();
         if hold.is_empty() {
-            // Too wide for an interval although no direction is open by itself.
+            // Too wide for an interval, although no direction is open by itself.
             let wide: Vec<usize> = (0..truth.len())
                 .filter(|&j| !found.fixed[j] && found.deviations[j].is_none())
                 .collect();

@@ -19,11 +19,12 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 #[allow(clippy::large_enum_variant, reason = "one value, parsed once")]
 enum Command {
-    /// Measure the diagnosis on drawn cases whose effect is withheld until it has been named.
+    /// Measure the diagnosis on drawn cases whose effect is withheld.
     Withheld(withheld::WithheldArgs),
-    /// Reproduce the study of the paper on the idealised two-link robot: tables, figures, and what it left open.
+    /// Reproduce the study of the paper on the idealised two-link robot: tables, figures, and its
+    /// open questions.
     Paper(paper::PaperArgs),
-    /// Measure by simulation whether the 95 % intervals of identifications hold the truth.
+    /// Measure by simulation how often the 95 % intervals of identifications hold the truth.
     Coverage(coverage::CoverageArgs),
     /// Solve the Hock-Schittkowski collection.
     HockSchittkowski(Words),

@@ -1,15 +1,17 @@
-//! How time and memory of an identification grow with the record: trapezoidal rule, noise, and a plant with Stribeck friction that
-//! the model lacks; one window, or restart windows of a length.
+//! Growth of time and memory of an identification with the record: trapezoidal rule, noise, and a
+//! plant with Stribeck friction that the model lacks; one window, or restart windows of a length.
 //!
 //! ```text
 //! pid-studies scaling [--two-link N,N,…] [--arm N,N,…] [--rotors true] [--window SECONDS] [--limit SECONDS] [--consistent true]
 //!         [--verbose true] [--records FOLDER]
 //! ```
 //!
-//! The two-link robot moves under sums of sines at 50 Hz, the six-axis arm (84 parameters) under inverse-dynamics control at 100 Hz;
-//! with `--rotors` its drives have inertia. The record grows with N. Starts are the true values times 0.8. Seconds are of the
-//! processor, all threads together; memory is the largest of the process so far, so numbers of samples shall grow.
-//! `--records` writes the records as CSV (t, q, dq, u), for other programs, and solves nothing.
+//! The two-link robot moves under sums of sines at 50 Hz, the six-axis arm (84 parameters) under
+//! inverse-dynamics control at 100 Hz; with `--rotors` its drives have inertia. The record grows
+//! with N. Starts are the true values times 0.8. Seconds are of the processor, all threads
+//! together. Memory is the largest of the process so far, so give the numbers of samples in
+//! ascending order. `--records` writes the records as CSV (t, q, dq, u) for other programs, and
+//! solves nothing.
 
 use std::fs;
 use std::ops::ControlFlow;

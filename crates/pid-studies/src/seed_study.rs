@@ -1,12 +1,13 @@
-//! Objective, iterations and time of the two-link problem for every start of a table, and how the time grows with the record.
+//! Objective, iterations and time of the two-link problem for every start of a table, and how the
+//! time grows with the record.
 //!
 //! ```text
 //! pid-studies seed [--scheme NAME] [--unprepared] [FOLDER]             FOLDER holds data/seed_two_link and bench/
 //! pid-studies seed --scaling [FOLDER]                                  301 … 10001 samples over 6 s, trapezoidal rule
 //! ```
 //!
-//! `--unprepared` hands the starts to the exact Hessian at once, without the fits that precede it by default (residuals of the
-//! steps, Gauss-Newton). Seconds are of the processor, all threads together.
+//! `--unprepared` hands the starts to the exact Hessian at once, without the preparing fits
+//! (residuals of the steps, Gauss-Newton). Seconds are of the processor, all threads together.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};

@@ -25,7 +25,7 @@ pub struct WithheldArgs {
     /// Only cases without a cause: the rate of false alarms.
     #[arg(long)]
     nulls: bool,
-    /// Folder for cases, causes, diagnoses and the report; what is there already is kept.
+    /// Folder for cases, causes, diagnoses and the report; results that are there already are kept.
     #[arg(long, short, value_name = "FOLDER", default_value = "simtrue-study")]
     out: PathBuf,
 }

@@ -41,7 +41,8 @@ fn intervals_of_a_servo_hold_the_truth() {
         let found = coverage(&ServoPendulum, &truth, &recipe, &settings, &study, &go_on)
             .expect("identifies");
         assert_eq!(found.sets.1, 0, "{found:?}");
-        // Of mass, length, gain, resistance, rotor and friction, the motion tells the ratios only: some are held.
+        // Of mass, length, gain, resistance, rotor and friction, the motion tells the ratios only:
+        // some are held.
         assert!(found.rows.len() >= 3 && !found.held.is_empty(), "{found:?}");
         // 40 sets of one parameter: 95 % ± 3.4 % (one deviation); they are correlated among each other.
         let overall = found.overall();

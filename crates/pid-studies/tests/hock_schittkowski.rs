@@ -58,7 +58,8 @@ fn adaptive_barrier_solves_all() {
     assert!(elsewhere.len() <= 12, "{elsewhere:?}");
 }
 
-/// Largest relative difference between derivatives and central differences of the next lower order at the start.
+/// Largest relative difference between derivatives and central differences of the next lower order
+/// at the start.
 fn worst_derivative(case: &mut Case) -> f64 {
     let problem: &mut dyn Nlp = case.problem.as_mut();
     let (n, m) = (problem.n(), problem.m());
@@ -129,9 +130,9 @@ fn derivatives_agree_with_differences() {
     assert!(bad.is_empty(), "{bad:?}");
 }
 
-/// What sequential quadratic programming does not bring to a minimum: 13 has no multipliers; from the starts of 61 and of 97 and
-/// 98 it ends at a point where the constraints cannot be met, and at a stationary point that is no minimum; in 17 and 105 the
-/// filter refuses every step.
+/// What sequential quadratic programming does not bring to a minimum: 13 has no multipliers; from
+/// the starts of 61 and of 97 and 98 it ends at a point where the constraints cannot be met, and at
+/// a stationary point that is no minimum; in 17 and 105 the filter refuses every step.
 const NOT_BY_SQP: [u32; 6] = [13, 17, 61, 97, 98, 105];
 
 #[test]

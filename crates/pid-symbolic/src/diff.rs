@@ -2,9 +2,11 @@
 //!
 //! With `y = φ(x₁, x₂)` a node and `∂φ/∂xₖ` its partials:
 //! - forward: `ẏ = Σₖ ∂φ/∂xₖ · ẋₖ`, operands first;
-//! - reverse: `x̄ₖ += ȳ · ∂φ/∂xₖ`, results first (A. Griewank and A. Walther, *Evaluating Derivatives*, 2nd ed., 2008, ch. 3).
+//! - reverse: `x̄ₖ += ȳ · ∂φ/∂xₖ`, results first (A. Griewank and A. Walther, *Evaluating
+//!   Derivatives*, 2nd ed., 2008, ch. 3).
 //!
-//! `abs` has the derivative `sign`, `sign` the derivative 0: right everywhere but at zero.
+//! `abs` has the derivative `sign`, and `sign` the derivative 0. Both are right everywhere but at
+//! zero.
 
 use crate::graph::Graph;
 use crate::node::{Function, Id, Node};
@@ -139,8 +141,8 @@ fn sweep(g: &mut Graph, nodes: &[Id], depends: &Dependence, output: Id, vars: &[
         .collect()
 }
 
-/// Derivatives of `outputs` along a direction: `Σₖ ∂output/∂varₖ · directionₖ` for `seeds = [(varₖ, directionₖ)]`, by one
-/// forward sweep.
+/// Derivatives of `outputs` along a direction: `Σₖ ∂output/∂varₖ · directionₖ` for
+/// `seeds = [(varₖ, directionₖ)]`, by one forward sweep.
 pub fn directional(g: &mut Graph, outputs: &[Id], seeds: &[(Id, Id)]) -> Vec<Id> {
     let vars: Vec<Id> = seeds.iter().map(|seed| seed.0).collect();
     let depends = Dependence::new(g, &vars);
@@ -186,8 +188,8 @@ pub struct Entry {
 
 /// Structural non-zeros of the lower triangle of ∂²`output`/∂`vars`², sorted by row, then column.
 ///
-/// Forward over reverse: one reverse sweep for the gradient, then one forward sweep through it per variable, restricted
-/// to what depends on that variable and to rows on or below the diagonal.
+/// Forward over reverse: one reverse sweep for the gradient, then one forward sweep through it per
+/// variable, restricted to what depends on that variable and to rows on or below the diagonal.
 pub fn hessian(g: &mut Graph, output: Id, vars: &[Id]) -> Vec<Entry> {
     let gradient = gradient(g, output, vars);
     let depends = Dependence::new(g, vars);
@@ -198,7 +200,8 @@ pub fn hessian(g: &mut Graph, output: Id, vars: &[Id]) -> Vec<Entry> {
             .filter(|&row| depends.on(gradient[row], col))
             .collect();
         let roots: Vec<Id> = rows.iter().map(|&row| gradient[row]).collect();
-        // The gradient was complete before `depends` was built: what later sweeps add is never entered.
+        // The gradient was complete before `depends` was built, so nothing that later sweeps add is
+        // entered.
         let nodes = g.reachable_where(&roots, |id| depends.on(id, col));
         let mut tangent = vec![None; g.len()];
         forward(g, &nodes, &[(var, one)], &mut tangent);

@@ -1,7 +1,7 @@
 //! An interpreter: outputs of a graph as a compact tape, evaluated over any scalar.
 //!
-//! The tape is the fallback for models that are not compiled and the oracle of those that are. Registers are reused as
-//! soon as their value is dead, so that large tapes stay in cache.
+//! The tape evaluates models that are not compiled, and is the oracle of those that are. A register
+//! is reused as soon as its value is dead, so that large tapes stay in cache.
 
 use num_dual::DualNum;
 
@@ -135,8 +135,8 @@ impl Tape {
         }
     }
 
-    /// The outputs at `points` points. Variables and outputs are stored one after the other with all their points:
-    /// `vars[i * points + k]` is variable `i` at point `k`.
+    /// The outputs at `points` points. Variables and outputs are stored one after the other with
+    /// all their points: `vars[i * points + k]` is variable `i` at point `k`.
     ///
     /// # Panics
     /// If the slices are shorter than `vars() * points` and `outputs() * points`.
@@ -199,8 +199,9 @@ pub(crate) fn call<D: DualNum<Primitive = f64> + Copy>(f: Function, x: D) -> D {
     }
 }
 
-/// `tanh |x| = −m / (m + 2)` with `m = e^(−2|x|) − 1`: finite, and with full relative precision in its derivatives, for
-/// every argument; the quotient of `sinh` and `cosh` runs over beyond |x| = 710.
+/// `tanh |x| = −m / (m + 2)` with `m = e^(−2|x|) − 1`: finite for every argument, with full
+/// relative precision in its derivatives. The quotient of `sinh` and `cosh` overflows beyond |x| =
+/// 710.
 fn tanh<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
     if D::NDERIV == 0 {
         return x.tanh();

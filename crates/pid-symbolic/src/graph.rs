@@ -1,7 +1,8 @@
-//! The arena. Constructors fold what needs no further knowledge: constants, 0 and ±1, signs, order of commutative operands.
+//! The arena. Constructors fold what needs no further knowledge: constants, 0 and ±1, signs, and
+//! the order of commutative operands.
 //!
-//! Folding assumes finite values (`0 · x = 0`, `x − x = 0`, `x / x = 1`); it never expands and never distributes, so an
-//! expression does not grow.
+//! Folding assumes finite values (`0 · x = 0`, `x − x = 0`, `x / x = 1`); it never expands and
+//! never distributes, so an expression does not grow.
 
 use std::collections::HashMap;
 
@@ -25,7 +26,7 @@ impl Graph {
         self.nodes.len()
     }
 
-    /// Whether there is no node.
+    /// Whether the graph is empty.
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
@@ -309,7 +310,8 @@ impl Graph {
             .fold(zero, |sum, term| self.add(sum, term))
     }
 
-    /// `outputs` with variables replaced: `replacement(i)` is the new expression of variable `i`, or `None` to keep it.
+    /// `outputs` with variables replaced: `replacement(i)` is the new expression of variable `i`,
+    /// or `None` to keep it.
     pub fn substitute(
         &mut self,
         outputs: &[Id],

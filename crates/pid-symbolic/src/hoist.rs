@@ -8,13 +8,14 @@ use crate::node::{Id, Node};
 pub struct Hoisted {
     /// What is computed beforehand, from slow variables.
     pub before: Vec<Id>,
-    /// The outputs as functions of the remaining variables and of the results of [`before`](Self::before), which are variables
-    /// from the number given on.
+    /// The outputs as functions of the remaining variables and of the results of
+    /// [`before`](Self::before), which are variables from the number given on.
     pub after: Vec<Id>,
 }
 
-/// Splits a computation. `slow` says of each variable whether it is known beforehand; results of the first step become the
-/// variables `first`, `first + 1`, …; `given` are expressions that the caller computes itself, with the variables that hold them.
+/// Splits a computation. `slow` says of each variable whether it is known beforehand; results of
+/// the first step become the variables `first`, `first + 1`, …; `given` are expressions that the
+/// caller computes itself, with the variables that hold them.
 pub fn hoist(
     g: &mut Graph,
     outputs: &[Id],

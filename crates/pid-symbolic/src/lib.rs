@@ -1,9 +1,10 @@
 //! Hash-consed expression graphs: exact derivatives, scheduling, evaluation.
 //!
-//! A [`Graph`] is an arena of operations on real numbers in which equal expressions have one [`Id`]. Everything a
-//! compiler for equations of motion needs is read off it:
+//! A [`Graph`] is an arena of operations on real numbers in which equal expressions have one
+//! [`Id`]. Everything a compiler for equations of motion needs is read off it:
 //!
-//! - [`diff`]: exact gradients (reverse sweep), directional derivatives (forward sweep), Hessians (forward over reverse);
+//! - [`diff`]: exact gradients (reverse sweep), directional derivatives (forward sweep), Hessians
+//!   (forward over reverse);
 //! - [`pattern`]: which of the resulting expressions are identically zero;
 //! - [`schedule`]: an order of evaluation, the lifetimes of intermediate values, blocks of bounded size;
 //! - [`eval`]: an interpreter over `f64`, batches of `f64` and any dual number of `num-dual`;

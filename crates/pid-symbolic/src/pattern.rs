@@ -1,13 +1,14 @@
 //! Which expressions are identically zero.
 //!
-//! Folding finds the structural zeros. Cancellations that it cannot see (`sin²x + cos²x − 1`, terms that meet in
-//! different groupings) are found by evaluation at random points (J. T. Schwartz, 1980): an expression is taken as zero if
-//! it vanishes at all of them to rounding error.
+//! Folding finds the structural zeros. Cancellations that it cannot see (`sin²x + cos²x − 1`, terms
+//! that meet in different groupings) are found by evaluation at random points (J. T. Schwartz,
+//! 1980): an expression is taken as zero if it vanishes at all of them to rounding error.
 //!
-//! Removing a true non-zero would be a wrong derivative, so the test is one-sided. All functions but sine and cosine may
-//! saturate, run over or change branch in floating point (`tanh`, `exp`, `sqrt`, `abs`, …); they are replaced by independent
-//! random values per node, as if they were further variables: `1 − tanh²(1000 v)` and `√(x²) − x` stay non-zero. What is
-//! found zero is zero whatever these functions are.
+//! Removing a true non-zero would make a derivative wrong, so the test errs on one side only. In
+//! floating point every function but sine and cosine may saturate, overflow or change branch
+//! (`tanh`, `exp`, `sqrt`, `abs`, …). Each node of such a function gets an independent random
+//! value, as if it were a further variable: `1 − tanh²(1000 v)` and `√(x²) − x` stay non-zero. An
+//! expression that is found zero is zero for all values of these functions.
 
 use crate::graph::Graph;
 use crate::node::{Function, Id, Node};
@@ -34,7 +35,8 @@ pub fn zeros(g: &Graph, outputs: &[Id]) -> Vec<bool> {
     zero
 }
 
-/// Value and size (the value if all terms had one sign, which bounds the rounding error) of every node of `order`.
+/// Value of every node of `order`, and its size: the value if all terms had one sign, which bounds
+/// the rounding error.
 fn evaluate(g: &Graph, order: &[Id], point: u64, values: &mut [(f64, f64)]) {
     for &id in order {
         let at = |x: Id| values[x.index()];

@@ -12,8 +12,8 @@ enum Level {
     Atom,
 }
 
-/// The expression in ordinary notation, variables named by `name`. Shared subexpressions are written out each time, so this
-/// is meant for small expressions.
+/// The expression in ordinary notation, variables named by `name`. Shared subexpressions are
+/// written out each time, so this is meant for small expressions.
 pub fn expression(g: &Graph, id: Id, name: &impl Fn(u32) -> String) -> String {
     write(g, id, name).0
 }

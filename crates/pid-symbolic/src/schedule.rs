@@ -3,8 +3,9 @@
 use crate::graph::Graph;
 use crate::node::{Function, Id, Node};
 
-/// Operations needed for `outputs`, operands first, depth first along the outputs so that values are used soon after they
-/// are made. Constants and variables are left out. Sine and cosine of one argument stand side by side.
+/// Operations needed for `outputs`, operands first, depth first along the outputs so that values
+/// are used soon after they are made. Constants and variables are left out. Sine and cosine of one
+/// argument stand side by side.
 pub fn order(g: &Graph, outputs: &[Id]) -> Vec<Id> {
     let mut needed = vec![false; g.len()];
     for id in g.reachable(outputs) {

@@ -1,5 +1,5 @@
-//! Properties on random expressions: folding keeps values, derivatives are those of num-dual and of central differences,
-//! plans compute what the interpreter computes.
+//! Properties on random expressions: folding keeps values, derivatives are those of num-dual and of
+//! central differences, plans compute what the interpreter computes.
 
 use num_dual::{Dual64, HyperDual64};
 use pid_symbolic::program::{LANES, Scratch};
@@ -8,7 +8,8 @@ use proptest::prelude::*;
 
 const VARS: usize = 4;
 
-/// An expression as a program: each step uses results of earlier ones. Constants and signs that fold occur often.
+/// An expression as a program: each step uses results of earlier ones. Constants and signs that
+/// fold occur often.
 #[derive(Debug, Clone)]
 enum Step {
     Const(f64),
@@ -42,8 +43,8 @@ fn program() -> impl Strategy<Value = (Vec<Step>, Vec<f64>)> {
     )
 }
 
-/// Operands are drawn into a range where functions are smooth and values moderate, without changing the kind of graph:
-/// arguments of `ln`, `sqrt` and denominators become 1 + x².
+/// Operands are drawn into a range where functions are smooth and values moderate, without changing
+/// the kind of graph: arguments of `ln`, `sqrt` and denominators become 1 + x².
 fn build(g: &mut Graph, steps: &[Step]) -> Vec<Id> {
     let mut ids: Vec<Id> = (0..VARS).map(|i| g.var(i)).collect();
     for step in steps {
@@ -83,8 +84,8 @@ fn build(g: &mut Graph, steps: &[Step]) -> Vec<Id> {
     ids
 }
 
-/// The same program on numbers, nothing folded. `None` where it comes near a kink or leaves a moderate range, where rounding
-/// would be the subject.
+/// The same program on numbers, nothing folded. `None` where it comes near a kink or leaves a
+/// moderate range, where rounding would be the subject.
 fn plain(steps: &[Step], vars: &[f64]) -> Option<Vec<f64>> {
     let mut values = vars.to_vec();
     for step in steps {

@@ -1,5 +1,5 @@
-//! TOML files with places. A mistake in a file is told in one form everywhere: file, line and column, the line itself with
-//! the wrong part marked, and what to write instead.
+//! TOML files with places. A mistake in a file is told in one form everywhere: file, line and
+//! column, the line itself with the wrong part marked, and what to write instead.
 //!
 //! ```
 //! use pid_toml::{Source, Spanned};
@@ -59,7 +59,8 @@ impl<'a> Source<'a> {
         toml::from_str(self.text).map_err(|e| self.mistake(&e))
     }
 
-    /// Splits the file into its top-level keys, in the order of the file, for files whose keys are names of joints.
+    /// Splits the file into its top-level keys, in the order of the file, for files whose keys are
+    /// names of joints.
     ///
     /// # Errors
     /// [`Mistake`] where the text is not TOML.

@@ -46,7 +46,8 @@ pub struct Mistake {
     pub place: Place,
     /// What is wrong.
     pub message: String,
-    /// The line with the wrong part marked, each line of it begun by a line break; empty for a file without text.
+    /// The line with the wrong part marked, each line of it begun by a line break; empty for a file
+    /// without text.
     pub shown: String,
     /// What to write instead.
     pub mend: String,

@@ -1,8 +1,8 @@
 //! Feeds mutated robot descriptions to the reader: no panic, no hang.
 //!
-//! `cargo run --release -p pid-urdf --example fuzz_urdf -- [inputs] [seed]`, a million inputs with seed 0 by default. Prints how
-//! many were no XML, refused, and read (made a robot, written back and read again), and the slowest input. A panic prints the
-//! number of its input.
+//! `cargo run --release -p pid-urdf --example fuzz_urdf -- [inputs] [seed]`, a million inputs with
+//! seed 0 by default. Prints how many were no XML, refused, and read (made a robot, written back
+//! and read again), and the slowest input. A panic prints the number of its input.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,

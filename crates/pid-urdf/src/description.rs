@@ -22,7 +22,7 @@ pub struct Description {
     pub root: usize,
     /// Joints so that each comes after the joint that carries its parent link.
     pub order: Vec<usize>,
-    /// What was read with doubt, with lines.
+    /// Warnings, with lines.
     pub warnings: Vec<String>,
 }
 
@@ -58,7 +58,7 @@ pub struct Joint {
     pub name: String,
     /// Name as an identifier.
     pub identifier: String,
-    /// What moves.
+    /// Kind of motion.
     pub motion: Motion,
     /// Index of the parent link.
     pub parent: usize,
@@ -81,7 +81,7 @@ pub struct Joint {
     pub(crate) places: JointPlaces,
 }
 
-/// What a joint lets move. Axes are of unit length.
+/// The motion that a joint allows. Axes are of unit length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Motion {
     /// Nothing.
@@ -103,7 +103,7 @@ pub struct Mimic {
     pub offset: f64,
 }
 
-/// Places in the text of what is written back for a link.
+/// Places in the text where values of a link are written back.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct Places {
     /// Just after the start tag of `<inertial>`.
@@ -117,7 +117,7 @@ pub(crate) struct Places {
     pub(crate) inertia_tag: Option<usize>,
 }
 
-/// Places in the text of what is written back for a joint.
+/// Places in the text where values of a joint are written back.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct JointPlaces {
     pub(crate) line: u32,
@@ -162,7 +162,8 @@ pub(crate) fn rotation([roll, pitch, yaw]: [f64; 3]) -> [[f64; 3]; 3] {
     ]
 }
 
-/// `R I Rᵀ` of a tensor xx, yy, zz, xy, xz, yz. A rotation that is none leaves the numbers as they are.
+/// `R I Rᵀ` of a tensor xx, yy, zz, xy, xz, yz. The identity leaves the numbers exactly as they
+/// are.
 pub(crate) fn turned(r: [[f64; 3]; 3], inertia: [f64; 6]) -> [f64; 6] {
     if r == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
         return inertia;

@@ -13,7 +13,7 @@ pub enum UrdfError {
     Unreadable {
         /// The file.
         file: PathBuf,
-        /// What the system says.
+        /// Message of the operating system.
         error: io::Error,
     },
     /// Not XML.
@@ -21,7 +21,7 @@ pub enum UrdfError {
     Xml {
         /// The file.
         file: PathBuf,
-        /// What the parser says, with line and column.
+        /// Message of the parser, with line and column.
         error: roxmltree::Error,
     },
     /// Another root element than `<robot>`.
@@ -56,9 +56,9 @@ pub enum UrdfError {
         line: u32,
         /// Which link or joint.
         item: String,
-        /// What is missing.
+        /// The missing part.
         what: &'static str,
-        /// What to write.
+        /// The mend: text to write.
         mend: &'static str,
     },
     /// An element that may stand once.
@@ -86,7 +86,7 @@ pub enum UrdfError {
         key: &'static str,
         /// The value as written.
         value: String,
-        /// What to write instead.
+        /// The mend: text to write instead.
         mend: String,
     },
     /// A name that no link or joint has.
@@ -118,7 +118,7 @@ pub enum UrdfError {
         name: String,
         /// The first name.
         other: String,
-        /// What both become.
+        /// The identifier that both become.
         identifier: String,
     },
     /// A mass or inertia that no body has.
@@ -130,7 +130,7 @@ pub enum UrdfError {
         line: u32,
         /// The link.
         link: String,
-        /// What is wrong with it.
+        /// The fault.
         fault: Implausible,
     },
     /// A link with two parents.
@@ -155,7 +155,7 @@ pub enum UrdfError {
     Tree {
         /// The file.
         file: PathBuf,
-        /// What they form, and the mend.
+        /// The structure they form, and the mend.
         found: TreeFault,
     },
 }

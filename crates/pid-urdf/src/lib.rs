@@ -6,12 +6,13 @@
 //! ```
 //!
 //! - [`description`]: links, joints, inertias, `<dynamics>`, limits and `<mimic>` as written, in numbers;
-//! - [`mod@robot`]: which of the numbers become parameters; fixed joints are merged by the derivation, mimic joints follow;
+//! - [`mod@robot`]: which of the numbers become parameters; fixed joints are merged by the
+//!   derivation, mimic joints follow;
 //! - [`write`](mod@write): the text with other masses, inertias and friction;
 //! - [`names`]: identifiers from the names of a file.
 //!
-//! The root link is the base: what it weighs does not enter. Elements that say nothing about the dynamics (visuals,
-//! collisions, transmissions, extensions) are left alone and kept.
+//! The root link is the base, and its mass does not enter. Elements without effect on the dynamics
+//! (visuals, collisions, transmissions, extensions) are left alone and kept.
 //!
 //! # Example
 //! ```

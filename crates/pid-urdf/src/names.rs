@@ -13,8 +13,9 @@ const TAKEN_TOO: [&str; 12] = [
     "a", "base", "q", "t", "unsafe", "unsized", "use", "v", "virtual", "where", "while", "yield",
 ];
 
-/// A name as an identifier: characters but letters, digits and `_` become `_`, a leading digit gets a `_` before it, words
-/// that are taken one after them. The empty name becomes `_0`.
+/// Makes an identifier of a name: characters other than letters, digits and `_` become `_`, a
+/// leading digit gets a `_` before it, reserved words get one after them. The empty name becomes
+/// `_0`.
 pub fn identifier(name: &str) -> String {
     let mut out: String = name
         .chars()

@@ -323,8 +323,8 @@ impl<'a> Reader<'a> {
                 .unwrap_or(0)
     }
 
-    /// The place after a start tag: before the first child, or, of an element without children, before its end tag. For an
-    /// element written `<a/>` the place of its `/`.
+    /// The place after a start tag: before the first child, or, of an element without children,
+    /// before its end tag. For an element written `<a/>` the place of its `/`.
     fn after_tag(&self, node: Node<'_, '_>) -> usize {
         if let Some(child) = node.first_child() {
             return child.range().start;
@@ -472,7 +472,8 @@ impl<'a> Reader<'a> {
         name: &str,
         known: &BTreeMap<String, usize>,
     ) -> UrdfError {
-        // Beyond some length no name is a slip of another, and the distance costs the product of the lengths.
+        // A name beyond some length is no slip of another, and the distance costs the product of
+        // the lengths.
         let close = |n: &&String| n.len() < 200 && name.len() < 200;
         UrdfError::Unknown {
             file: self.file.to_owned(),
@@ -525,7 +526,7 @@ impl<'a> Reader<'a> {
         let Some(axis) = self.numbers::<3>(element, item, "xyz", "axis xyz")? else {
             return Ok(X);
         };
-        // Scaled first: squares of large or small components would run over or under.
+        // Scaled first, since squares of large or small components overflow or underflow.
         let largest = axis.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
         let scaled = axis.map(|x| x / largest);
         let length = scaled.iter().map(|x| x * x).sum::<f64>().sqrt();

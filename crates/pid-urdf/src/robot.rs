@@ -26,9 +26,11 @@ pub struct Options {
     pub gravity: [f64; 3],
     /// Masses and inertias.
     pub inertias: Inertias,
-    /// `dry_<joint>` and `viscous_<joint>` as parameters, nominal values from `<dynamics>`; otherwise numbers.
+    /// `dry_<joint>` and `viscous_<joint>` as parameters, nominal values from `<dynamics>`;
+    /// otherwise numbers.
     pub friction: bool,
-    /// `rotor_<joint>` as a parameter: inertia or mass of the drive at the joint, for which URDF has no field, nominal 0.
+    /// `rotor_<joint>` as a parameter: inertia or mass of the drive at the joint, for which URDF
+    /// has no field, nominal 0.
     pub armature: bool,
     /// Sharpness of the transition of dry friction at rest, s/rad or s/m.
     pub sharpness: f64,
@@ -47,15 +49,16 @@ impl Default for Options {
     }
 }
 
-/// What masses and inertias are.
+/// Whether masses and inertias are numbers or parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Inertias {
     /// Numbers, as written.
     Numbers,
-    /// The ten standard parameters of one link per moving body, `<link>_m`, `_mx`, `_my`, `_mz` (first moment), `_ixx`, `_iyy`,
-    /// `_izz`, `_ixy`, `_ixz`, `_iyz` (about the link's origin): the moving link itself, or, if it has no mass, the first link
-    /// with a mass that is fixed to it. What is fixed to it besides stays in numbers: it could not be told apart.
+    /// The ten standard parameters of one link per moving body, `<link>_m`, `_mx`, `_my`, `_mz`
+    /// (first moment), `_ixx`, `_iyy`, `_izz`, `_ixy`, `_ixz`, `_iyz` (about the link's origin). It
+    /// is the moving link itself or, if that has no mass, the first link with a mass that is fixed
+    /// to it. Other links fixed to it stay numbers, since they cannot be told apart.
     Standard,
 }
 

@@ -1,14 +1,15 @@
-//! Parameter values back into the text of a URDF.
+//! Writes parameter values back into the text of a URDF.
 //!
-//! Only the numbers that the parameters stand for change; visuals, meshes, comments, unknown elements and the layout stay.
-//! Read again, with the numbers as numbers, the text gives the dynamics of the robot with those parameters.
+//! Only the numbers behind the parameters change; visuals, meshes, comments, unknown elements and
+//! the layout stay. Read again with inertias as numbers, the text gives the dynamics of the robot
+//! with those parameters.
 
 use std::ops::Range;
 
 use crate::description::{Description, Motion, rotation, transposed, turned};
 use crate::robot::{Options, STANDARD, free_links};
 
-/// A text with what it could not hold.
+/// A text, and the values that it could not hold.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Written {
     /// The URDF.
@@ -28,14 +29,14 @@ pub enum Lost {
         /// Its value.
         value: f64,
     },
-    /// Values that no body or joint has; the text keeps what it had.
+    /// Values that no body or joint can have; the text keeps its own.
     Refused {
         /// The link or joint.
         item: String,
         /// Why.
         reason: String,
     },
-    /// No value was given for a parameter; the text keeps what it had.
+    /// No value was given for a parameter; the text keeps its own.
     NotGiven {
         /// The parameter.
         parameter: String,
@@ -57,8 +58,8 @@ impl std::fmt::Display for Lost {
     }
 }
 
-/// The text of a description with the values of the parameters of its [`robot`](crate::robot()). `value` gives the value of a
-/// parameter by its name.
+/// The text of a description with the values of the parameters of its [`robot`](crate::robot()).
+/// `value` gives the value of a parameter by its name.
 pub fn write(
     description: &Description,
     options: &Options,

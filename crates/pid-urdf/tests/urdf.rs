@@ -1,5 +1,5 @@
-//! Dynamics of what is read against equations written by hand and against the same tree without `<mimic>`; round trips;
-//! messages.
+//! Dynamics of what is read against equations written by hand and against the same tree without
+//! `<mimic>`; round trips; messages.
 
 mod common;
 
@@ -45,7 +45,8 @@ fn a_planar_arm_is_the_double_pendulum() {
     }
 }
 
-/// A body on a turned inertial frame equals the body with the tensor turned by hand: 90° about z swaps x and y.
+/// A body on a turned inertial frame equals the body with the tensor turned by hand: 90° about z
+/// swaps x and y.
 #[test]
 fn inertial_rpy_is_honoured() {
     let plain = text("planar_arm.urdf").replace(

@@ -1,4 +1,5 @@
-//! Mechanical models with exact derivatives: identify their parameters from records, and find what they lack beside the real robot.
+//! Mechanical models with exact derivatives: identify their parameters from records, and find what
+//! they lack beside the real robot.
 //!
 //! Declare a robot, take records (here simulated ones), identify:
 //!
@@ -65,12 +66,14 @@ pub use pid_report as report;
 #[cfg(feature = "urdf")]
 pub use pid_urdf as urdf;
 
-/// Identifies a model on the training records of a data set, from nominal values, with the settings that serve on measured records.
+/// Identifies a model on the training records of a data set, from nominal values, with the settings
+/// that serve on measured records.
 ///
 /// [`fit::ident::identify`] takes settings, a start and a callback.
 ///
 /// # Errors
-/// [`IdentError`]: data that do not fit the model, no training record, a mass matrix that is singular at the nominal values.
+/// [`IdentError`]: data that do not fit the model, no training record, a mass matrix that is
+/// singular at the nominal values.
 pub fn identify(
     model: &dyn dynamics::Hessian,
     data: &Dataset,

@@ -1,12 +1,13 @@
-//! Functions of a state and the parameters given by the user: outputs and constraints, differentiated exactly.
+//! Functions of a state and the parameters given by the user: outputs and constraints,
+//! differentiated exactly.
 //!
 //! ```text
 //! g(x, p) ∈ Rᵏ,      x = (q, v),      p the parameters in their own units
 //! ```
 //!
-//! A type implements [`GenericFunction`] once, over any dual number; [`Exact`] makes values, Jacobian and Hessian of it by
-//! forward mode (one evaluation per column, one per pair of columns). Functions are small and few; models are differentiated
-//! symbolically instead.
+//! A type implements [`GenericFunction`] once, over any dual number; [`Exact`] makes values,
+//! Jacobian and Hessian of it by forward mode (one evaluation per column, one per pair of columns).
+//! Functions are small and few; models are differentiated symbolically instead.
 //!
 //! # Example
 //! The height of the tip of a pendulum as a measured output:
@@ -37,8 +38,9 @@ pub trait GenericFunction: Send + Sync {
     /// Number of values.
     fn outputs(&self) -> usize;
 
-    /// Positions in (x, p) that the values depend on, ascending; `None` for all of them. Derivatives are evaluated there alone, and are
-    /// zero elsewhere: the cost of a constraint at every node grows with the square of their number.
+    /// Positions in (x, p) that the values depend on, ascending; `None` for all of them.
+    /// Derivatives are evaluated there alone and are zero elsewhere. State them: the cost of a
+    /// constraint at every node grows with the square of their number.
     fn variables(&self) -> Option<Vec<usize>> {
         None
     }
@@ -55,7 +57,7 @@ pub trait PointFunction: Send + Sync {
     fn variables(&self) -> Option<Vec<usize>> {
         None
     }
-    /// Lengths of x and p that it takes; `None` where any will do.
+    /// Lengths of x and p that it takes; `None` if it takes any.
     fn lengths(&self) -> Option<(usize, usize)> {
         None
     }

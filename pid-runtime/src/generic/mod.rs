@@ -1,9 +1,10 @@
 //! Models over dual numbers: exact derivatives by forward mode, without the generated ones.
 //!
-//! A model that implements [`GenericDynamics`] can be evaluated over any number of [`num_dual`]. Seeded with unit
-//! perturbations this gives ∂r/∂z ([`residual_jacobian`]) and the Hessian of λᵀr ([`residual_hessian`]), which are the
-//! oracle of the generated derivatives and a way to differentiate compositions that the generator does not know.
-//! The generated derivatives are one to two orders of magnitude faster; use those in inner loops.
+//! A model that implements [`GenericDynamics`] can be evaluated over any number of [`num_dual`].
+//! Seeded with unit perturbations this gives ∂r/∂z ([`residual_jacobian`]) and the Hessian of λᵀr
+//! ([`residual_hessian`]). They are the oracle of the generated derivatives, and they differentiate
+//! compositions that the generator does not know. The generated derivatives are one to two orders
+//! of magnitude faster; use those in inner loops.
 //!
 //! # Example
 //! Slope of the acceleration of a pendulum by its length, exact, and the same Jacobian in two ways:
@@ -77,8 +78,8 @@ pub trait GenericDynamics {
 
 /// Solves `M x = f` by a Cholesky factorization `M = L Lᵀ` in place.
 ///
-/// `m` holds the lower triangle of M row by row and receives L; `f` has one entry per row and receives x. Over dual numbers
-/// the solution carries the derivatives of M and f.
+/// `m` holds the lower triangle of M row by row and receives L; `f` has one entry per row and
+/// receives x. Over dual numbers the solution carries the derivatives of M and f.
 ///
 /// # Errors
 /// If a pivot is not positive (or NaN); `m` and `f` are then undefined.
@@ -99,7 +100,7 @@ pub fn cholesky_solve<D: DualNum<Primitive = f64> + Copy>(
             }
             m[at(i, j)] = if i == j {
                 let pivot = entry.re();
-                // Written so that NaN is refused.
+                // Written so that NaN is refused too.
                 if !(pivot > 0.0 && pivot.is_finite()) {
                     return Err(SingularMassMatrix { index: i, pivot });
                 }

@@ -1,8 +1,10 @@
-//! What generated lane code calls: arithmetic on four numbers, and functions of them to about 2 units in the last place.
+//! Functions that generated lane code calls: arithmetic on four numbers, and functions of them to
+//! about 2 units in the last place.
 //!
-//! Everything is a safe function of vectors that requires AVX2 and FMA of its caller, checked by the compiler. Arguments for
-//! which the fast path is not accurate (|x| > 10⁶ in sine and cosine, infinities, NaN) take the functions of `std`.
-//! Polynomials are Taylor's: on the reduced intervals the terms left out are below 1e-17.
+//! Everything is a safe function of vectors that requires AVX2 and FMA of its caller, checked by
+//! the compiler. Arguments for which the fast path is not accurate (|x| > 10⁶ in sine and cosine,
+//! infinities, NaN) take the functions of `std`. Polynomials are Taylor's: on the reduced intervals
+//! the terms left out are below 1e-17.
 
 pub use std::arch::x86_64::{
     __m256d as V, _mm256_add_pd as add, _mm256_div_pd as div, _mm256_fmadd_pd as mul_add,
@@ -141,7 +143,8 @@ pub fn sin_cos(x: V) -> (V, V) {
     let lost = sub(sub(all(1.0), w), half);
     let c = add(w, mul_add(c, mul(z, z), lost));
 
-    // n mod 4: odd swaps sine and cosine, its second bit is the sign of the sine, that of n + 1 the sign of the cosine.
+    // n mod 4: odd swaps sine and cosine, its second bit is the sign of the sine, that of n + 1 the
+    // sign of the cosine.
     let n = _mm256_castpd_si256(shifted);
     let swap = _mm256_castsi256_pd(_mm256_slli_epi64::<63>(n));
     let second = |n| _mm256_and_pd(_mm256_castsi256_pd(_mm256_slli_epi64::<62>(n)), all(-0.0));

@@ -1,9 +1,10 @@
-//! Four nodes at once.
+//! Evaluation of four nodes at once.
 //!
-//! The equations of a model are the same at every node of a record. Models with `emit { …, lanes }` carry a second version of
-//! their bodies that evaluates [`LANES`] nodes together in 256-bit vectors (AVX2 with fused multiply-add); which version runs
-//! is chosen when the program runs, by what the processor can do. Everywhere else the nodes are evaluated one after the other, by the
-//! same call. Values agree with those of a single node to rounding, not bit by bit: fused operations round once.
+//! The equations of a model are the same at every node of a record. Models with `emit { …, lanes }`
+//! carry a second version of their bodies that evaluates [`LANES`] nodes together in 256-bit
+//! vectors (AVX2 with fused multiply-add). The processor decides at run time which version runs.
+//! Elsewhere the same call evaluates the nodes one after the other. Values agree with those of a
+//! single node up to rounding, since fused operations round once.
 //!
 //! Arrays are arrays of lanes: entry `i` holds component `i` of all four nodes. Parameters are shared.
 //!
@@ -74,8 +75,8 @@ thread_local! {
     static NODE: RefCell<Node> = RefCell::default();
 }
 
-/// Evaluates a function of one node at each node. `extra` is a further argument per node (multipliers), `first` and `second`
-/// receive the function's two results.
+/// Evaluates a function of one node at each node. `extra` is a further argument per node
+/// (multipliers), `first` and `second` receive the function's two results.
 ///
 /// Allocates once per thread and size.
 #[doc(hidden)]
@@ -86,7 +87,7 @@ pub fn one_by_one(
     second: &mut [Lane],
     function: impl Fn(&At<'_>, &[f64], &mut [f64], &mut [f64]),
 ) {
-    // Taken out of the cell: the function may come here again.
+    // Taken out of the cell, since the function may call this again.
     let mut node = NODE.take();
     for lane in 0..LANES {
         node.arguments.clear();

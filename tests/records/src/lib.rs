@@ -1,9 +1,11 @@
 //! Where tests find measured records, and what they do without.
 //!
-//! Measured records are not part of the workspace: their licences differ. They lie in the folder `shared` beside the workspace, or
-//! in the folder that the environment variable `PID_SHARED` names. Where that folder is, a record that is missing fails its test.
-//! Where it is not, the test is skipped, and the skip is counted: a line in the file that the environment variable `PID_SKIPPED`
-//! names, in `skipped-tests.txt` in the target folder otherwise. `.ci/run` ends with their number.
+//! Measured records are not part of the workspace: their licences differ. They lie in the folder
+//! `shared` beside the workspace, or in the folder that the environment variable `PID_SHARED`
+//! names. Where that folder is, a record that is missing fails its test. Where it is not, the test
+//! is skipped, and the skip is counted: a line in the file that the environment variable
+//! `PID_SKIPPED` names, in `skipped-tests.txt` in the target folder otherwise. `.ci/run` ends with
+//! their number.
 
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -34,7 +36,8 @@ pub fn beside(path: &str) -> PathBuf {
     root().0.join(path)
 }
 
-/// A file or folder of the shared records; `None`, with the test counted as skipped, where there are no shared records at all.
+/// A file or folder of the shared records; `None`, with the test counted as skipped, where there
+/// are no shared records at all.
 ///
 /// # Panics
 /// If there are shared records, and not this one; or if the list of skipped tests cannot be written.

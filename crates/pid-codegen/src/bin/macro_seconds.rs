@@ -1,9 +1,11 @@
-//! What the macro costs: processor seconds of expansion, statements and bytes of its output, for files that contain `robot! { … }`.
+//! Cost of the macro: processor seconds of expansion, statements and bytes of its output, for files
+//! that contain `robot! { … }`.
 //!
 //! ```text
 //! cargo run --release -p pid-codegen --bin macro_seconds -- models/src/*.rs
 //! ```
-//! As a debug build has it (cargo builds macros without optimisation unless told otherwise):
+//! To measure it as a debug build has it (cargo builds macros without optimisation unless told
+//! otherwise):
 //! ```text
 //! cargo run -p pid-codegen --bin macro_seconds --target-dir target/debug_macro \
 //!     --config 'profile.dev.package."*".opt-level=0' --config 'profile.dev.package.pid-symbolic.opt-level=0' \
@@ -30,7 +32,7 @@ fn declaration(tokens: TokenStream) -> Option<TokenStream> {
     })
 }
 
-/// Processor seconds of this thread; by the clock where the system does not tell.
+/// Processor seconds of this thread, or wall-clock seconds where the system does not count them.
 fn processor_seconds(start: Instant) -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let nanoseconds = text

@@ -1,4 +1,4 @@
-//! Drives: armatures and force laws of joints and motors, with what `drive: …` adds to them.
+//! Drives: armatures and force laws of joints and motors, with the contributions of `drive: …`.
 
 use crate::si::Unit;
 use crate::syntax::{self, Ast, DriveDecl, DriveKind, Motion};
@@ -116,7 +116,8 @@ impl<'a> Builder<'a, '_> {
             .collect()
     }
 
-    /// Force of a drive on its joint, with n the ratio of the gear: `n·u`, `n·k·i`, or, at the voltage U, `n·k·(U − k·n·v)/R`.
+    /// Force of a drive on its joint, with n the ratio of the gear: `n·u`, `n·k·i`, or, at the
+    /// voltage U, `n·k·(U − k·n·v)/R`.
     fn drive(&mut self, j: usize, drive: &DriveDecl, first: bool) -> Option<Expr> {
         let input = self
             .symbols
@@ -209,7 +210,8 @@ impl<'a> Builder<'a, '_> {
         x
     }
 
-    /// The sum of laws. What is wrong with a law for several joints is said once, unless the joints are of different kinds.
+    /// The sum of laws. A mistake in a law for several joints is reported once, unless the joints
+    /// are of different kinds.
     #[allow(
         clippy::option_option,
         reason = "outer: an error was reported; inner: no law"

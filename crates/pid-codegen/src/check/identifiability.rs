@@ -1,4 +1,5 @@
-//! Structural identifiability: what was expected, and groups of parameters that no motion tells apart.
+//! Structural identifiability: the expected rank, and groups of parameters that no motion tells
+//! apart.
 
 use crate::diag::Diagnostics;
 use crate::syntax::Ast;
@@ -9,8 +10,9 @@ use pid_derive::model::Robot;
 use super::Resolved;
 use super::physics::is_free;
 
-/// Computes the rank, holds it against `expect rank`, warns of groups of declared parameters that enter only through
-/// combinations. Parameters of `inertial: free` are never all identifiable; groups with one of them are in the docs only.
+/// Computes the rank, compares it with `expect rank`, and warns of groups of declared parameters
+/// that enter only through combinations. Parameters of `inertial: free` are never all identifiable,
+/// so groups with one of them appear in the docs only.
 pub(super) fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -> Resolved {
     if !diag.is_ok() {
         return resolved;
@@ -51,7 +53,7 @@ pub(super) fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -
     resolved
 }
 
-/// Holds the ranks against those that `expect` states.
+/// Compares the ranks with those that `expect` states.
 pub(super) fn expected(ast: &Ast, robot: &Robot, found: &Identifiability, diag: &mut Diagnostics) {
     for expect in &ast.expect {
         let (structure, place) = match expect.nominal {

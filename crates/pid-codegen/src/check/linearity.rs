@@ -1,4 +1,4 @@
-//! Whether a regressor exists where one is asked for.
+//! Checks that a regressor exists if one is asked for.
 
 use crate::diag::{Diagnostics, Loc};
 use crate::syntax::Ast;
@@ -18,7 +18,7 @@ pub(super) fn check(ast: &Ast, resolved: &Resolved, diag: &mut Diagnostics) {
     };
     let robot = &resolved.robot;
     let mut g = Graph::new();
-    // Equations that cannot be derived are reported where they are written.
+    // Equations that cannot be derived are reported elsewhere, at the place where they are written.
     let Ok(equations) = pid_derive::equations(&mut g, robot) else {
         return;
     };

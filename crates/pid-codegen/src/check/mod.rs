@@ -1,7 +1,7 @@
 //! From the tree with places to the resolved robot: one stage per file.
 //!
-//! Stages run in order (names, units and values, tree, physics). A stage reports everything it finds; the first stage with
-//! an error is the last to run, since the later ones would only echo it.
+//! Stages run in order (names, units and values, tree, physics). A stage reports everything it
+//! finds. The first stage with an error is the last to run, since later ones would only echo it.
 
 mod bodies;
 mod drives;
@@ -26,7 +26,8 @@ use crate::syntax::{Ast, Vector};
 use pid_derive::Identifiability;
 use pid_derive::model::{Emit, Robot};
 
-/// The resolved robot with the places its parts came from, for the messages of the last stage and for emission.
+/// The resolved robot with the places its parts came from, for the messages of the last stage and
+/// for emission.
 #[derive(Debug, Clone)]
 pub struct Resolved {
     /// The robot.
@@ -40,7 +41,8 @@ pub struct Resolved {
 /// Identifiers and places in the user's text, by index of the robot's lists.
 #[derive(Debug, Clone)]
 pub struct Places {
-    /// Fields of the parameter struct. The first joint of a `per joint` declaration carries the user's place, the others none.
+    /// Fields of the parameter struct. The first joint of a `per joint` declaration carries the
+    /// user's place, the others none.
     pub params: Vec<Ident>,
     /// Where each parameter was declared.
     pub param_decls: Vec<Span>,
@@ -81,7 +83,7 @@ pub fn resolve(ast: &Ast, diag: &mut Diagnostics) -> Option<Resolved> {
     resolved.filter(|_| diag.is_ok())
 }
 
-/// The rank of a robot from elsewhere, held against what `ast` expects. `None` after an error.
+/// The rank of a robot from a file, compared with what `ast` expects. `None` after an error.
 pub(crate) fn rank(ast: &Ast, robot: &Robot, diag: &mut Diagnostics) -> Option<Identifiability> {
     match pid_derive::identifiability(robot) {
         Ok(found) => {
@@ -107,7 +109,7 @@ pub(crate) fn constant_gravity(given: &Vector, diag: &mut Diagnostics) -> Option
     resolve::constant_gravity(given, &symbols, &units, diag)
 }
 
-/// What the user asked for; both derivatives if nothing was said.
+/// The parts that the user asks for; both derivatives if `emit` is absent.
 pub(crate) fn emit(ast: &Ast) -> Emit {
     match &ast.emit {
         None => Emit {

@@ -18,7 +18,7 @@ pub struct Moves {
     pub velocity: model::Expr,
     /// Whether it is measured as a length; as an angle otherwise.
     pub length: bool,
-    /// The combination, for what has no coordinate of its own.
+    /// The combination, if it has no coordinate of its own.
     pub affine: Option<Affine>,
 }
 

@@ -1,4 +1,4 @@
-//! Names: what is declared, what is generated from it, and what a name means where it is used.
+//! Names: the declared ones, those generated from them, and the meaning of a name at its use.
 
 use proc_macro2::{Ident, Span};
 
@@ -34,11 +34,11 @@ pub struct ParamSymbol<'a> {
     pub field: Ident,
     /// Where it was declared.
     pub decl: Span,
-    /// What made it.
+    /// Its origin.
     pub origin: Origin<'a>,
 }
 
-/// What a parameter comes from.
+/// The origin of a parameter.
 #[derive(Debug, Clone, Copy)]
 pub enum Origin<'a> {
     /// The `params` block.
@@ -96,7 +96,7 @@ pub struct JointSymbol<'a> {
     pub lock: Option<&'a Expr>,
 }
 
-/// Where an expression stands, which decides what it may use.
+/// The place of an expression, which decides what it may use.
 #[derive(Debug, Clone, Copy)]
 pub enum Scope {
     /// Numbers only: ranges, nominal values, axes.
@@ -115,7 +115,7 @@ pub enum Scope {
     Lagrangian,
 }
 
-/// What a name means.
+/// The meaning of a name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Meaning {
     /// A parameter.
@@ -382,7 +382,7 @@ impl<'a> Symbols<'a> {
         (0..self.joints.len() + self.motors.len()).find(|&j| self.name(j) == name)
     }
 
-    /// What a joint or motor follows, if it has no coordinate of its own.
+    /// The joints that a joint or motor without a coordinate of its own follows.
     pub fn follows(&self, joint: usize) -> Option<&'a Expr> {
         match self.joints.get(joint) {
             Some(j) => j.decl.follows.as_ref(),
@@ -612,7 +612,7 @@ impl<'a> Symbols<'a> {
         }
     }
 
-    /// What `name` means in `scope`.
+    /// The meaning of `name` in `scope`.
     pub fn lookup(&self, name: &Ident, scope: Scope) -> Option<Meaning> {
         if name == "pi" {
             return Some(Meaning::Pi);
@@ -656,7 +656,7 @@ impl<'a> Symbols<'a> {
             .map(Meaning::Param)
     }
 
-    /// What `q.joint` or `v.joint` means.
+    /// The meaning of `q.joint` or `v.joint`.
     pub fn member(&self, what: &Ident, joint: &Ident) -> Option<Meaning> {
         let j = self.mover(joint)?;
         match what.to_string().as_str() {
@@ -666,7 +666,7 @@ impl<'a> Symbols<'a> {
         }
     }
 
-    /// Names that could have been meant in `scope`.
+    /// Names that the user may have meant in `scope`.
     pub(super) fn candidates(&self, scope: Scope) -> Vec<String> {
         let mut out = Vec::new();
         let joint = match scope {

@@ -1,4 +1,4 @@
-//! Values that a declaration gives to parameters which come from elsewhere: `params` of a robot from a file.
+//! Values that a declaration gives to the parameters of a robot from a file (`params`).
 
 use crate::diag::{Diagnostics, nearest};
 use crate::si::Unit;
@@ -10,8 +10,9 @@ use super::numbers::constant;
 use super::units::{self, Role, Units, finite};
 use super::uses;
 
-/// Gives parameters the nominal values, ranges and `fixed` of `decls`; what a declaration leaves out stays. Reports names
-/// that the robot does not have, other units, and values outside of ranges.
+/// Gives parameters the nominal values, ranges and `fixed` of `decls`; what a declaration leaves
+/// out stays. Reports names that the robot does not have, other units, and values outside of
+/// ranges.
 pub(crate) fn apply(decls: &[ParamDecl], robot: &mut Robot, diag: &mut Diagnostics) {
     let symbols = Symbols::default();
     uses::constants(decls.iter(), &symbols, diag);

@@ -1,4 +1,4 @@
-//! Physics: what only the derived equations, or the laws as a whole, can tell.
+//! Physics: checks that need the derived equations, or the laws as a whole.
 
 use crate::diag::{Diagnostics, Loc};
 use crate::syntax::{Ast, Expr, ExprKind};
@@ -7,7 +7,8 @@ use pid_derive::model::{Inertial, Robot};
 
 use super::Resolved;
 
-/// Reports wrong `_`, massless tips, functions without second derivatives, parameters and inputs without effect.
+/// Reports wrong `_`, massless tips, functions without second derivatives, parameters and inputs
+/// without effect.
 pub fn check(ast: &Ast, resolved: &Resolved, diag: &mut Diagnostics) {
     let facts = pid_derive::facts(&resolved.robot);
     let errors = diag.count();
@@ -21,7 +22,7 @@ pub fn check(ast: &Ast, resolved: &Resolved, diag: &mut Diagnostics) {
             ),
         );
     } else if diag.count() == errors {
-        // A wrong `_` counts as zero in M and would be reported twice.
+        // A wrong `_` counts as zero in M, so a singular M would report it twice.
         singular_mass(resolved, &facts, diag);
     }
     if resolved.robot.emit.second_derivatives {
@@ -135,7 +136,7 @@ fn without_effect(resolved: &Resolved, facts: &Facts, diag: &mut Diagnostics) {
     let robot = &resolved.robot;
     for &k in &facts.unused_params {
         let p = &robot.params[k];
-        // The parameters of a free body are its ten, used or not.
+        // A free body always has its ten parameters, used or not.
         let free = robot.links.iter().any(|l| is_free(&l.inertial, k));
         if !free {
             diag.warn(

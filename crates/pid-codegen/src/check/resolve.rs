@@ -1,4 +1,5 @@
-//! Units, values and geometry: from declarations to the lists of the resolved robot. The tree of links comes after.
+//! Units, values and geometry: from declarations to the lists of the resolved robot. The tree of
+//! links comes after.
 
 use proc_macro2::Span;
 
@@ -16,7 +17,7 @@ use super::numbers::constant;
 use super::units::{self, Role, Units};
 use super::{Places, Resolved, motion, values};
 
-/// The resolved robot but for `order` and the links of the joints. `None` after an error.
+/// The resolved robot without `order` and the links of the joints. `None` after an error.
 pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) -> Option<Resolved> {
     let mut units = Units::new(
         symbols,
@@ -102,7 +103,7 @@ pub(super) fn constant_gravity(
     Some([constant(&x)?, constant(&y)?, constant(&z)?])
 }
 
-/// The coordinate an input counts to: that of its joint, or the last one that the joint or motor moves.
+/// The coordinate of an input: that of its joint, or the last one that the joint or motor moves.
 fn coordinate(symbols: &Symbols<'_>, units: &Units<'_>, joint: usize) -> Option<usize> {
     let own = symbols.joints.get(joint).and_then(|j| j.coord);
     own.or_else(|| {
@@ -243,7 +244,7 @@ impl Builder<'_, '_> {
         let mut nominal = Vec::new();
         let mut out = Vec::new();
         for (k, l) in self.symbols.links.iter().enumerate() {
-            // What is wrong with a range of links is said once.
+            // A mistake in a range of links is reported once.
             let first = l.decl.names.idents.first() == Some(&l.ident);
             let before = self.diag.count();
             let given = self.inertial(k, &l.ident.to_string(), l.decl, params);

@@ -1,4 +1,4 @@
-//! Units: every quantity gets one, every use is compared with what its place asks for.
+//! Units: every quantity gets one, and every use is compared with the unit that its place needs.
 
 use crate::diag::{Diagnostics, Loc, nearest};
 use crate::si::{Unit, unit_names};
@@ -20,7 +20,7 @@ pub struct Typed {
     pub bare: bool,
 }
 
-/// What a place asks for.
+/// The requirement of a place.
 #[derive(Debug, Clone)]
 pub struct Role {
     /// "mass of link `fore`".
@@ -29,7 +29,8 @@ pub struct Role {
     pub unit: Unit,
 }
 
-/// Finds units. Parameters and inputs with an unknown unit are `None` and silently spoil what uses them.
+/// Finds units. Parameters and inputs with an unknown unit are `None`; expressions that use them
+/// get no further message.
 #[derive(Debug)]
 pub struct Units<'a> {
     symbols: &'a Symbols<'a>,
@@ -70,7 +71,8 @@ pub fn unit(u: &UnitExpr, diag: &mut Diagnostics) -> Option<Unit> {
 }
 
 impl<'a> Units<'a> {
-    /// Units of everything declared; `params` and `inputs` as resolved from the declarations. `moves` is still unknown.
+    /// Units of everything declared; `params` and `inputs` as resolved from the declarations.
+    /// `moves` is still unknown.
     pub fn new(
         symbols: &'a Symbols<'a>,
         params: Vec<Option<Unit>>,

@@ -1,4 +1,4 @@
-//! Uses of names: everything an expression mentions must exist and be allowed where it stands.
+//! Uses of names: every name in an expression must exist and be allowed there.
 
 use proc_macro2::Ident;
 
@@ -199,7 +199,7 @@ impl Uses<'_, '_> {
         }
     }
 
-    /// What a joint follows must be joints that move on their own.
+    /// A joint can only follow joints that move on their own.
     fn follower(&mut self, j: &JointDecl, e: &Expr) {
         if matches!(j.motion, Motion::Fixed) {
             self.diag.error(

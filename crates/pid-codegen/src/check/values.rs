@@ -1,4 +1,4 @@
-//! Values: nominal values, ranges, list lengths, masses and inertias that a body can have.
+//! Values: nominal values, ranges, list lengths, and masses and inertias that a body can have.
 
 use crate::diag::{Diagnostics, Loc};
 use crate::si::Unit;
@@ -43,7 +43,7 @@ pub fn params(
                 continue;
             }
         };
-        // What is wrong with a `per joint` declaration as a whole is said once, at its first joint.
+        // A mistake in a `per joint` declaration as a whole is reported once, at its first joint.
         let first = nth.is_none_or(|(n, _)| n == 0);
         let mut silent = Diagnostics::new();
         let sink = if first { &mut *diag } else { &mut silent };
@@ -305,9 +305,9 @@ pub fn com(
 
 /// Refuses an inertia that no body can have, if all its principal terms have values at the nominal point.
 ///
-/// A tensor I belongs to a distribution of positive mass exactly if ½ tr(I)·1 − I, taken about the centre of mass, is
-/// positive semidefinite (P. M. Wensing, S. Kim, J.-J. E. Slotine, 2018); for a diagonal tensor these are the triangle
-/// inequalities Ixx + Iyy ≥ Izz and their permutations.
+/// A tensor I belongs to a distribution of positive mass exactly if ½ tr(I)·1 − I, taken about the
+/// centre of mass, is positive semidefinite (P. M. Wensing, S. Kim, J.-J. E. Slotine, 2018); for a
+/// diagonal tensor these are the triangle inequalities Ixx + Iyy ≥ Izz and their permutations.
 pub fn inertia(params: &[Param], link: &str, at: Loc, inertial: &Inertial, diag: &mut Diagnostics) {
     let Inertial::Body {
         mass,

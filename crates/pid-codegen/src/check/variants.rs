@@ -1,4 +1,4 @@
-//! Variants: what they hold must move, and something must be left to move.
+//! Variants: the joints they hold must move, and something must be left to move.
 
 use crate::diag::Diagnostics;
 use crate::syntax::{Ast, Lock, Motion, VariantDecl};

@@ -1,4 +1,4 @@
-//! Documentation of the generated items: the user's words, then what the macro knows.
+//! Documentation of the generated items: the user's words, then the facts of the macro.
 
 use pid_symbolic::Cost;
 use proc_macro2::TokenStream;
@@ -107,7 +107,8 @@ fn kind(joint: &Joint) -> String {
     }
 }
 
-/// Documentation of the robot's type: the user's text, tables of joints and parameters, sizes, operation counts.
+/// Documentation of the robot's type: the user's text, tables of joints and parameters, sizes,
+/// operation counts.
 pub fn robot(
     robot: &Robot,
     equations: &Equations,

@@ -1,7 +1,8 @@
-//! What a robot with mistakes expands to: the errors, and the same public items as a good robot without bodies.
+//! Expansion of a robot with mistakes: the errors, and the public items of a good robot without
+//! bodies.
 //!
-//! So `TwoLinkParams { m2: … }` elsewhere neither fails on its own nor loses its completion while the declaration is being
-//! written. Only names that were accepted appear, each once.
+//! So `TwoLinkParams { m2: … }` elsewhere gives no error of its own and keeps its completion while
+//! the declaration is being written. Only accepted names appear, each once.
 
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
@@ -49,7 +50,7 @@ fn stub(ast: &Ast, variant: bool) -> TokenStream {
     stub_of(&skeleton(ast, &symbols), &names)
 }
 
-/// The items of a robot whose names are known: those of the robot without a body of any function.
+/// The items of a robot whose names are known, without the body of any function.
 pub fn stub_of(robot: &Robot, names: &Names) -> TokenStream {
     let types = types::types(robot, names, &robot.docs);
     let functions = functions(names);

@@ -1,9 +1,11 @@
 //! Straight-line bodies.
 //!
-//! A list of outputs becomes one function, or, above [`BLOCK`] operations, a driver and several functions that share a
-//! workspace on the stack: rustc's time grows faster than linearly with the length of a function.
+//! A list of outputs becomes one function, or, above [`BLOCK`] operations, a driver and several
+//! functions that share a workspace on the stack: rustc's time grows faster than linearly with the
+//! length of a function.
 //!
-//! Bodies are written against a [`Scalar`], so that the same plan can be emitted for another one (lanes over time nodes).
+//! Bodies are written against a [`Scalar`], so that the same plan can be emitted for another one
+//! (lanes over time nodes).
 
 use pid_symbolic::{Cost, Function as Call, Graph, Id, Node, Plan, schedule};
 use proc_macro2::{Ident, Literal, Span, TokenStream};
@@ -11,7 +13,8 @@ use quote::{format_ident, quote};
 
 use pid_derive::model::Robot;
 
-/// Operations of one function. Measured (STYLE, "Emitting"): halves to thirds rustc's time, and runs no slower.
+/// Operations of one function. Splitting halves rustc's time or better, and the code runs no
+/// slower.
 pub const BLOCK: usize = 500;
 
 /// An argument of the bodies.

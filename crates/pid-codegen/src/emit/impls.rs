@@ -1,4 +1,5 @@
-//! The typed face (inherent functions on arrays) and the slice face (traits of `pid-runtime`) of a robot's values.
+//! The typed face (inherent functions on arrays) and the slice face (traits of `pid-runtime`) of a
+//! robot's values.
 
 use pid_symbolic::{Graph, Id};
 use proc_macro2::TokenStream;
@@ -22,7 +23,7 @@ pub struct Bodies {
     applied_force: Function,
     kinetic_energy: Function,
     potential_energy: Function,
-    /// Lower triangle of M, then f_L − b: what forward dynamics solves.
+    /// Lower triangle of M, then f_L − b: the system that forward dynamics solves.
     forward: Function,
     residual_dual: Function,
     forward_dual: Function,
@@ -142,7 +143,8 @@ pub fn values(
     quote!(#infos #definitions #typed #slices #generic)
 }
 
-/// Static descriptions of parameters, joints and inputs, and of what the motion determines.
+/// Static descriptions of parameters, joints and inputs, and of the combinations that a motion
+/// determines.
 fn infos(robot: &Robot, found: &Identifiability) -> TokenStream {
     let (np, nq, nu) = (robot.params.len(), robot.nq(), robot.inputs.len());
     let text = |text: &str| quote!(::std::borrow::Cow::Borrowed(#text));

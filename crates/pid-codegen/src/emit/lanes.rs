@@ -1,12 +1,13 @@
 //! Bodies over four nodes at once.
 //!
-//! A body becomes a second set of functions on 256-bit vectors, which the compiler builds for AVX2 and FMA whatever the rest
-//! of the program is built for, and a dispatcher that runs it where the processor can (`fearless_simd` does the
-//! asking and hands out the proof, so that nothing here is unsafe). A product that is used once, by a sum of its own block, becomes one fused
-//! operation: fewer statements to compile and to run.
+//! A body becomes a second set of functions on 256-bit vectors, which the compiler builds for AVX2
+//! and FMA whatever target the rest of the program has. A dispatcher runs it where the processor
+//! can: `fearless_simd` asks the processor and gives the proof, so nothing here is unsafe. A
+//! product that is used once, by a sum of its own block, becomes one fused operation: fewer
+//! statements to compile and to run.
 //!
-//! Vector code is written with the intrinsics themselves. Measured on the derivatives of a six-axis arm it compiles in little
-//! more time than plain `f64`; through generic vector types of a library it took two to five times as long.
+//! Vector code uses the intrinsics themselves. They compile in little more time than plain `f64`;
+//! generic vector types of a library take two to five times as long (docs/decisions/0004).
 
 use pid_symbolic::{Function as Call, Graph, Id, Node, Plan, schedule};
 use proc_macro2::{Ident, Literal, Span, TokenStream};
@@ -115,7 +116,8 @@ impl LaneFunction {
         }
     }
 
-    /// A method of the slice face: the dispatcher, and `otherwise` where it cannot. `results` are the method's slices.
+    /// A method of the slice face: the dispatcher, and `otherwise` where it cannot. `results` are
+    /// the method's slices.
     pub fn method(
         &self,
         layout: &Layout,
@@ -349,7 +351,7 @@ impl<'a> Writer<'a> {
         for id in &block.nodes {
             inside[id.index()] = true;
         }
-        // A product inside the block with one use, read by a sum: fused into it.
+        // A product inside the block with one use, read by a sum, is fused into the sum.
         let product = |id: Id| match self.g.node(id) {
             Node::Mul(x, y) if inside[id.index()] && self.uses[id.index()] == 1 => Some((x, y)),
             _ => None,

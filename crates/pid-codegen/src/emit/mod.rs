@@ -1,4 +1,4 @@
-//! From equations to Rust: the types a user sees, the bodies nobody needs to read, the traits that tie them together.
+//! From equations to Rust: the types of the user, the bodies, and the traits that join them.
 //!
 //! - [`types`]: parameter struct and enums; [`docs`]: their documentation;
 //! - [`functions`]: straight-line bodies in blocks of bounded size, over `f64` or generic over dual numbers;
@@ -8,8 +8,9 @@
 //! - [`size`]: how many operations a part may take;
 //! - [`impls`]: the typed face (inherent functions) and the slice face (traits of `pid-runtime`).
 //!
-//! Each declared thing keeps the user's span on one generated token; all other tokens are the macro's own. Paths are
-//! absolute: a robot may be declared where nothing of `pid-runtime` is in scope.
+//! Each declared thing keeps the user's span on one generated token; all other tokens are the
+//! macro's own. Paths are absolute: a robot may be declared where nothing of `pid-runtime` is in
+//! scope.
 
 pub mod derivatives;
 pub mod docs;

@@ -1,7 +1,8 @@
-//! How many operations a part of `emit` takes, and the limit on them.
+//! Counts the operations of each part of `emit` and limits them.
 //!
-//! rustc needs about 0.3 ms of processor time per operation of an emitted function: at [`DEFAULT_LIMIT`] more than a
-//! minute. The limit is checked part by part, before the next and larger one is derived.
+//! rustc needs about 0.3 ms of processor time per operation of an emitted function: at
+//! [`DEFAULT_LIMIT`] more than a minute. The limit is checked part by part, before the next and
+//! larger one is derived.
 
 use pid_derive::model::{Emit, Robot};
 use pid_derive::{Derivatives, Equations};
@@ -59,7 +60,7 @@ impl Part {
     }
 }
 
-/// The derivatives that the robot asks for, unless a part of what it asks for is too large.
+/// The derivatives that the robot asks for, unless one of its parts is too large.
 ///
 /// # Errors
 /// For the first part above the limit.

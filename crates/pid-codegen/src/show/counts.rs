@@ -4,7 +4,8 @@ use pid_derive::Equations;
 use pid_derive::model::{Emit, Robot};
 use pid_symbolic::{Cost, Graph, Id};
 
-/// A table of outputs, entries and operations; derivatives and regressor also where the declaration does not ask for them.
+/// A table of outputs, entries and operations; derivatives and regressor also where the declaration
+/// does not ask for them.
 pub(crate) fn table(g: &mut Graph, robot: &Robot, equations: &Equations) -> String {
     let everything = Emit {
         first_derivatives: true,

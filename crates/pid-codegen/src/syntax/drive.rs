@@ -31,7 +31,7 @@ pub struct PerJoint {
 /// A motor with gear: a force law in product form.
 #[derive(Debug, Clone)]
 pub struct DriveDecl {
-    /// What it is fed with.
+    /// Kind of its input.
     pub kind: DriveKind,
     /// The word after `drive:`.
     pub loc: Loc,
@@ -47,7 +47,7 @@ pub struct DriveDecl {
     pub resistance: Option<Expr>,
 }
 
-/// What a drive is fed with.
+/// Kind of a drive's input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DriveKind {
     /// Torque of the motor.
@@ -242,7 +242,7 @@ fn drive(c: &mut Cursor, diag: &mut Diagnostics) -> Parsed<DriveDecl> {
     Ok(drive)
 }
 
-/// The input of a drive, named after what it is fed with.
+/// The input of a drive, named after its kind.
 fn drive_input(drive: &DriveDecl, docs: Vec<String>) -> InputDecl {
     let (text, factors): (_, &[&str]) = match drive.kind {
         DriveKind::Torque => ("Torque of the motor.", &["N", "m"]),

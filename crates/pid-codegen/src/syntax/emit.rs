@@ -25,7 +25,7 @@ pub struct EmitDecl {
 }
 
 impl EmitDecl {
-    /// Where a part is asked for, by itself or by one that brings it along.
+    /// Place at which a part is asked for, by its own word or by one that brings it along.
     pub fn place(&self, part: Part) -> Option<Span> {
         match part {
             Part::Dynamics => self.dynamics,

@@ -1,4 +1,4 @@
-//! What the user expects of the robot: `expect rank 14;`, `expect rank 13 at nominal;`.
+//! Expectations of the user: `expect rank 14;`, `expect rank 13 at nominal;`.
 
 use proc_macro2::{Span, TokenTree};
 

@@ -1,4 +1,5 @@
-//! Expressions: numbers with units, names, `q.joint`, `+ - * / ^`, calls. And what is made of them: entries, vectors, ranges.
+//! Expressions: numbers with units, names, `q.joint`, `+ - * / ^`, calls; and entries, vectors and
+//! ranges of them.
 
 use std::fmt;
 
@@ -11,7 +12,7 @@ use crate::diag::Loc;
 /// An expression as written.
 #[derive(Debug, Clone)]
 pub struct Expr {
-    /// What it is.
+    /// Its kind.
     pub kind: ExprKind,
     /// Where it is.
     pub loc: Loc,

@@ -15,7 +15,7 @@ pub struct JointDecl {
     pub docs: Vec<String>,
     /// Its name.
     pub name: Ident,
-    /// What moves.
+    /// Its motion.
     pub motion: Motion,
     /// Parent link or `base`.
     pub parent: Ident,

@@ -1,4 +1,4 @@
-//! What is too large: `limit ops 500_000;`.
+//! The limit on operations: `limit ops 500_000;`.
 
 use proc_macro2::TokenTree;
 

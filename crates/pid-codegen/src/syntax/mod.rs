@@ -1,6 +1,7 @@
 //! From tokens to a tree with places: one file per construct, no meaning.
 //!
-//! After a bad item the parser goes on behind its `;` or `}`, so one compilation reports the mistakes of all items.
+//! After a bad item the parser goes on behind its `;` or `}`, so one compilation reports the
+//! mistakes of all items.
 
 mod cursor;
 mod drive;
@@ -76,12 +77,12 @@ pub struct Ast {
     pub limit: Option<usize>,
     /// `variant`s.
     pub variants: Vec<VariantDecl>,
-    /// What is held: empty but in the [`Ast::variant`]s.
+    /// Held joints: empty except in the [`Ast::variant`]s.
     pub locks: Vec<Lock>,
 }
 
 impl Ast {
-    /// Its visibility; private if what stands there is none.
+    /// Its visibility; private if the tokens are no visibility.
     pub fn visibility(&self) -> syn::Visibility {
         syn::parse2(self.vis.clone()).unwrap_or(syn::Visibility::Inherited)
     }
@@ -105,7 +106,7 @@ impl Ast {
             ast.emit.clone_from(&variant.emit);
         }
         ast.variants.clear();
-        // Said of the robot, not of what is left of it.
+        // Applies to the robot, not to the variant.
         ast.expect.clear();
         ast
     }

@@ -10,7 +10,7 @@ use crate::diag::{Diagnostics, Loc, nearest, one_of};
 /// A homogeneous body, its axes along those of the link, its centre at the link's `com`.
 #[derive(Debug, Clone)]
 pub struct Shape {
-    /// What it is.
+    /// Its kind and dimensions.
     pub kind: ShapeKind,
     /// How much of it.
     pub amount: Amount,

@@ -117,7 +117,7 @@ fn exponent(c: &mut Cursor) -> Parsed<i32> {
 }
 
 impl Cursor {
-    /// After a number with a unit: does `*` or `/` go on with the unit?
+    /// After a number with a unit: whether `*` or `/` belongs to the unit.
     fn unit_follows_operator(&self) -> bool {
         matches!(self.peek_second(), Some(TokenTree::Ident(i)) if si::is_unit(&i.to_string()))
     }

@@ -14,7 +14,7 @@ pub struct VariantDecl {
     pub docs: Vec<String>,
     /// Its name.
     pub name: Ident,
-    /// What is held.
+    /// The held joints.
     pub locks: Vec<Lock>,
     /// Its own `emit`; that of the robot if left out.
     pub emit: Option<EmitDecl>,

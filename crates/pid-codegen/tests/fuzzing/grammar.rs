@@ -1,4 +1,5 @@
-//! Declarations grown from the grammar of `robot!`: most of them make sense, some of their numbers, units and names do not.
+//! Declarations grown from the grammar of `robot!`: most of them make sense, some of their numbers,
+//! units and names do not.
 
 use pid_symbolic::random::Random;
 

@@ -301,7 +301,7 @@ fn regrouped(t: TokenTree, random: &mut Random) -> TokenTree {
     Group::new(delimiter, inner).into()
 }
 
-/// What became of an input.
+/// The outcome of an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Outcome {
     /// Refused by the grammar.
@@ -312,8 +312,9 @@ pub(crate) enum Outcome {
     Robot,
 }
 
-/// Parses and checks an input; where `whole`, and for robots from files, expands it as well. Panics where anything promised does
-/// not hold: the output is Rust items, a refusal says why, and both ways agree.
+/// Parses and checks an input; expands it too if `whole` is set or the robot comes from a file.
+/// Panics where a promise does not hold: the output is Rust items, a refusal gives a reason, and
+/// both ways agree.
 pub(crate) fn exercise(input: &TokenStream, whole: bool) -> Outcome {
     let from_file = input.to_string().contains("urdf");
     let checked = match from_file {

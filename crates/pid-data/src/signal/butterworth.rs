@@ -36,10 +36,12 @@ pub struct Biquad {
 }
 
 impl Biquad {
-    /// Filters in place. The state starts as if the first value had been there for ever (the section has gain 1 at rest).
+    /// Filters in place. The state starts as if the first value had been there for ever (the
+    /// section has gain 1 at rest).
     fn run(&self, x: &mut [f64]) {
         let Some(&first) = x.first() else { return };
-        // Transposed direct form: y = b0 x + s1, s1' = b1 x − a1 y + s2, s2' = b2 x − a2 y. At rest x = y = first.
+        // Transposed direct form: y = b0 x + s1, s1' = b1 x − a1 y + s2, s2' = b2 x − a2 y. At rest
+        // x = y = first.
         let mut s2 = (self.b[2] - self.a[1]) * first;
         let mut s1 = (self.b[1] - self.a[0]) * first + s2;
         for value in x {
@@ -53,9 +55,10 @@ impl Biquad {
 
 /// A digital Butterworth low-pass filter as a chain of second-order sections of unit gain at rest.
 ///
-/// The analogue prototype of order n has its poles at `exp(i π (2k + n + 1) / 2n)` (S. Butterworth, 1930); each conjugate
-/// pair is the section `1 / (s² + s/Q + 1)` with `1/Q = 2 sin(π (2k + 1) / 2n)`, a real pole is `1 / (s + 1)`. The
-/// bilinear transform `s = (1 − z⁻¹) / (K (1 + z⁻¹))` with `K = tan(π f_c / f_s)` puts the −3 dB point exactly at the
+/// The analogue prototype of order n has its poles at `exp(i π (2k + n + 1) / 2n)` (S. Butterworth,
+/// 1930); each conjugate pair is the section `1 / (s² + s/Q + 1)` with
+/// `1/Q = 2 sin(π (2k + 1) / 2n)`, a real pole is `1 / (s + 1)`. The bilinear transform
+/// `s = (1 − z⁻¹) / (K (1 + z⁻¹))` with `K = tan(π f_c / f_s)` puts the −3 dB point exactly at the
 /// cut-off (A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, section 7.1).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Butterworth {
@@ -106,9 +109,9 @@ impl Butterworth {
 
     /// Filters forward and backward: no phase shift, the gain squared, −6 dB at the cut-off.
     ///
-    /// The record is continued at both ends by its point reflection (`2 x_0 − x_i`) over `3 (2 ⌈n/2⌉ + 1)` samples for
-    /// order n (less three for odd orders; at most N − 1), and each pass starts at rest, as is usual for this method
-    /// (F. Gustafsson, 1996, reviews it).
+    /// The record is continued at both ends by its point reflection (`2 x_0 − x_i`) over
+    /// `3 (2 ⌈n/2⌉ + 1)` samples for order n (less three for odd orders; at most N − 1), and each
+    /// pass starts at rest, as is usual for this method (F. Gustafsson, 1996, reviews it).
     pub fn both_ways(&self, x: &[f64]) -> Vec<f64> {
         let n = x.len();
         if n < 2 {
@@ -254,7 +257,8 @@ mod tests {
     fn straight_lines_pass_unchanged() {
         let x: Vec<f64> = (0..600).map(|i| 3.0 - 0.25 * f64::from(i)).collect();
         let y = Butterworth::low_pass(4, 5.0, 100.0).unwrap().both_ways(&x);
-        // The reflected ends continue the line; only the start-up within the padding is felt, and it dies out.
+        // The reflected ends continue the line; only the start-up within the padding is felt, and
+        // it dies out.
         for i in 250..350 {
             assert!((x[i] - y[i]).abs() < 1e-9, "sample {i}: {} {}", x[i], y[i]);
         }

@@ -8,8 +8,8 @@
 /// x'(t_i) ≈ (h₋ (x_{i+1} − x_i)/h₊ + h₊ (x_i − x_{i−1})/h₋) / (h₋ + h₊),      error h₋ h₊ x'''/6,
 /// ```
 ///
-/// and at both ends the slope of the end parabola there (error of the same order). Two samples give the slope of
-/// their chord, fewer give zeros. `t` and `x` have the same length.
+/// and at both ends the slope of the end parabola there (error of the same order). Two samples give
+/// the slope of their chord, fewer give zeros. `t` and `x` have the same length.
 pub fn central_differences(t: &[f64], x: &[f64]) -> Vec<f64> {
     let n = t.len().min(x.len());
     if n < 2 {

@@ -1,4 +1,4 @@
-//! How noisy a channel is, and where to cut it off.
+//! Noise level of a channel, and a cut-off for it.
 
 use super::Butterworth;
 
@@ -8,15 +8,17 @@ use super::Butterworth;
 /// σ² = Σ (Δ⁴ x_i)² / (70 (N − 4)),        Var Δ⁴ e = (1 + 16 + 36 + 16 + 1) σ²
 /// ```
 ///
-/// Motion that is smooth over five samples drops out; motion that is not is taken for noise, so the figure is an upper
-/// bound for slowly sampled records. Coloured noise is underestimated. NaN with fewer than five samples.
+/// Motion that is smooth over five samples drops out. Other motion counts as noise, so the figure
+/// is an upper bound for slowly sampled records. Coloured noise is underestimated. NaN with fewer
+/// than five samples.
 pub fn noise_level(x: &[f64]) -> f64 {
     (mean(&fourth_differences(x)) / 70.0).sqrt()
 }
 
-/// As [`noise_level`], but single jumps (an input that switches, a stop) do not count: the largest tenth of the squared
-/// differences is left out, and the rest divided by 0.623, the share of the variance that normal noise keeps then.
-/// Where all but a tenth of the differences vanish, as in a quantised channel at rest, all count.
+/// As [`noise_level`], but single jumps (an input that switches, a stop) do not count. The largest
+/// tenth of the squared differences is left out; the rest is divided by 0.623, the share of the
+/// variance that normal noise then keeps. Where all but a tenth of the differences vanish, as in a
+/// quantised channel at rest, all count.
 pub fn noise_level_without_jumps(x: &[f64]) -> f64 {
     let mut differences = fourth_differences(x);
     let all = mean(&differences);
@@ -39,22 +41,23 @@ fn mean(x: &[f64]) -> f64 {
     x.iter().sum::<f64>() / x.len() as f64
 }
 
-/// Lowest share of the sampling rate that is tried as a cut-off.
+/// Lowest cut-off that is tried, as a share of the sampling rate.
 const LOWEST: f64 = 0.005;
-/// Highest share that is tried, 80 % of half the rate.
+/// Highest cut-off that is tried: 80 % of half the rate.
 const HIGHEST: f64 = 0.4;
 /// Steps between them.
 const STEPS: usize = 24;
 
-/// A cut-off for one uniformly sampled channel: the lowest of a geometric ladder from 0.5 % to 40 % of the sampling rate
-/// at which what the filter removes is no more than the noise,
+/// A cut-off for one uniformly sampled channel: the lowest of a geometric ladder from 0.5 % to 40 %
+/// of the sampling rate at which what the filter removes is no more than the noise,
 ///
 /// ```text
 /// rms(x − filtered x) ≤ 1.1 σ √(1 − 2 f_c / f_s),        σ from noise_level
 /// ```
 ///
-/// (the residual analysis of D. A. Winter, Biomechanics and Motor Control of Human Movement, section 3.4.4, with σ
-/// from differences instead of a fitted line); fourth order, both ways. A channel without noise keeps the highest.
+/// (the residual analysis of D. A. Winter, Biomechanics and Motor Control of Human Movement,
+/// section 3.4.4, with σ from differences instead of a fitted line); fourth order, both ways. A
+/// channel without noise keeps the highest.
 pub fn choose_cutoff(x: &[f64], rate: f64) -> f64 {
     let sigma = noise_level(x);
     let ratio = (HIGHEST / LOWEST).powf(1.0 / STEPS as f64);

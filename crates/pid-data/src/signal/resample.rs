@@ -7,7 +7,8 @@ use super::{Butterworth, FilterError, map_columns};
 pub enum Interpolation {
     /// Straight lines.
     Linear,
-    /// Cubic Hermite pieces whose slopes are those of [`super::central_differences`]: third order, one derivative continuous.
+    /// Cubic Hermite pieces whose slopes are those of [`super::central_differences`]: third order,
+    /// one derivative continuous.
     #[default]
     Cubic,
 }
@@ -62,8 +63,8 @@ pub fn resample(t: &[f64], x: &[f64], at: &[f64], how: Interpolation) -> Vec<f64
         .collect()
 }
 
-/// Replaces missing samples (NaN) of one channel by straight lines between their neighbours, at the ends by the nearest
-/// value; returns how many. A channel without any value is left as it is.
+/// Replaces missing samples (NaN) of one channel by straight lines between their neighbours, at the
+/// ends by the nearest value; returns how many. A channel without any value is left as it is.
 pub fn fill_missing(t: &[f64], x: &mut [f64]) -> usize {
     let known: Vec<usize> = (0..x.len()).filter(|i| !x[*i].is_nan()).collect();
     let gaps = x.len() - known.len();
@@ -81,8 +82,9 @@ pub fn fill_missing(t: &[f64], x: &mut [f64]) -> usize {
     gaps
 }
 
-/// Every `factor`-th sample of row-by-row data, after a zero-phase low-pass (Butterworth of order 8 at 80 % of half the
-/// new rate) against aliasing. Channels must have no missing samples. A factor of 0 or 1 changes nothing.
+/// Every `factor`-th sample of row-by-row data, after a zero-phase low-pass (Butterworth of order 8
+/// at 80 % of half the new rate) against aliasing. Channels must have no missing samples. A factor
+/// of 0 or 1 changes nothing.
 ///
 /// # Errors
 /// None for factors above 1; the filter's error is passed on.

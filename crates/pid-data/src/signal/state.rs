@@ -8,10 +8,10 @@ use crate::{Experiment, InputHold};
 
 /// Order of the low-pass filter.
 const ORDER: usize = 4;
-/// Steps may differ from their median by this share before a record counts as unevenly sampled.
+/// A record is unevenly sampled if a step differs from the median by more than this share.
 const UNEVEN: f64 = 0.01;
 
-/// A state that cannot be estimated.
+/// Why a state cannot be estimated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SignalError {
@@ -20,7 +20,7 @@ pub enum SignalError {
     Filter {
         /// The experiment.
         experiment: String,
-        /// What is wrong with the filter.
+        /// The fault of the filter.
         error: FilterError,
     },
     /// Too few samples for accelerations.
@@ -62,9 +62,10 @@ pub struct StateEstimate {
 
 /// Filters row-by-row channels without phase shift (Butterworth of order 4, both ways).
 ///
-/// `t` are the times of the samples, s; `cutoff` is in Hz. Unevenly sampled records (steps more than 1 % off their
-/// median) are brought to a uniform grid by cubic interpolation, filtered, and brought back. Use it on inputs too when
-/// they are compared with filtered states. Missing samples must have been filled.
+/// `t` are the times of the samples, s; `cutoff` is in Hz. Unevenly sampled records (steps more
+/// than 1 % off their median) are brought to a uniform grid by cubic interpolation, filtered, and
+/// brought back. Use it on inputs too when they are compared with filtered states. Missing samples
+/// must have been filled.
 ///
 /// # Errors
 /// [`FilterError`] if the cut-off does not lie between 0 and half the sampling rate.
@@ -82,10 +83,12 @@ pub fn low_pass_channels(
 /// Positions, velocities and accelerations from the channels of an experiment.
 ///
 /// 1. Missing samples are filled by straight lines (and counted).
-/// 2. All channels pass the same zero-phase low-pass of order 4, so that nothing is shifted against anything else.
-///    `cutoff` is in Hz; `None` takes the highest of the cut-offs that [`choose_cutoff`] finds for the position
-///    and velocity channels, so that no joint's motion is cut.
-/// 3. v is the filtered velocity channel where there is one, otherwise the central difference of the filtered q.
+/// 2. All channels pass the same zero-phase low-pass of order 4, so that nothing is shifted against
+///    anything else. `cutoff` is in Hz; `None` takes the highest of the cut-offs that
+///    [`choose_cutoff`] finds for the position and velocity channels, so that no joint's motion is
+///    cut.
+/// 3. v is the filtered velocity channel where there is one, otherwise the central difference of
+///    the filtered q.
 /// 4. a is the central difference of v.
 ///
 /// # Errors
@@ -215,8 +218,8 @@ impl Grid {
     }
 }
 
-/// Inputs as they act around each sample, N × inputs: under zero-order hold the mean of the values before and after it. Missing values
-/// are filled.
+/// Inputs as they act around each sample, N × inputs: under zero-order hold the mean of the values
+/// before and after it. Missing values are filled.
 pub fn acting_inputs(experiment: &Experiment, hold: InputHold) -> Vec<f64> {
     let (n, nq) = (experiment.len(), experiment.nq);
     let mut u = experiment.u.clone();

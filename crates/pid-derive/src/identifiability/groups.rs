@@ -1,12 +1,14 @@
 //! Lost directions as groups of parameters that a person can read.
 //!
-//! A null vector names a set of parameters of which one combination is lost. The basis a factorization returns mixes the
-//! sets; here they are separated:
+//! A null vector names a set of parameters of which one combination is lost. The basis a
+//! factorization returns mixes the sets; here they are separated:
 //! 1. parameters without effect (zero columns);
-//! 2. parameters whose effects are proportional: they enter only through one combination (`iz1 + m1 (sx1² + sy1²)`);
-//! 3. among one representative of each of those and the rest, null vectors with as few parameters as can be found: many
-//!    bases are reduced to echelon form with different orders of the columns, and the shortest independent vectors are kept.
-//!    That choice is the best among the candidates, because linear independence is a matroid (R. Rado, 1957).
+//! 2. parameters whose effects are proportional: they enter only through one combination
+//!    (`iz1 + m1 (sx1² + sy1²)`);
+//! 3. among one representative of each of those and the rest, null vectors with as few parameters
+//!    as can be found: many bases are reduced to echelon form with different orders of the columns,
+//!    and the shortest independent vectors are kept. That choice is the best among the candidates,
+//!    because linear independence is a matroid (R. Rado, 1957).
 
 use pid_symbolic::random::Random;
 
@@ -16,10 +18,10 @@ use crate::dense::{self, Matrix};
 const ORDERS: usize = 64;
 /// Components below this share of the largest (columns scaled to length one) are zero.
 const ZERO: f64 = 1e-7;
-/// Agreement of components with the parameters' values, to be called a common factor.
+/// Components that agree with the parameters' values to this share are a common factor.
 const FACTOR: f64 = 1e-6;
 
-/// What kind of loss a group stands for.
+/// Kind of a loss.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GroupKind {
     /// One parameter without effect.
@@ -35,11 +37,12 @@ pub enum GroupKind {
 /// Parameters that the motion does not tell apart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Group {
-    /// What is lost.
+    /// Its kind.
     pub kind: GroupKind,
     /// The parameters, ascending. One stands for all of a group of proportional ones.
     pub params: Vec<usize>,
-    /// Of a common factor: parameters that shorter groups let one adjust, not part of `params`' common factor themselves.
+    /// For a common factor: parameters that shorter groups let one adjust. They are not part of the
+    /// common factor of `params` themselves.
     pub touched: Vec<usize>,
 }
 
@@ -60,7 +63,7 @@ impl Group {
         self.params.len() + self.touched.len() - self.combinations()
     }
 
-    /// What is lost, in words: "`m1`, `sx1` and `iz1` enter only through one combination".
+    /// The loss in words: "`m1`, `sx1` and `iz1` enter only through one combination".
     pub fn text(&self, name: impl Fn(usize) -> String) -> String {
         let list = |params: &[usize]| {
             let names: Vec<String> = params.iter().map(|&k| format!("`{}`", name(k))).collect();
@@ -91,8 +94,8 @@ impl Group {
     }
 }
 
-/// Groups of the columns of `a`, whose null space has the basis `null`; `values` are the parameters' values. Numbers of
-/// parameters are column numbers.
+/// Groups of the columns of `a`, whose null space has the basis `null`; `values` are the
+/// parameters' values. Numbers of parameters are column numbers.
 pub(super) fn groups(a: &Matrix, null: &[Vec<f64>], values: &[f64]) -> Vec<Group> {
     let n = a.cols();
     let length: Vec<f64> = (0..n).map(|j| dense::norm(a.col(j))).collect();
@@ -105,7 +108,7 @@ pub(super) fn groups(a: &Matrix, null: &[Vec<f64>], values: &[f64]) -> Vec<Group
         });
     }
 
-    // Proportional columns; the last declared stands for all, as inertias follow masses and places.
+    // Proportional columns. The last declared stands for all, as inertias follow masses and places.
     let mut representatives: Vec<usize> = Vec::new();
     let mut seen = vec![false; n];
     for j in (0..n).filter(|&j| length[j] > 0.0) {
@@ -230,8 +233,8 @@ fn shortest(basis: &[Vec<f64>], n: usize) -> Vec<Vec<f64>> {
     kept.into_iter().map(|k| candidates[k].1.clone()).collect()
 }
 
-/// Reduced echelon form, pivots sought in the order of `columns`; a pivot must not be small beside its column's largest
-/// component, so that nothing grows.
+/// Reduced echelon form, pivots sought in the order of `columns`; a pivot must not be small beside
+/// its column's largest component, so that nothing grows.
 fn echelon(mut rows: Vec<Vec<f64>>, columns: &[usize]) -> Vec<Vec<f64>> {
     for row in &mut rows {
         normalise(row);

@@ -1,15 +1,18 @@
-//! What the motion tells of the parameters: structural identifiability.
+//! Structural identifiability: which combinations of the parameters a motion determines.
 //!
-//! With every coordinate measured and every input known, the parameters act on a motion through the forward dynamics
-//! `a(q, v, u, p)` alone. A direction `n` in the parameters with `∂a/∂p · n = 0` at every state and input changes no motion; the
-//! rank of `∂a/∂p`, stacked over many states, is the number of combinations that can be found from any record
-//! (R. Bellman, K. J. Åström, *On structural identifiability*, 1970; the numerical test as in E. Walter, L. Pronzato, 1997).
+//! With every coordinate measured and every input known, the parameters act on a motion through the
+//! forward dynamics `a(q, v, u, p)` alone. A direction `n` in the parameters with `∂a/∂p · n = 0`
+//! at every state and input changes no motion; the rank of `∂a/∂p`, stacked over many states, is
+//! the number of combinations that can be found from any record (R. Bellman, K. J. Åström, *On
+//! structural identifiability*, 1970; the numerical test as in E. Walter, L. Pronzato, 1997).
 //!
-//! `M ∂a/∂p = −∂r/∂p` at `r = 0`, and M is regular: both have the same null space, and the second needs no inverse. It is
-//! exact (derived on the graph) and evaluated at random states with a fixed seed; [`crate::dense::rank`] decides.
+//! `M ∂a/∂p = −∂r/∂p` at `r = 0`, and M is regular: both have the same null space, and the second
+//! needs no inverse. It is exact (derived on the graph) and evaluated at random states with a fixed
+//! seed; [`crate::dense::rank`] decides.
 //!
 //! - *generic*: parameters drawn at random from their ranges; the largest rank found over several draws;
-//! - *nominal*: parameters at their nominal values, where symmetry may lose more (a centre of mass on the axis).
+//! - *nominal*: parameters at their nominal values, where symmetry may lose more (a centre of mass
+//!   on the axis).
 
 mod groups;
 
@@ -29,10 +32,10 @@ const DRAWS: usize = 3;
 const STATES: usize = 48;
 /// Rows per parameter.
 const OVERSAMPLING: usize = 4;
-/// Effects below this share of the largest in their equation are rounding errors.
+/// An effect below this share of the largest in its equation is a rounding error.
 const ROUNDING: f64 = 1e-11;
 
-/// Rank of a set of parameters, and what is lost.
+/// Rank of a set of parameters, and the lost directions.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Structure {
     /// The parameters considered.
@@ -41,11 +44,11 @@ pub struct Structure {
     pub rank: usize,
     /// Smallest pivot kept and largest dropped, relative to the largest.
     pub gap: (f64, f64),
-    /// What is lost: as many lost directions as parameters beyond the rank.
+    /// Groups of lost directions: as many directions as parameters beyond the rank.
     pub groups: Vec<Group>,
 }
 
-/// At parameters drawn from their ranges, and at the nominal values.
+/// Ranks at parameters drawn from their ranges, and at the nominal values.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Structures {
     /// At almost all parameter values.
@@ -59,7 +62,8 @@ pub struct Structures {
 pub struct Identifiability {
     /// Of all parameters.
     pub all: Structures,
-    /// Of the parameters that are not marked `fixed`, those held; the same as `all` if none is.
+    /// Rank of the parameters that are not marked `fixed`, with those held; the same as `all` if
+    /// none is `fixed`.
     pub free: Structures,
 }
 
@@ -159,8 +163,9 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// Rows of ∂r/∂p at random states and inputs with the accelerations they cause, each row divided by its largest effect
-    /// over the parameters' ranges. States at which M is singular or a value is not finite are left out.
+    /// Rows of ∂r/∂p at random states and inputs with the accelerations they cause, each row
+    /// divided by its largest effect over the parameters' ranges. States with a singular M or a
+    /// value that is not finite are left out.
     fn sensitivities(&self, p: &[f64], random: &mut Random) -> Matrix {
         let (nq, np) = (self.robot.nq(), p.len());
         let nm = nq * (nq + 1) / 2;
@@ -190,7 +195,7 @@ impl<'a> Sampler<'a> {
                 largest[row] = largest[row].max((slope * width[col]).abs());
             }
             for (&(row, col), slope) in self.entries.iter().zip(&slopes) {
-                // An effect that is a rounding error of the others is none.
+                // An effect that is a rounding error of the others counts as none.
                 if (slope * width[col]).abs() > ROUNDING * largest[row] {
                     matrix[(state * nq + row, col)] = slope / largest[row];
                 }

@@ -1,4 +1,4 @@
-//! Expansion to sums of products, and their collection by what moves.
+//! Expansion to sums of products, collected by the factors that move.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -6,17 +6,17 @@ use pid_symbolic::{Function, Graph, Id, Node};
 
 use super::{Formula, negative, number};
 
-/// Products in one sum, above which a system is not expanded.
+/// A system whose sum would have more products than this is not expanded.
 const LONGEST: usize = 400;
 /// Products over all results.
 const TOTAL: usize = 2000;
-/// Coefficients below this share of the largest that met in them are rounding errors.
+/// A coefficient below this share of the largest one that met in it is a rounding error.
 const ROUNDING: f64 = 1e-12;
 
 /// Factors with exponents, sorted.
 type Monomial = Vec<(Atom, i32)>;
 
-/// A factor that is not taken apart: a variable, a function, or a denominator.
+/// A factor that is not expanded further: a variable, a function, or a denominator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 enum Atom {
     /// A variable.
@@ -25,7 +25,7 @@ enum Atom {
     Opaque(Id),
 }
 
-/// A sum of products: coefficient, and the size of what was added up in it.
+/// A sum of products: coefficient, and the size of the terms added up in it.
 #[derive(Debug, Clone, Default)]
 struct Polynomial(BTreeMap<Monomial, (f64, f64)>);
 
@@ -120,7 +120,7 @@ struct Expander<'g> {
 }
 
 impl Expander<'_> {
-    /// Operands first, so that depth is no matter.
+    /// Operands first, so that depth does not matter.
     fn expand(&mut self, output: Id) -> Option<Polynomial> {
         for id in self.g.reachable(&[output]) {
             if !self.known.contains_key(&id) {
@@ -182,7 +182,7 @@ impl Expander<'_> {
         Some(best)
     }
 
-    /// Squares of a sine or cosine replaced by one minus the square of the other.
+    /// Replaces squares of a sine or cosine by one minus the square of the other.
     fn without_squares(&self, polynomial: &Polynomial, gone: Function) -> Option<Polynomial> {
         let mut current = polynomial.clone();
         // Each pass lowers every power by two.
@@ -237,7 +237,7 @@ impl Expander<'_> {
         }
     }
 
-    /// A sum over what moves, each with a sum of parameters as its factor.
+    /// A sum over products that move, each with a sum of parameters as its factor.
     fn collected(&mut self, polynomial: &Polynomial) -> Option<Formula> {
         let mut groups: Vec<(Monomial, Vec<(Monomial, f64)>)> = Vec::new();
         for (monomial, &(c, _)) in &polynomial.0 {
@@ -258,7 +258,7 @@ impl Expander<'_> {
                 }
                 continue;
             }
-            // What all terms have in common, and a common number.
+            // The factors that all terms share, and a common number.
             let mut common: Monomial = terms[0].0.clone();
             for (constant, _) in &terms[1..] {
                 common.retain_mut(|(atom, n)| {
@@ -313,7 +313,7 @@ impl Expander<'_> {
         bracket: Option<Formula>,
         motion: &[(Atom, i32)],
     ) -> Option<Formula> {
-        // Quarters and the like are exact; others lost their last digits on the way.
+        // Quarters and the like are exact; other numbers lost their last digits on the way.
         let size = tidy(coefficient.abs());
         let mut above = Vec::new();
         let mut below = Vec::new();
@@ -375,7 +375,8 @@ impl Expander<'_> {
     }
 }
 
-/// A coefficient without the rounding errors of its products: the shortest number within some units in the last place.
+/// A coefficient without the rounding errors of its products: the shortest number within some units
+/// in the last place.
 fn tidy(x: f64) -> f64 {
     let text = format!("{x:.12e}");
     match text.parse::<f64>() {

@@ -1,4 +1,4 @@
-//! What every notation shares: how tightly its parts bind, and how terms join to a sum.
+//! Shared by all notations: how tightly parts bind, and how terms join to a sum.
 
 use super::Formula;
 

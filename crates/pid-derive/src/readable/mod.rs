@@ -1,10 +1,12 @@
 //! The equations of motion for people: as text and as LaTeX.
 //!
-//! Small systems are expanded to sums of products with `sin² + cos² = 1` applied, and collected by what moves: each product of
-//! sines, cosines, velocities and inputs has one factor of parameters. Systems whose expansion grows too long are written
-//! as they are computed, shared subexpressions by name.
+//! Small systems are expanded to sums of products with `sin² + cos² = 1` applied. They are
+//! collected by the factors that move: each product of sines, cosines, velocities and inputs has
+//! one factor of parameters. Systems whose expansion grows too long are written as they are
+//! computed, with names for shared subexpressions.
 //!
-//! The text is in the language of expressions of `robot!`: `q.elbow`, `v.elbow`, names of parameters and inputs.
+//! The text is in the language of expressions of `robot!`: `q.elbow`, `v.elbow`, names of
+//! parameters and inputs.
 
 mod expand;
 mod latex;
@@ -41,7 +43,7 @@ pub enum Formula {
     Call(Function, Box<Formula>),
 }
 
-/// What a variable of the equations is.
+/// Kind of a variable of the equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variable<'a> {
     /// Coordinate of a joint.
@@ -100,7 +102,7 @@ impl<'a> Readable<'a> {
         }
     }
 
-    /// What a variable is.
+    /// Kind of a variable.
     pub fn variable(&self, number: usize) -> Variable<'a> {
         let (nq, nu) = (self.joints.len(), self.robot.inputs.len());
         match number {

@@ -253,8 +253,9 @@ fn free(b: &mut Builder, name: &str, scale: f64) -> Inertial {
     }
 }
 
-/// A serial arm with general inertia, rotor inertia, friction and drive gain at every joint, and a fixed tool flange.
-/// Axes alternate z, y, y, z, y, z, y; offsets are those of a common industrial arm.
+/// A serial arm with general inertia, rotor inertia, friction and drive gain at every joint, and a
+/// fixed tool flange. Axes alternate z, y, y, z, y, z, y; offsets are those of a common industrial
+/// arm.
 pub(crate) fn arm(n: usize) -> Robot {
     let axes = [Z, Y, Y, Z, Y, Z, Y];
     let origins = [

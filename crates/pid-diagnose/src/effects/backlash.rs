@@ -1,4 +1,5 @@
-//! Free travel between rotor and link: as joint elasticity, with a stiff spring only where |q_m − q_l| > gap/2.
+//! Free travel between rotor and link: as joint elasticity, with a stiff spring only where |q_m −
+//! q_l| > gap/2.
 //!
 //! Source: M. Nordin, P.-O. Gutman, Automatica 38(10), 2002.
 
@@ -21,7 +22,7 @@ static INFO: Info = Info {
         parameter("compliance", "rad/(N*m)", Unit::Compliance, 0.0001, 0.02),
         parameter("damping_time", "s", Unit::Time, 0.0, 0.03),
     ],
-    // Stiff contacts, and soft ones with more damping: those reach a gap from further away.
+    // Stiff contacts, and soft ones with more damping, which find a gap from further away.
     starts: &[
         &[0.002, 0.0015, 0.0003],
         &[0.0035, 0.0015, 0.0003],

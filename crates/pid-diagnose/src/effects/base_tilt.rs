@@ -45,7 +45,8 @@ impl Model for BaseTilt {
 
 impl<D: Scalar> Law<D> for BaseTilt {
     fn constants(&self, e: &[D], _joint: usize, constants: &mut Constants<D>) {
-        // g cos a − (ê × g) sin a + ê (ê·g)(1 − cos a) with a ê = (x, y, 0); series in a², 3e-9 at 0.6 rad and regular at zero.
+        // g cos a − (ê × g) sin a + ê (ê·g)(1 − cos a) with a ê = (x, y, 0); series in a², 3e-9 at
+        // 0.6 rad and regular at zero.
         let (x, y) = (e[0], e[1]);
         let a2 = x * x + y * y;
         let series = |first: f64, terms: [f64; 4]| {

@@ -1,7 +1,7 @@
 //! Force ripple over the position: additional force a sin(w q) + b cos(w q) = A sin(w q + φ).
 //!
-//! The motion passes one and a half of its periods at least: less shows no period, and would stand for any force that depends on
-//! the position, a soft stop among them.
+//! The motion must pass one and a half of its periods. Less shows no period, and would stand for
+//! any force that depends on the position, such as a soft stop.
 //!
 //! Source: P. C. Krause et al., Analysis of Electric Machinery and Drive Systems, 2013, section 15.7.
 

@@ -1,4 +1,5 @@
-//! Rotor and link are joined by a spring: torque K (q_m − q_l) + K T (dq_m − dq_l) between rotor and link, K = 1/compliance.
+//! Rotor and link are joined by a spring: torque K (q_m − q_l) + K T (dq_m − dq_l) between rotor
+//! and link, K = 1/compliance.
 //!
 //! Source: M. W. Spong, ASME J. Dyn. Syst. Meas. Control 109(4), 1987.
 

@@ -1,6 +1,8 @@
-//! The motor of a joint is turned by the joint before it too: friction −f_v w − f_c tanh(w/w₀) on w = v_j + ρ v_i.
+//! The motor of a joint is turned by the joint before it too: friction −f_v w − f_c tanh(w/w₀) on w
+//! = v_j + ρ v_i.
 //!
-//! Source: M. Gautier, S. Briot, ASME J. Dyn. Syst. Meas. Control 136(5), 2014 (the wrist of the Stäubli TX40).
+//! Source: M. Gautier, S. Briot, ASME J. Dyn. Syst. Meas. Control 136(5), 2014 (the wrist of the
+//! Stäubli TX40).
 
 use crate::constants::Constants;
 use crate::effect::{Forces, Info, Kind, Law, Model, Site, Unit, parameter};
@@ -10,7 +12,8 @@ use crate::scalar::Scalar;
 #[derive(Debug, Clone, Copy, Default)]
 pub struct MotorCoupling;
 
-/// First value of the speed at which the dry part reaches three quarters, share of the typical one.
+/// Start value of the speed at which the dry part reaches three quarters, as a share of the typical
+/// speed.
 const SHARP: f64 = 0.02;
 
 static INFO: Info = Info {

@@ -1,6 +1,8 @@
-//! The joint gives way elastically before it slides: dz/dt = v − |v| z/z_s, friction f_c (z + T₁ dz/dt)/z_s in place of dry friction.
+//! The joint gives way elastically before it slides: dz/dt = v − |v| z/z_s, friction f_c (z + T₁
+//! dz/dt)/z_s in place of dry friction.
 //!
-//! Source: P. R. Dahl 1968; C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, IEEE TAC 40(3), 1995, with a constant level.
+//! Source: P. R. Dahl 1968; C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, IEEE TAC
+//! 40(3), 1995, with a constant level.
 
 use crate::constants::{Constant, Constants};
 use crate::effect::{After, Forces, Friction, Info, Kind, Law, Model, Site, Unit, parameter};
@@ -84,8 +86,9 @@ impl<D: Scalar> Law<D> for PreslidingHysteresis {
         f: &mut Forces<'_, D>,
         constants: &Constants<D>,
     ) {
-        // s = z / z_s over a step of constant speed is s E + (1 − E) sgn v, E = exp(−x), x = δ |v|/z_s; its mean is
-        // s A + (1 − A) sgn v, A = (1 − E)/x. The speed that multiplies is that of the step, implicitly.
+        // s = z / z_s over a step of constant speed is s E + (1 − E) sgn v, E = exp(−x), x = δ
+        // |v|/z_s; its mean is s A + (1 − A) sgn v, A = (1 − E)/x. The speed that multiplies is
+        // that of the step, implicitly.
         let level = constants.get(Constant::Coulomb(at.joint));
         let travel = e[0].inverse() * at.dt;
         let (decay, mean, lag) = passage(at.v[at.joint].magnitude() * travel);

@@ -1,6 +1,7 @@
 //! Friction rises towards standstill: friction level f_c (1 + x exp(−(v/v_s)²)), x = static/Coulomb − 1.
 //!
-//! Source: R. Stribeck 1902; B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7), 1994, section 2.1.
+//! Source: R. Stribeck 1902; B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7),
+//! 1994, section 2.1.
 
 use crate::effect::{Friction, Info, Kind, Law, Model, Site, Unit, parameter};
 use crate::scalar::Scalar;

@@ -1,4 +1,5 @@
-//! Backward check of forward selection (M. A. Efroymson 1960): an effect that was taken first may be superfluous beside a later one.
+//! Backward check of forward selection (M. A. Efroymson 1960): an effect that was taken first may
+//! be superfluous beside a later one.
 
 use super::measure::{Reached, noise_scale};
 use super::settings::Settings;
@@ -30,8 +31,8 @@ pub(super) fn without_each(
         .collect()
 }
 
-/// The effect that the others have made superfluous, if there is one whose removal costs less than an effect must gain; `without`
-/// has a fit without each, as [`without_each`] gives them.
+/// The effect that the others have made superfluous, if there is one whose removal costs less than
+/// an effect must gain; `without` has a fit without each, as [`without_each`] gives them.
 pub(super) fn superfluous(
     case: &Case,
     settings: &Settings,

@@ -77,9 +77,9 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// Whether the first effect is a verdict beside an unknown rest: it explains most by itself and its rivals nearly never, or free
-    /// runs leave no more than noise and it is more likely than its rivals together (these explain the same then, and stand in the
-    /// confusion set).
+    /// Whether the first effect is a verdict beside an unknown rest: it explains most by itself and
+    /// its rivals nearly never, or free runs leave no more than noise and it is more likely than
+    /// its rivals together (these explain the same then, and stand in the confusion set).
     fn is_a_verdict(&self, criteria: &Criteria, effects: usize, probability: f64) -> bool {
         let most = leads(criteria, self.first, probability) && self.all > criteria.majority_of_all;
         let nothing_left = self.left < criteria.near && probability > 0.5;
@@ -92,7 +92,8 @@ pub(super) fn leads(criteria: &Criteria, explained: f64, probability: f64) -> bo
     explained > criteria.majority && probability > criteria.leading()
 }
 
-/// What is said of a case beside the verdict: where the missing force lives, how signals pass, what may be recorded next.
+/// What is said of a case beside the verdict: where the missing force lives, how signals pass, what
+/// may be recorded next.
 #[derive(Debug, Clone, Default)]
 pub struct Surroundings {
     /// Missing force of the nominal structure, joint by joint.
@@ -225,7 +226,8 @@ impl Evidence {
             };
             return named(first, own * right);
         }
-        // Nothing is missing; where a tolerance had to be left for that, another level of friction is the cause.
+        // Nothing is missing; where a tolerance had to be left for that, another level of friction
+        // is the cause.
         let (verdict, regime) = match self.beyond.first() {
             Some(b) => (
                 Verdict::OutsideTolerance { joint: b.joint },

@@ -1,5 +1,6 @@
-//! Exchange check of forward selection (A. J. Miller, Subset Selection in Regression, 2002, chapter 3): of two causes the first
-//! was chosen while the second was missing, and may have been taken for another.
+//! Exchange check of forward selection (A. J. Miller, Subset Selection in Regression, 2002, chapter
+//! 3): of two causes the first was chosen while the second was missing, and may have been taken for
+//! another.
 
 use super::candidates::listed;
 use super::measure::{Reached, noise_scale};
@@ -17,7 +18,8 @@ pub(super) struct Exchange {
     pub(super) tried: Vec<Refit>,
 }
 
-/// Looks for an effect that explains more than the first one does, beside the later ones, whose fit is `without`.
+/// Looks for an effect that explains more than the first one does, beside the later ones, whose fit
+/// is `without`.
 pub(super) fn exchange(
     case: &Case,
     basis: &Basis,

@@ -1,4 +1,5 @@
-//! Forward selection of effects with a backward and an exchange check (M. A. Efroymson 1960), within the tolerances of a case.
+//! Forward selection of effects with a backward and an exchange check (M. A. Efroymson 1960),
+//! within the tolerances of a case.
 
 use std::collections::BTreeSet;
 
@@ -94,7 +95,8 @@ struct Forward<'a> {
 }
 
 impl<'a> Forward<'a> {
-    /// Fits the nominal structure; noise levels that are not stated are settled on the most promising candidate.
+    /// Fits the nominal structure; noise levels that are not stated are settled on the most
+    /// promising candidate.
     fn start(case: &Case, settings: &'a Settings) -> Self {
         let mut case = case.clone();
         let basis = basis(&case);
@@ -142,8 +144,8 @@ impl<'a> Forward<'a> {
         }
     }
 
-    /// Screens and refits all candidates on top of what is accepted; takes the best if it pays. Whether a further round may find
-    /// more.
+    /// Screens and refits all candidates on top of what is accepted; takes the best if it pays.
+    /// Whether a further round may find more.
     fn round(&mut self, round: usize) -> bool {
         let settings = self.settings;
         let mut list = listed(&self.case, &self.basis, settings, &self.current);
@@ -192,7 +194,8 @@ impl<'a> Forward<'a> {
         self.drifts || self.current.train.total() >= criteria.calm * self.current.train.number()
     }
 
-    /// Whether the best candidate of a round gains more than chance and multiplicity allow, with the gap `after`.
+    /// Whether the best candidate of a round gains more than chance and multiplicity allow, with
+    /// the gap `after`.
     fn pays(&self, first: &Refit, after: &Gap, round: usize) -> bool {
         let (criteria, current) = (&self.settings.criteria, &self.current);
         let held_out =
@@ -206,8 +209,9 @@ impl<'a> Forward<'a> {
         let shrinks = after.total < (1.0 - shrink) * self.gap.total;
         let enough = relative > least
             || (self.drifts && after.total < (1.0 - criteria.drift_shrink) * self.gap.total);
-        // One of two effects may hide behind the other in free runs: it is kept until the last round shows what both give.
-        // Noise levels that were settled on one effect hide part of what the other does: there the score decides.
+        // One of two effects may hide behind the other in free runs: it is kept until the last
+        // round shows what both give. Noise levels that were settled on one effect hide part of
+        // what the other does: there the score decides.
         let open = self.case.noise.iter().any(|n| !n.stated);
         let large = relative > criteria.large_decrease;
         let strong = large || (open && first.score > 2.0 * criteria.beyond_doubt * criteria.margin);
@@ -266,7 +270,8 @@ impl<'a> Forward<'a> {
             if let Some(fit) = exchanged.fit {
                 self.go_on_with(fit);
                 self.accepted[0] = self.current.hypothesis.terms[0].clone();
-                // The candidates for the first place are those beside the later effects now, which stand behind the first.
+                // The candidates for the first place are those beside the later effects now, which
+                // stand behind the first.
                 let later: Vec<Refit> = self.ranking.drain(1..self.accepted.len()).collect();
                 self.ranking = exchanged.tried;
                 self.ranking.splice(1..1, later);
@@ -312,8 +317,8 @@ impl<'a> Forward<'a> {
         self.gap = measured(&self.case, &self.current);
     }
 
-    /// Contacts, resonances and bristles are stiff, and sticking within a step leaves an error of its own: the end of the fit has
-    /// finer substeps, if the likelihood agrees.
+    /// Contacts, resonances and bristles are stiff, and sticking within a step leaves an error of
+    /// its own: the end of the fit has finer substeps, if the likelihood agrees.
     fn finish(&mut self) {
         let criteria = &self.settings.criteria;
         let stiff = self.accepted.iter().any(has_state);
@@ -422,8 +427,8 @@ pub(super) struct Lagging {
 }
 
 impl Lagging {
-    /// The joint whose reading is furthest from its positions, if there is one, with the effect of the library that is a lag of the
-    /// reading and nothing else.
+    /// The joint whose reading is furthest from its positions, if there is one, with the effect of
+    /// the library that is a lag of the reading and nothing else.
     fn find(case: &Case, settings: &Settings) -> Option<Self> {
         let effect = settings
             .effects
@@ -462,8 +467,9 @@ impl Lagging {
     }
 }
 
-/// Whether the second of two effects is none, by the [`sizes`] of both beside each other: two that are both small imitate together
-/// what the library lacks, and a second one may take up what the smooth form of a contact leaves.
+/// Whether the second of two effects is none, by the [`sizes`] of both beside each other: two that
+/// are both small imitate together what the library lacks, and a second one may take up what the
+/// smooth form of a contact leaves.
 fn without_size(sizes: &[f64], criteria: &Criteria) -> bool {
     let [first, second, ..] = *sizes else {
         return false;
@@ -482,8 +488,8 @@ fn again(case: &Case, basis: &Basis, settings: &Settings, at: &Fit) -> Fit {
     )
 }
 
-/// The most likely of the best candidates after a few steps, `None` if none gains beyond its penalty; and those that are worth
-/// screening again under the noise levels that follow from it.
+/// The most likely of the best candidates after a few steps, `None` if none gains beyond its
+/// penalty; and those that are worth screening again under the noise levels that follow from it.
 fn sketch(
     case: &Case,
     basis: &Basis,

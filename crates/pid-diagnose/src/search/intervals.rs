@@ -9,7 +9,8 @@ use crate::fit::Fit;
 /// Deviations to either side of an interval of 95 %.
 const SIDES: f64 = 1.96;
 
-/// Intervals of 95 % of the effects' parameters of a fit, within their ranges; `None` for what the records do not determine.
+/// Intervals of 95 % of the effects' parameters of a fit, within their ranges; `None` for what the
+/// records do not determine.
 pub(crate) fn intervals(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Option<(f64, f64)>> {
     let size = fit.point.theta.len();
     let (_, dead) = curvature(fit);

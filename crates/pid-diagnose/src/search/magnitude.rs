@@ -23,10 +23,12 @@ pub(super) fn curvature(fit: &Fit) -> (DMatrix<f64>, Vec<bool>) {
     (h, dead)
 }
 
-/// Size of the last effect of a fit over its standard deviation, the largest of its amplitudes; 0 if it is not determined.
+/// Size of the last effect of a fit over its standard deviation, the largest of its amplitudes; 0
+/// if it is not determined.
 ///
-/// An effect with an absent point is judged at the nominal parameters found: where a tolerance alone separates the two, its
-/// likelihood speaks for it and not its size. One without such a point brings freedom of its own and must be determined beside them.
+/// An effect with an absent point is judged at the nominal parameters found: where a tolerance
+/// alone separates the two, its likelihood speaks for it and not its size. One without such a point
+/// brings freedom of its own and must be determined beside them.
 pub(super) fn size_in_deviations(criteria: &Criteria, fit: &Fit) -> f64 {
     let Some(term) = fit.hypothesis.terms.last() else {
         return 0.0;
@@ -70,17 +72,19 @@ fn every_direction(case: &Case) -> Basis {
     Basis { columns }
 }
 
-/// Covariances of (θ, e) at a fit, with derivatives of its own: from the curvature, widened where the misfit is larger than the
-/// noise, and from the scores of blocks of time ("sandwich": P. J. Huber, 5th Berkeley Symposium, 1967; blocks of dependent rows:
-/// K.-Y. Liang, S. L. Zeger, Biometrika 73, 1986),
+/// Covariances of (θ, e) at a fit, with derivatives of its own: from the curvature, widened where
+/// the misfit is larger than the noise, and from the scores of blocks of time ("sandwich": P. J.
+/// Huber, 5th Berkeley Symposium, 1967; blocks of dependent rows: K.-Y. Liang, S. L. Zeger,
+/// Biometrika 73, 1986),
 ///
 /// ```text
 /// H⁻¹ (Σ_b (s_b − s̄)(s_b − s̄)ᵀ + P) H⁻¹,   s_b = Σ_{k∈b} J_kᵀ ε_k,   P the curvature of the prior
 /// ```
 ///
-/// Borrowed derivatives would make parameters that only a tolerance separates look well determined; so would the directions of the
-/// fit, which leave out what the nominal structure does not show: a common scale of all forces is nothing to see without the
-/// effect, and beside it all that tolerances leave of its size.
+/// Borrowed derivatives would make parameters that only a tolerance separates look well determined;
+/// so would the directions of the fit, which leave out what the nominal structure does not show: a
+/// common scale of all forces is nothing to see without the effect, and beside it all that
+/// tolerances leave of its size.
 pub(super) fn covariances(
     case: &Case,
     criteria: &Criteria,
@@ -146,9 +150,10 @@ pub(super) fn deviations(case: &Case, criteria: &Criteria, fit: &Fit) -> Option<
     )
 }
 
-/// How many of its own standard deviations the amplitudes of each effect of a fit reach, `√(eᵀ C⁻¹ e / m)` over its m amplitudes
-/// (A. Wald 1943), C the larger of the two [`covariances`]; an effect without an absent point is judged by its first parameter.
-/// Phases, rests and edges tell where an effect is, not that there is one.
+/// How many of its own standard deviations the amplitudes of each effect of a fit reach,
+/// `√(eᵀ C⁻¹ e / m)` over its m amplitudes (A. Wald 1943), C the larger of the two [`covariances`];
+/// an effect without an absent point is judged by its first parameter. Phases, rests and edges tell
+/// where an effect is, not that there is one.
 pub(super) fn sizes(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<f64> {
     let Some((curved, blocks)) = covariances(case, criteria, fit) else {
         return vec![0.0; fit.hypothesis.terms.len()];
@@ -165,7 +170,8 @@ pub(super) fn sizes(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<f64> {
                 [] => &[0][..],
                 amplitudes => amplitudes,
             };
-            // Nothing is known of an amplitude without influence, like that of a force across the plane of a planar arm.
+            // Nothing is known of an amplitude without influence, like that of a force across the
+            // plane of a planar arm.
             let own: Vec<usize> = own
                 .iter()
                 .copied()
@@ -186,7 +192,8 @@ pub(super) fn sizes(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<f64> {
         .collect()
 }
 
-/// The effects of a fit with their magnitudes and standard deviations, the larger of the two that [`covariances`] gives.
+/// The effects of a fit with their magnitudes and standard deviations, the larger of the two that
+/// [`covariances`] gives.
 pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
     let size = fit.point.theta.len();
     // A parameter without any influence is not determined; the others are.
@@ -262,7 +269,8 @@ pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
                             .map(f64::sqrt),
                     }
                 })
-                // The rest of a spring without stiffness is nowhere.
+                // With zero stiffness the rest position is 0/0: a magnitude that is not finite is
+                // dropped.
                 .filter(|m| m.value.is_finite())
                 .collect();
             Named {

@@ -60,14 +60,16 @@ impl Reached {
         }
     }
 
-    /// Twice the gain in log-likelihood of `self` over another fit of the same records on the test records alone.
+    /// Twice the gain in log-likelihood of `self` over another fit of the same records on the test
+    /// records alone.
     pub(super) fn held_out(&self, over: &Self) -> f64 {
         over.test - self.test
     }
 
-    /// Twice the gain in log-likelihood of `self` over another fit of the same records, of which `number` are fitted, less ln N
-    /// per further parameter (G. Schwarz, Ann. Stat. 6, 1978); `scale`: mean square that counts as noise. What is gained where
-    /// nothing was fitted counts alike.
+    /// Twice the gain in log-likelihood of `self` over another fit of the same records, of which
+    /// `number` are fitted, less ln N per further parameter (G. Schwarz, Ann. Stat. 6, 1978);
+    /// `scale`: mean square that counts as noise. What is gained where nothing was fitted counts
+    /// alike.
     pub(super) fn gain(&self, over: &Self, scale: f64, number: f64) -> f64 {
         let further = self.parameters as f64 - over.parameters as f64;
         (over.train - self.train + self.held_out(over)) / scale - further * number.ln()

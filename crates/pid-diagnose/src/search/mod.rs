@@ -1,10 +1,12 @@
 //! From a case to a verdict.
 //!
-//! The nominal structure is fitted within its tolerances; all effects at all joints are screened on top; the best are refitted in
-//! full and ranked by their objective with a penalty per parameter; a second effect is looked for on top of the first. An effect is
-//! named only if it gains more than chance and multiplicity allow, on the train records and on records never fitted.
+//! The nominal structure is fitted within its tolerances; all effects at all joints are screened on
+//! top; the best are refitted in full and ranked by their objective with a penalty per parameter; a
+//! second effect is looked for on top of the first. An effect is named only if it gains more than
+//! chance and multiplicity allow, on the train records and on records never fitted.
 //!
-//! [`search`] is the whole procedure in five phases. It returns [`Evidence`]; [`Evidence::diagnosis`] makes the diagnosis of it.
+//! [`search`] is the whole procedure in five phases. It returns [`Evidence`];
+//! [`Evidence::diagnosis`] makes the diagnosis of it.
 
 mod backward;
 mod candidates;
@@ -50,8 +52,8 @@ pub fn search(case: &Case, settings: &Settings) -> Evidence {
     on_whole_records(case, evidence)
 }
 
-/// Effects within the tolerances; where none explains the records, friction outside its tolerance; where that does not either, what
-/// effects explain in part.
+/// Effects within the tolerances; where none explains the records, friction outside its tolerance;
+/// where that does not either, what effects explain in part.
 fn explain(case: &Case, settings: &Settings) -> Evidence {
     let started = Instant::now();
     let select = |case: &Case| {
@@ -76,11 +78,13 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
     }
 }
 
-/// The evidence with a test record among those that are fitted, where that gives a verdict that train records do not.
+/// The evidence with a test record among those that are fitted, where that gives a verdict that
+/// train records do not.
 ///
-/// A cause that no train record brings out (a drive that reaches its limit on a test record only) cannot be found by a fit to
-/// train records. Where the nominal structure follows these and not the test records, the test record it follows least is fitted
-/// too, and the gap is that of the test records left; the verdict's regime says so.
+/// A cause that no train record brings out (a drive that reaches its limit on a test record only)
+/// cannot be found by a fit to train records. Where the nominal structure follows these and not the
+/// test records, the test record it follows least is fitted too, and the gap is that of the test
+/// records left; the verdict's regime says so.
 fn with_a_test_record(case: &Case, settings: &Settings, evidence: Evidence) -> Evidence {
     let criteria = &settings.criteria;
     let named = |e: &Evidence| {

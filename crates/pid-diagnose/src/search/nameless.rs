@@ -1,9 +1,12 @@
-//! A cause without a name: a force over the position of one joint or a gain of its drive over the time, of any shape.
+//! A cause without a name: a force over the position of one joint or a gain of its drive over the
+//! time, of any shape.
 //!
-//! Stops, hard points of a cable or a table that is touched are forces over the position that no effect of the library describes; two
-//! effects together imitate them well. A drive that fades while its magnets warm up or its supply sags looks like an inertia. Springs,
-//! offsets of the torque and ripples of long periods are such laws too, with fewer parameters: where one of them is the cause, they score
-//! higher. Where a [`FreeLaw`] scores higher than what is named, it is named wrongly.
+//! Stops, hard points of a cable or a table that is touched are forces over the position that no
+//! effect of the library describes; two effects together imitate them well. A drive that fades
+//! while its magnets warm up or its supply sags looks like an inertia. Springs, offsets of the
+//! torque and ripples of long periods are such laws too, with fewer parameters: where one of them
+//! is the cause, they score higher. Where a [`FreeLaw`] scores higher than what is named, it is
+//! named wrongly.
 
 use std::sync::Arc;
 
@@ -19,7 +22,8 @@ use crate::fit::{Basis, Fit};
 use crate::free::FreeLaw;
 use crate::screen::{candidates, screen};
 
-/// Refits of the free laws that promise most, in place of all effects, on top of the nominal structure; best first.
+/// Refits of the free laws that promise most, in place of all effects, on top of the nominal
+/// structure; best first.
 pub(super) fn free_laws(
     case: &Case,
     basis: &Basis,
@@ -50,16 +54,16 @@ pub(super) fn concerned(terms: &[Term]) -> impl Fn(usize) -> bool + use<> {
     move |joint| own.as_ref().is_none_or(|own| own.contains(&joint))
 }
 
-/// Whether a free law describes the records better than the effects named: only the likelihood and the number of
-/// parameters decide, on all records.
+/// Whether a free law describes the records better than the effects named: only the likelihood and
+/// the number of parameters decide, on all records.
 pub(super) fn imitated(case: &Case, criteria: &Criteria, named: &Fit, law: &Refit) -> bool {
     let (scale, number) = (noise_scale(named), named.train.number());
     let present = Reached::new(case, named);
     Reached::new(case, &law.fit).gain(&present, scale, number) > criteria.replaces()
 }
 
-/// The same for models whose own errors are counted in place of noise; `gain`: Σ N′ ln(S/S₁) over the records of all roles, with
-/// the number N′ of independent samples.
+/// The same for models whose own errors are counted in place of noise; `gain`: Σ N′ ln(S/S₁) over
+/// the records of all roles, with the number N′ of independent samples.
 pub(super) fn imitated_in_part(
     criteria: &Criteria,
     (named, law): (&Fit, &Refit),

@@ -11,8 +11,8 @@ pub(super) fn lines_and_bursts(criteria: &Criteria, left: &Residue) -> bool {
     !(left.line < criteria.line(left.of.frequencies) && left.burst < burst)
 }
 
-/// Whether innovations remember their neighbours: the level of the noise was taken from records that hold something else too.
-/// Beyond chance and of a size.
+/// Whether innovations remember their neighbours: the level of the noise was taken from records
+/// that hold something else too. Beyond chance and of a size.
 fn remember(criteria: &Criteria, left: &Residue) -> bool {
     left.memory > criteria.allowance * criteria.memory(LAGS as f64)
         && left.correlation > criteria.correlation

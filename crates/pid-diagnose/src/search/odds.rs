@@ -15,8 +15,9 @@ fn line(term: &Term, score: f64, probability: f64) -> Ranked {
     }
 }
 
-/// The ranking of forward selection: candidates of the first round among each other and the nominal structure, a second effect that
-/// was accepted on top of the first with certainty. Neighbouring innovations of a misfit are not independent: the odds are tempered.
+/// The ranking of forward selection: candidates of the first round among each other and the nominal
+/// structure, a second effect that was accepted on top of the first with certainty. Neighbouring
+/// innovations of a misfit are not independent: the odds are tempered.
 pub(super) fn tempered(
     criteria: &Criteria,
     ranking: &[Refit],
@@ -53,8 +54,8 @@ pub(super) fn tempered(
     lag.into_iter().chain(candidates).collect()
 }
 
-/// The ranking of effects that explain a part, of which the first `taken` are taken: those of the first round among each other, the
-/// later ones in their own.
+/// The ranking of effects that explain a part, of which the first `taken` are taken: those of the
+/// first round among each other, the later ones in their own.
 pub(super) fn plain(ranking: &[Refit], taken: usize) -> Vec<Ranked> {
     let own = |i: usize| i == 0 || i >= taken;
     // A candidate that scored more but did not pay on motions never fitted counts as an equal, not as better.

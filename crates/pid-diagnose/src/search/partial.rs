@@ -1,15 +1,17 @@
 //! Effects that pay although something is left that none of them explains.
 //!
-//! Where the verdict is `unknown`, the innovations are the model's errors and no measure of noise. The nominal parameters are then
-//! fitted again to slow predictions (see [`levels`](crate::levels)), and effects are taken one after the other, each judged by
+//! Where the verdict is `unknown`, the innovations are the model's errors and no measure of noise.
+//! The nominal parameters are then fitted again to slow predictions (see
+//! [`levels`](crate::levels)), and effects are taken one after the other, each judged by
 //!
 //! ```text
 //! score = Σ over joints, channels, roles  N′ ln(S₀/S₁)  −  k ln N′  −  2 ln(candidates)
 //! ```
 //!
-//! with the sums of squares S without and with it and the number N′ of independent samples of what it leaves: twice the gain in
-//! profile likelihood with the level unknown (L. Ljung, System Identification, 1999, section 7.4). It must also shrink the
-//! free-run gap on motions never fitted by more than the scatter between their windows.
+//! with the sums of squares S without and with it and the number N′ of independent samples of what
+//! it leaves: twice the gain in profile likelihood with the level unknown (L. Ljung, System
+//! Identification, 1999, section 7.4). It must also shrink the free-run gap on motions never fitted
+//! by more than the scatter between their windows.
 
 use pid_data::Role;
 use rayon::prelude::*;
@@ -94,7 +96,8 @@ fn tuned(case: &Case, settings: &Settings, nominal: &Fit, sensors: &[(f64, f64)]
     }
 }
 
-/// One round: the candidates on top of what is taken, best first, and the first of them that pays, with where it leads.
+/// One round: the candidates on top of what is taken, best first, and the first of them that pays,
+/// with where it leads.
 fn round(
     now: &Stand,
     settings: &Settings,
@@ -133,7 +136,8 @@ fn round(
         let (own, held_out) = (&gaps[i], unseen(&tried[i]));
         let shrinks = own.total < (1.0 - 0.5 * criteria.least_shrink) * gap.total
             && certainty(gap, own) > criteria.decrease();
-        // What few windows or another joint hide: the slow predictions of motions never fitted are beyond doubt.
+        // What few windows or another joint hide: the slow predictions of motions never fitted are
+        // beyond doubt.
         let beyond_doubt =
             held_out > criteria.beyond_doubt * criteria.margin && own.total < gap.total;
         tried[i].score > criteria.margin && held_out > 0.0 && (shrinks || beyond_doubt)
@@ -214,8 +218,8 @@ fn partial(case: &Case, settings: &Settings, nominal: &Fit, floor: f64) -> Parti
     }
 }
 
-/// Whether an amplitude of the last effect, or its number of periods, ended at the end of its range: the effect then stands for
-/// something else.
+/// Whether an amplitude of the last effect, or its number of periods, ended at the end of its
+/// range: the effect then stands for something else.
 fn at_an_end(case: &Case, fit: &Fit) -> bool {
     let Some(term) = fit.hypothesis.terms.last() else {
         return false;
@@ -249,7 +253,8 @@ fn renewed(case: &mut Case, settings: &Settings, at: &Fit, sensors: &[(f64, f64)
     (next, directions)
 }
 
-/// Sums of squares of every joint and channel under a fit, and numbers of independent samples, on the records of a role.
+/// Sums of squares of every joint and channel under a fit, and numbers of independent samples, on
+/// the records of a role.
 fn sums(case: &Case, fit: &Fit, role: Role) -> Vec<(f64, f64)> {
     left(&errors(case, fit, role))
         .iter()
@@ -315,8 +320,8 @@ fn judge(
     }
 }
 
-/// Mean decrease of the logarithm of the squared error from window to window, in its standard errors: each window counts alike,
-/// however lively its motion.
+/// Mean decrease of the logarithm of the squared error from window to window, in its standard
+/// errors: each window counts alike, however lively its motion.
 fn certainty(before: &Gap, after: &Gap) -> f64 {
     let d: Vec<f64> = before
         .windows

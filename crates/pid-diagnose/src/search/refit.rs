@@ -68,7 +68,8 @@ pub(super) fn refit(
         }
         out.sort_by(|a, b| a.fit.train.evidence().total_cmp(&b.fit.train.evidence()));
     }
-    // Impacts and sticking make for slow ends; where much is left the leader gets derivatives of its own in every step.
+    // Impacts and sticking make for slow ends; where much is left the leader gets derivatives of
+    // its own in every step.
     if let Some(leader) = out.first_mut()
         && leader.fit.train.total() > settings.criteria.calm * leader.fit.train.number()
         && gain(current, leader) > 0.0

@@ -10,10 +10,12 @@ use crate::effect::Effect;
 pub struct Settings {
     /// The effects considered; [`effects::all`](crate::effects::all) and the user's own.
     pub effects: Vec<Arc<dyn Effect>>,
-    /// Whether every candidate is refitted to its end, whatever screening says of it: what screening is measured against.
+    /// Whether every candidate is refitted to its end, whatever screening says of it: what
+    /// screening is measured against.
     pub refit_all: bool,
-    /// Length of the train records that is fitted, s times the number of joints, and twice that of the test records that it is
-    /// judged by; the parts that decide are taken from longer ones (see [`excerpt`](crate::excerpt)).
+    /// Length of the train records that is fitted, s times the number of joints, and twice that of
+    /// the test records that it is judged by; the parts that decide are taken from longer ones (see
+    /// [`excerpt`](crate::excerpt)).
     pub joint_seconds: f64,
     /// What decides the verdict.
     pub criteria: Criteria,

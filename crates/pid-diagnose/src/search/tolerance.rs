@@ -1,8 +1,9 @@
 //! Friction outside the tolerance that was stated for it.
 //!
-//! Friction is what a description knows least, and no effect of the library stands for another level of it. Where nothing explains
-//! the records and the nominal structure is fitted with a friction value at the end of its tolerance, both friction values of that
-//! joint may lie anywhere from zero upwards, and everything is looked for once more.
+//! Friction is what a description knows least, and no effect of the library stands for another
+//! level of it. Where nothing explains the records and the nominal structure is fitted with a
+//! friction value at the end of its tolerance, both friction values of that joint may lie anywhere
+//! from zero upwards, and everything is looked for once more.
 
 use pid_interpret::nominal::Role;
 
@@ -21,8 +22,8 @@ const FRICTION: [Role; 2] = [Role::Coulomb, Role::Viscous];
 /// Deviation, in tolerances, from which a value counts as held by its tolerance: the bound is 1.
 const HELD: f64 = 0.999;
 
-/// The evidence of a search with wider ranges, with what lies outside the stated ones; what was before is the nominal structure
-/// within them.
+/// The evidence of a search with wider ranges, with what lies outside the stated ones; what was
+/// before is the nominal structure within them.
 pub(super) fn beyond(stated: Evidence, wider: Evidence) -> Evidence {
     let beyond = outside(&stated.case, &wider);
     let mut base = wider.base;
@@ -56,7 +57,8 @@ pub(super) fn beyond(stated: Evidence, wider: Evidence) -> Evidence {
     }
 }
 
-/// The case with wider ranges of the friction values that a tolerance holds, as wide as the nominal structure needs them.
+/// The case with wider ranges of the friction values that a tolerance holds, as wide as the nominal
+/// structure needs them.
 pub(super) fn widened(case: &Case, settings: &Settings, found: &Evidence) -> Option<Case> {
     let nothing = Hypothesis::default();
     let mut wide = case.clone();
@@ -164,8 +166,8 @@ mod tests {
     use crate::effect::Term;
     use crate::effects;
 
-    /// A pendulum with an effect whose description states other friction (Coulomb, viscous; ± 40 %) than it has: 0.1 N·m and
-    /// 0.08 N·m·s/rad.
+    /// A pendulum with an effect whose description states other friction (Coulomb, viscous; ± 40 %)
+    /// than it has: 0.1 N·m and 0.08 N·m·s/rad.
     fn misjudged(effect: Option<(&str, &[f64])>, stated: [f64; 2]) -> Diagnosis {
         let terms = effect
             .iter()

@@ -1,15 +1,17 @@
 //! What a fit leaves: are its innovations noise?
 //!
-//! Noise is spread evenly in time and over frequencies; a cause that was taken for noise, because the level of the noise was not
-//! stated, is not. Two figures are taken from the whitened innovations ε of every record, joint and channel, of all roles:
+//! Noise is spread evenly in time and over frequencies; a cause that was taken for noise, because
+//! the level of the noise was not stated, is not. Two figures are taken from the whitened
+//! innovations ε of every record, joint and channel, of all roles:
 //!
 //! ```text
 //! burst = max over windows of 40 ms of mean ε² / mean of ε² over the record
 //! line  = max over frequencies up to 60 Hz of |Σ ε_k exp(−iωkh)|² / (N mean of ε²)
 //! ```
 //!
-//! For white noise a line exceeds z with probability e^(−z) per frequency (R. A. Fisher, Proc. R. Soc. A 125, 1929), and the sum
-//! of m squares in a window is chi-squared with m degrees of freedom.
+//! For white noise a line exceeds z with probability e^(−z) per frequency (R. A. Fisher, Proc. R.
+//! Soc. A 125, 1929), and the sum of m squares in a window is chi-squared with m degrees of
+//! freedom.
 
 use rayon::prelude::*;
 
@@ -200,7 +202,8 @@ mod tests {
         hits.count() as f64 / series as f64
     }
 
-    /// Whether a share of `series` independent ones is that of a probability, within four standard deviations.
+    /// Whether a share of `series` independent ones is that of a probability, within four standard
+    /// deviations.
     fn agrees(share: f64, probability: f64, series: usize) -> bool {
         let std = (probability * (1.0 - probability) / series as f64).sqrt();
         (share - probability).abs() < 4.0 * std
@@ -210,7 +213,8 @@ mod tests {
         x.iter().map(|x| x * x).sum()
     }
 
-    /// The quantiles of [`Criteria`] are those of simulated white noise, at a probability that 2000 series can tell.
+    /// The quantiles of [`Criteria`] are those of simulated white noise, at a probability that 2000
+    /// series can tell.
     #[test]
     fn null_distribution_of_lines_and_memory() {
         let (many, h) = (2000, 2e-3);
@@ -226,7 +230,8 @@ mod tests {
         assert!(agrees(memories, 0.05, many), "{memories}");
     }
 
-    /// The windows of a record are divided by its own mean square: a little less than independent chi-squared numbers.
+    /// The windows of a record are divided by its own mean square: a little less than independent
+    /// chi-squared numbers.
     #[test]
     fn null_distribution_of_bursts() {
         let (many, n, h) = (3000, 3500, 2e-3);

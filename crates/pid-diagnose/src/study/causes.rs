@@ -200,7 +200,8 @@ impl Kind {
         )
     }
 
-    /// The magnitude that names its size: name in reports and value. `None` where the report's form has no single one.
+    /// The magnitude that names its size: name in reports and value. `None` where the report's form
+    /// has no single one.
     pub fn magnitude(&self) -> Option<(&'static str, f64)> {
         Some(match *self {
             Kind::Stribeck { ratio, .. } => ("static_to_coulomb", ratio),

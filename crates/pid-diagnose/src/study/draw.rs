@@ -501,7 +501,8 @@ fn normal(random: &mut ChaCha8Rng) -> f64 {
     random.sample(StandardNormal)
 }
 
-/// One record under a controller with the nominal robot's inverse dynamics as feedforward and proportional-derivative feedback.
+/// One record under a controller with the nominal robot's inverse dynamics as feedforward and
+/// proportional-derivative feedback.
 fn record(
     robot: &Robot,
     nominal: &Nominal,

@@ -1,8 +1,9 @@
 //! Mass matrix and bias forces of a tree of links, in frames whose third axis is the hinge's.
 //!
-//! The same algorithms as in R. Featherstone, Rigid Body Dynamics Algorithms, 2008, tables 5.1 (recursive Newton-Euler) and 6.2
-//! (composite bodies), with 3-vectors. In these frames a hinge turns two components and leaves the third, the axis picks one
-//! component, and links that do not rotate or rotate about their own axis alone lose most of their terms.
+//! The same algorithms as in R. Featherstone, Rigid Body Dynamics Algorithms, 2008, tables 5.1
+//! (recursive Newton-Euler) and 6.2 (composite bodies), with 3-vectors. In these frames a hinge
+//! turns two components and leaves the third, the axis picks one component, and links that do not
+//! rotate or rotate about their own axis alone lose most of their terms.
 
 use std::ops::Mul;
 
@@ -99,7 +100,8 @@ pub struct Linkage<D> {
     tool: V3<f64>,
 }
 
-/// Largest deviation of an axis from another to count as parallel: rounding of the sine and cosine of a right angle.
+/// Largest deviation of an axis from another to count as parallel: rounding of the sine and cosine
+/// of a right angle.
 const PARALLEL: f64 = 1e-12;
 
 impl<D: Scalar> Linkage<D> {
@@ -269,7 +271,8 @@ impl<D: Scalar> Linkage<D> {
             let (before, rest) = self.links.split_at_mut(k);
             let link = &rest[0];
             bias[k] = link.along(link.force, link.torque);
-            // The force and torque that accelerate the composite body by one unit of joint k, then carried towards the base.
+            // The force and torque that accelerate the composite body by one unit of joint k, then
+            // carried towards the base.
             let (h, i) = (link.composite.moment, &link.composite.inertia);
             let (mut f, mut t) = if link.revolute {
                 mass[k * n + k] = i[2];

@@ -1,9 +1,12 @@
-//! The withheld-effect study: cases whose cause is known are diagnosed blind, then the causes are opened and the verdicts scored.
+//! The withheld-effect study: cases whose cause is known are diagnosed blind, then the causes are
+//! opened and the verdicts scored.
 //!
-//! The generator shares no physics with the diagnosis: rigid bodies ([`linkage`]), integration (symplectic Euler at 0.1 ms),
-//! friction (impulses), gears, channels and every cause are written a second time here; a test compares the rigid bodies. A case is
-//! `cases/ID/{dataset.toml, nominal.toml, *.csv}`, its cause `truth/ID.json`, its diagnosis `results/ID.json`. What is there
-//! already is not made again, so that an interrupted study goes on where it stopped.
+//! The generator shares no physics with the diagnosis: rigid bodies ([`linkage`]), integration
+//! (symplectic Euler at 0.1 ms), friction (impulses), gears, channels and every cause are written a
+//! second time here; a test compares the rigid bodies. A case is
+//! `cases/ID/{dataset.toml, nominal.toml, *.csv}`, its cause `truth/ID.json`, its diagnosis
+//! `results/ID.json`. What is there already is not made again, so that an interrupted study goes on
+//! where it stopped.
 
 mod causes;
 mod draw;
@@ -101,8 +104,8 @@ fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>, StudyE
         })
 }
 
-/// Writes the records of the `i`-th case of a plan to `cases/ID` below a folder and its cause to `truth/ID.json`, unless they are
-/// there. Returns the folder of the records.
+/// Writes the records of the `i`-th case of a plan to `cases/ID` below a folder and its cause to
+/// `truth/ID.json`, unless they are there. Returns the folder of the records.
 ///
 /// # Errors
 /// If a file cannot be written, or the cause is not of this program's making.
@@ -127,7 +130,8 @@ pub fn lay_out(plan: &Plan, i: usize, out: &Path) -> Result<PathBuf, StudyError>
     Ok(here)
 }
 
-/// Makes the cases of a plan, diagnoses them and opens the causes; `progress` is told how many are done, of how many.
+/// Makes the cases of a plan, diagnoses them and opens the causes; `progress` is told how many are
+/// done, of how many.
 ///
 /// # Errors
 /// If a file cannot be written, or one of an earlier run cannot be read.

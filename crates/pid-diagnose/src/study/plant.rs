@@ -1,7 +1,8 @@
 //! The study's own reading of a description, as deviations in units of their tolerances.
 //!
-//! Per joint k, in this order: mass, centre of mass (3), inertia about it (6), rotor inertia, motor gain, Coulomb friction,
-//! viscous friction. A deviation of 1 is one tolerance: `m = m₀ + Δm θ`, and so on.
+//! Per joint k, in this order: mass, centre of mass (3), inertia about it (6), rotor inertia, motor
+//! gain, Coulomb friction, viscous friction. A deviation of 1 is one tolerance: `m = m₀ + Δm θ`,
+//! and so on.
 
 use pid_derive::model::{Expr, JointKind};
 use pid_interpret::nominal::{Nominal, Role};
@@ -34,7 +35,8 @@ pub struct Plant<D> {
 }
 
 impl<D: Scalar> Plant<D> {
-    /// The plant at the deviations `theta` (n × [`PER_JOINT`]) of a chain or tree of driven links; `tool` in the last link's frame.
+    /// The plant at the deviations `theta` (n × [`PER_JOINT`]) of a chain or tree of driven links;
+    /// `tool` in the last link's frame.
     pub fn new(description: &Nominal, theta: &[D]) -> Self {
         let robot = description.robot();
         let mut plant = Plant {

@@ -1,5 +1,5 @@
-//! Rigid links over any [`Scalar`]: where they hang, their inertial parameters, and 3-vectors; the tree of them is
-//! [`linkage`](super::linkage).
+//! Rigid links over any [`Scalar`]: where they hang, their inertial parameters, and 3-vectors; the
+//! tree of them is [`linkage`](super::linkage).
 
 use crate::scalar::Scalar;
 

@@ -118,7 +118,8 @@ fn same_map(truth: &Truth, cause: &Cause, effect: &str, joint: Option<usize>) ->
     let (Some(own), Some(other)) = (effects::by_id(cause.kind.id()), effects::by_id(effect)) else {
         return false;
     };
-    // Every robot of the study has viscous friction, and gravity counts as one that acts: its direction is no part of the truth.
+    // Every robot of the study has viscous friction, and gravity counts as one that acts: its
+    // direction is no part of the truth.
     let at = Circumstances {
         joints: truth.joints,
         joint: cause.joint,
@@ -226,7 +227,8 @@ pub fn summary(outcomes: &[Outcome]) -> Summary {
             let Some((key, mut value)) = c.kind.magnitude() else {
                 continue;
             };
-            // One cable between the first two joints, seen from the other: K/2 (q₁ + ρ q₂)² = K ρ²/2 (q₂ + q₁/ρ)².
+            // One cable between the first two joints, seen from the other: K/2 (q₁ + ρ q₂)² = K
+            // ρ²/2 (q₂ + q₁/ρ)².
             if let Kind::JointCoupling { ratio, .. } = c.kind
                 && c.joint == 0
                 && d.verdict.joint() == Some(2)

@@ -1,10 +1,13 @@
-//! The simulated robot: rigid links with rotors, gears, dry friction by impulses, causes by their definitions.
+//! The simulated robot: rigid links with rotors, gears, dry friction by impulses, causes by their
+//! definitions.
 //!
-//! Symplectic Euler at 0.1 ms: `v⁺ = v + δ M⁻¹ (τ − b) − M⁻¹ λ` with friction impulses `λ ∈ δ·level·Sgn(v⁺)` by projected
-//! Gauss-Seidel sweeps (J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics, 1988), then `q⁺ = q + δ v⁺`.
-//! Read as leap-frog: velocities belong to the middle between two positions (E. Hairer, C. Lubich, G. Wanner, Acta Numerica 12,
-//! 2003, section 1), so that the inputs of a step are those from half a step before to half a step after, and a velocity is read
-//! half a step on. Taken at the ends of the step, delays and lags would be short by 0.05 to 0.1 ms.
+//! Symplectic Euler at 0.1 ms: `v⁺ = v + δ M⁻¹ (τ − b) − M⁻¹ λ` with friction impulses
+//! `λ ∈ δ·level·Sgn(v⁺)` by projected Gauss-Seidel sweeps (J. J. Moreau, Unilateral contact and dry
+//! friction in finite freedom dynamics, 1988), then `q⁺ = q + δ v⁺`. Read as leap-frog: velocities
+//! belong to the middle between two positions (E. Hairer, C. Lubich, G. Wanner, Acta Numerica 12,
+//! 2003, section 1), so that the inputs of a step are those from half a step before to half a step
+//! after, and a velocity is read half a step on. Taken at the ends of the step, delays and lags
+//! would be short by 0.05 to 0.1 ms.
 
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
@@ -17,7 +20,8 @@ use super::rigid::add_point;
 
 /// Integration step, s.
 pub(super) const STEP: f64 = 1e-4;
-/// Time constant of the torque that loads the gear's friction, s: the torque of the step itself would be an algebraic loop.
+/// Time constant of the torque that loads the gear's friction, s: the torque of the step itself
+/// would be an algebraic loop.
 const LOAD_FADE: f64 = 1e-3;
 /// Sweeps over the friction impulses.
 const SWEEPS: usize = 60;

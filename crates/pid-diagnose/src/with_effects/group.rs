@@ -61,7 +61,8 @@ impl fmt::Display for Obstacle {
     }
 }
 
-/// Places of the arguments: own and partner's position and velocity, input, acceleration, friction, gain; effects' parameters follow.
+/// Places of the arguments: own and partner's position and velocity, input, acceleration, friction,
+/// gain; effects' parameters follow.
 const Q: usize = 0;
 const V: usize = 2;
 const INPUT: usize = 4;
@@ -130,7 +131,8 @@ static TRIED: LazyLock<Nominal> = LazyLock::new(|| {
     Nominal::parse(text, "arm.toml".as_ref()).expect("invariant: the text is part of the program")
 });
 
-/// Constants of which an effect may change any: those that belong to bodies and gravity, and the rotor of the second joint.
+/// Constants of which an effect may change any: those that belong to bodies and gravity, and the
+/// rotor of the second joint.
 fn tried(law: &dyn Law<f64>, e: &[f64]) -> (Vec<f64>, f64) {
     let mut constants = Constants::<f64>::new(&TRIED, &vec![0.0; TRIED.size()]);
     law.constants(e, 1, &mut constants);

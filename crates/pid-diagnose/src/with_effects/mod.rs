@@ -1,12 +1,15 @@
-//! A model with effects of the library in its equations of motion: every estimator that takes a model takes this one.
+//! A model with effects of the library in its equations of motion: every estimator that takes a
+//! model takes this one.
 //!
-//! An effect enters as a force on the joint, a change of its dry and viscous friction, a function of its input, or an inertia of its
-//! rotor. Its equation is the library's own, with tanh(v/v₀) for the sign of the velocity and rounded corners ([`Smooth`]); first
-//! and second derivatives come from the same equation by hyper-dual numbers. Effects change the friction and the gain that the
+//! An effect enters as a force on the joint, a change of its dry and viscous friction, a function
+//! of its input, or an inertia of its rotor. Its equation is the library's own, with tanh(v/v₀) for
+//! the sign of the velocity and rounded corners ([`Smooth`]); first and second derivatives come
+//! from the same equation by hyper-dual numbers. Effects change the friction and the gain that the
 //! model has: these parameters are recognised by what they do ([`roles`]).
 //!
-//! The torque through the gear, on which [`LoadDependentFriction`](crate::effects::LoadDependentFriction) depends, is taken as that
-//! of the drive less the friction that the model has: without the part that accelerates the rotor.
+//! The torque through the gear, on which
+//! [`LoadDependentFriction`](crate::effects::LoadDependentFriction) depends, is taken as that of
+//! the drive less the friction that the model has: without the part that accelerates the rotor.
 
 mod group;
 mod merge;
@@ -82,7 +85,8 @@ const DECADE: f64 = 10.0;
 /// Half width of a range, in sizes of the value or of its interval.
 const WIDE: f64 = 5.0;
 
-/// Ends between which a parameter that a description states is sought: wide against its interval, within what is possible.
+/// Ends between which a parameter that a description states is sought: wide against its interval,
+/// within what is possible.
 fn sought(p: &Parameter, value: f64, interval: Option<(f64, f64)>) -> (f64, f64) {
     let (low, high) = range(p);
     if p.lower > 0.0 {

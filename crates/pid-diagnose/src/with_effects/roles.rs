@@ -22,7 +22,8 @@ const FAST: f64 = 1e3;
 /// Relative error of a probe.
 const CLOSE: f64 = 1e-9;
 
-/// Roles of all joints. A parameter that does anything else besides (a factor of two joints, an exponent) has none.
+/// Roles of all joints. A parameter that does anything else besides (a factor of two joints, an
+/// exponent) has none.
 pub fn roles(model: &dyn Hessian) -> Vec<JointRoles> {
     let dims = model.dims();
     let p: Vec<f64> = model.params().iter().map(|p| p.nominal).collect();

@@ -10,7 +10,8 @@ use crate::scalar::Scalar;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Smooth(pub HyperDual64);
 
-/// Rounding of |x| at zero: √(x² + ε²), in the unit of x. A thousandth of a newton metre is below any drive's noise.
+/// Rounding of |x| at zero: √(x² + ε²), in the unit of x. A thousandth of a newton metre is below
+/// any drive's noise.
 const ROUND: f64 = 1e-3;
 /// Rounding of a limit, share of the distance between the two: the corner is left by 0.25 % of that.
 const CORNER: f64 = 5e-3;

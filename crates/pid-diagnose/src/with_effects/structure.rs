@@ -11,10 +11,11 @@ const TEN: usize = 10;
 /// Relative departure from a straight line.
 const STRAIGHT: f64 = 1e-12;
 
-/// The robot of a description with those effects in it that add masses in proportion to their one parameter, and the others.
+/// The robot of a description with those effects in it that add masses in proportion to their one
+/// parameter, and the others.
 ///
-/// Such an effect adds what a unit of its parameter adds as a body of its own, fixed to the one it changes, times a parameter
-/// `EFFECT_PARAMETER`.
+/// Such an effect adds what a unit of its parameter adds as a body of its own, fixed to the one it
+/// changes, times a parameter `EFFECT_PARAMETER`.
 pub fn with_masses(nominal: &Nominal, placed: Vec<Placed>) -> (Robot, Vec<Placed>) {
     let mut robot = nominal.description.robot().clone();
     let rest = placed.into_iter().filter(|own| {

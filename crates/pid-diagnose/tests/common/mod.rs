@@ -14,8 +14,9 @@ const SAMPLES: u32 = 1500;
 /// Uniform noise of the readings, standard deviation, rad.
 const NOISE: f64 = 1e-4;
 
-/// A data folder of a machine without `nominal.toml`, from rest at `q`, under inputs of an `amplitude`. Joints that slide have a
-/// name that starts with `slide`; inputs that the machine does not have are zero.
+/// A data folder of a machine without `nominal.toml`, from rest at `q`, under inputs of an
+/// `amplitude`. Joints that slide have a name that starts with `slide`; inputs that the machine
+/// does not have are zero.
 pub(crate) fn folder(
     name: &str,
     machine: &dyn Jacobian,

@@ -1,4 +1,4 @@
-//! Which parameters a motion can determine, and how large their columns are.
+//! Chooses the parameters that a motion can determine, and the scale of their columns.
 
 use super::{ExciteError, Limits};
 use nalgebra::DMatrix;
@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 const POSES: usize = 60;
 /// Poses at which the force is checked to be a polynomial.
 const SLOWED: usize = 12;
-/// What remains of a column beside the chosen ones, relative to it, below which it depends on them.
+/// A column depends on the chosen ones if less than this share of it remains beside them.
 const DEPENDENT: f64 = 1e-7;
 
 /// Why a parameter has no column.
@@ -20,7 +20,7 @@ const DEPENDENT: f64 = 1e-7;
 pub enum Without {
     /// Held by the declaration.
     Fixed,
-    /// Its effect depends on the inputs, which follow from the motion only once it is known.
+    /// Its effect depends on the inputs, which are known only after the motion.
     NeedsInput,
     /// The force is no polynomial of it (the sharpness of a `tanh`).
     NotPolynomial,
@@ -114,7 +114,7 @@ pub(super) fn choose(
             }
         }
         if i < SLOWED {
-            // Slow motion too: what saturates at speed shows only there.
+            // Slow motion too, since saturating friction shows only there.
             let slower = 10f64.powi(-((i % 4) as i32));
             z[nq..2 * nq].iter_mut().for_each(|v| *v *= slower);
             for k in 0..dims.np {
@@ -153,7 +153,7 @@ pub(super) fn choose(
         params.push(k);
         let direction = rest.column(k).normalize();
         for other in &open {
-            // Twice: what rounding leaves of the direction after the first pass matters near dependence.
+            // Orthogonalise twice: near dependence the rounding of the first pass matters.
             for _ in 0..2 {
                 let along = rest.column(*other).dot(&direction);
                 rest.column_mut(*other).axpy(-along, &direction, 1.0);

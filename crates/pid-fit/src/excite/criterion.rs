@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
-/// What a motion is optimised for; both are to be minimised, of an information matrix A of order n.
+/// Criterion of a motion, to be minimised, for an information matrix A of order n.
 ///
 /// Eigenvalues below 1e-300 make the value infinite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 pub enum Criterion {
     /// −ln det A / n: the volume of the confidence ellipsoid. Does not depend on the units of the parameters.
     Determinant,
-    /// ln tr A⁻⁸ / 8: a smooth upper bound of −ln of the smallest eigenvalue, at most ln n / 8 above it. Its longest axis.
+    /// ln tr A⁻⁸ / 8: a smooth upper bound of −ln of the smallest eigenvalue, at most ln n / 8
+    /// above it. It measures the longest axis of the ellipsoid.
     SmallestEigenvalue,
 }
 
@@ -33,7 +34,8 @@ pub(super) struct Measured {
 }
 
 impl Measured {
-    /// Largest over smallest eigenvalue's root: the condition number of the regressor.
+    /// Square root of the largest over the smallest eigenvalue: the condition number of the
+    /// regressor.
     pub(super) fn condition(&self) -> f64 {
         let (low, high) = (self.eigen.eigenvalues.min(), self.eigen.eigenvalues.max());
         (high / low).sqrt()
@@ -79,7 +81,7 @@ fn divided(a: f64, b: f64) -> f64 {
         .sum::<f64>()
 }
 
-/// A criterion's value, gradient and what its curvature needs.
+/// A criterion's value, gradient and the terms of its curvature.
 pub(super) fn measure(criterion: Criterion, a: &DMatrix<f64>) -> Measured {
     let n = a.nrows();
     let eigen = SymmetricEigen::new(a.clone());

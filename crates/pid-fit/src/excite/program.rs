@@ -20,7 +20,8 @@ enum Row {
 }
 
 impl Row {
-    /// How much of the limit a value of the row uses; a value that is not finite passes any.
+    /// Share of the limit that a value of the row uses. A value that is not finite exceeds every
+    /// limit.
     fn used(&self, value: f64) -> f64 {
         match self {
             _ if value.is_nan() => f64::INFINITY,
@@ -30,7 +31,7 @@ impl Row {
     }
 }
 
-/// What limits a motion most.
+/// The limit that a motion uses most.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Binding {
     /// A joint's position, velocity or acceleration.
@@ -41,7 +42,8 @@ pub(super) enum Binding {
     Place(usize, f64),
 }
 
-/// Minimises a criterion of the information over Fourier coefficients, samples within limits, at rest where a period begins.
+/// Minimises a criterion of the information over Fourier coefficients, samples within limits, at
+/// rest where a period begins.
 pub(super) struct Program<'a> {
     sensitivity: Sensitivity<'a>,
     places: Option<Places<'a>>,
@@ -201,7 +203,8 @@ impl<'a> Program<'a> {
         measure(self.criterion, &a)
     }
 
-    /// `g = 2/N y G` and the derivative of the objective by the motion at the current sample, into `scratch.row`.
+    /// `g = 2/N y G` and the derivative of the objective by the motion at the current sample, into
+    /// `scratch.row`.
     fn pull_back(&mut self, gradient: &DMatrix<f64>) {
         let nb = self.sensitivity.nb();
         let c = 2.0 / self.samples as f64;
@@ -238,7 +241,8 @@ impl<'a> Program<'a> {
         }
     }
 
-    /// Adds `Φᵀ S Φ` of the symmetric S in `scratch.square` (lower triangle) to the lower triangle of `scratch.dense`.
+    /// Adds `Φᵀ S Φ` of the symmetric S in `scratch.square` (lower triangle) to the lower triangle
+    /// of `scratch.dense`.
     fn spread_square(&mut self, i: usize) {
         let (nq, width) = (self.nq, self.width);
         let nx = nq * width;

@@ -1,4 +1,5 @@
-//! The regressor of chosen parameters along a motion, with its exact derivatives by position, velocity and acceleration.
+//! The regressor of chosen parameters along a motion, with its exact derivatives by position,
+//! velocity and acceleration.
 
 use super::columns::Columns;
 use pid_runtime::dynamics::{At, Dims, Hessian};
@@ -184,8 +185,9 @@ impl<'a> Sensitivity<'a> {
 
     /// Adds the lower triangle of `Σ_jk g_jk ∂²y_jk/∂(q, v, a)²` for g of the shape of [`y`](Self::y).
     ///
-    /// The regressor is the force's derivative by parameters in which it is a polynomial of at most the fourth degree, so that
-    /// the derivative along the line p + t g follows exactly from the force's Hessian at four points of that line.
+    /// The regressor is the force's derivative by parameters in which it is a polynomial of at most
+    /// the fourth degree, so that the derivative along the line p + t g follows exactly from the
+    /// force's Hessian at four points of that line.
     pub(super) fn add_regressor_curvature(&mut self, motion: &[f64], g: &[f64], out: &mut [f64]) {
         let (nq, nb) = (self.dims.nq, self.nb());
         let width = 3 * nq;

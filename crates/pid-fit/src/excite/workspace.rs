@@ -4,11 +4,11 @@ use super::ExciteError;
 use nalgebra::{DMatrix, DVector};
 use pid_runtime::kinematics::ForwardKinematics;
 
-/// Steps towards a pose with all points in their boxes.
+/// Most steps towards a pose with all points in their boxes.
 const STEPS: usize = 50;
-/// Share of a box that such a pose leaves free.
+/// Such a pose leaves this share of each box free.
 const INSIDE: f64 = 0.25;
-/// Share of a joint's range that it leaves free at each end.
+/// It leaves this share of a joint's range free at each end.
 const ENDS: f64 = 0.05;
 
 /// Boxes in which points of the robot stay, in the base frame.
@@ -56,7 +56,8 @@ pub(super) struct Side {
     pub(super) at: usize,
     pub(super) scale: f64,
     pub(super) middle: f64,
-    /// Whether the share has no lower limit: the box is open on one side, and a share is what is used of its last metre.
+    /// Whether the box is open on one side. The share then has no lower limit: it is the used part
+    /// of the box's last metre.
     pub(super) open: bool,
 }
 
@@ -138,7 +139,8 @@ impl<'a> Places<'a> {
         }
     }
 
-    /// Moves a pose until the points are well within their boxes, by damped least squares in the joints' ranges; it may fail.
+    /// Moves a pose until the points are well within their boxes, by damped least squares in the
+    /// joints' ranges; it may fail.
     pub(super) fn bring_inside(&mut self, q: &mut [f64], ranges: &[(f64, f64)]) {
         let sides = self.sides();
         for _ in 0..STEPS {
@@ -175,7 +177,7 @@ impl<'a> Places<'a> {
         }
     }
 
-    /// What a limited coordinate is, for people: point, axis, range.
+    /// A limited coordinate in words: point, axis, range.
     pub(super) fn named(&self, at: usize) -> (String, char, (f64, f64)) {
         (
             self.workspace.points.points()[at / 3].clone(),

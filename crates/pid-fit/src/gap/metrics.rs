@@ -1,15 +1,17 @@
 //! Free-run error: how far a simulation moves away from the record within a horizon.
 //!
-//! A record is cut into restart windows ([`pid_data::windows`]). Each window starts from the recorded state, runs with the
-//! recorded inputs alone and is compared sample by sample; the start itself is not counted. Per joint and channel,
-//! over the N compared values x of the simulation and x^d of the record,
+//! A record is cut into restart windows ([`pid_data::windows`]). Each window starts from the
+//! recorded state, runs with the recorded inputs alone and is compared sample by sample; the start
+//! itself is not counted. Per joint and channel, over the N compared values x of the simulation and
+//! x^d of the record,
 //!
 //! ```text
 //! RMS = √(Σ (x − x^d)² / N),        MAE = Σ |x − x^d| / N,        max = max |x − x^d|,
 //! ```
 //!
-//! and, as in K. Schäfer et al., Section V-A, `J = 1/N Σ_i |x_i − x_i^d|²` over positions and recorded velocities. Windows that
-//! diverge, and windows that cannot start because a sample is missing, are counted and left out.
+//! and, as in K. Schäfer et al., Section V-A, `J = 1/N Σ_i |x_i − x_i^d|²` over positions and
+//! recorded velocities. Windows that diverge, and windows that cannot start because a sample is
+//! missing, are counted and left out.
 //!
 //! The gap of a diagnosis is another figure: relative to the motion, from the states of a predictor.
 
@@ -23,16 +25,17 @@ use pid_data::signal::{SignalError, StateEstimate, state_from_data};
 use pid_data::{Dataset, Experiment, Horizon, Role, VelocityKind, windows};
 use pid_runtime::dynamics::Jacobian;
 
-/// How free runs are made.
+/// Settings of free runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FreeRunSettings {
     /// How far a simulation runs before it is restarted.
     pub horizon: Horizon,
-    /// Where the velocity at the start comes from.
+    /// Source of the velocity at the start.
     pub start: StartVelocity,
     /// Cut-off of the filter that derives velocities, Hz; `None` as in [`state_from_data`].
     pub cutoff: Option<f64>,
-    /// Integration; the default here is 1e-6 relative and 1e-8 absolute, far below what is judged.
+    /// Integration. The default here is 1e-6 relative and 1e-8 absolute, far below the errors that
+    /// are judged.
     pub integration: Settings,
 }
 
@@ -63,7 +66,7 @@ pub enum StartVelocity {
     Estimated,
 }
 
-/// A free run that cannot be judged.
+/// Why a free run cannot be judged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FreeRunError {
@@ -75,7 +78,7 @@ pub enum FreeRunError {
     Simulate {
         /// The experiment.
         experiment: String,
-        /// What went wrong.
+        /// The cause.
         error: SimulateError,
     },
 }
@@ -115,8 +118,8 @@ pub struct FreeRunScore {
     pub horizon: Horizon,
     /// Per joint.
     pub joints: Vec<JointError>,
-    /// `1/N Σ_i |x_i − x_i^d|²` over positions and, where all joints have them, recorded velocities (mixed units, as in
-    /// the source); `None` if nothing could be compared.
+    /// `1/N Σ_i |x_i − x_i^d|²` over positions and, where all joints have them, recorded velocities
+    /// (mixed units, as in the source); `None` if nothing could be compared.
     pub objective: Option<f64>,
     /// Windows simulated to their end.
     pub windows: usize,
@@ -138,7 +141,8 @@ pub struct FreeRunTable {
 /// A simulated record: restarted at the windows' borders, NaN where nothing was simulated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreeRun {
-    /// Positions, N × nq. At a border the end of the earlier window, the start of the record at the first sample.
+    /// Positions, N × nq. At a border the end of the earlier window, the start of the record at the
+    /// first sample.
     pub q: Vec<f64>,
     /// Velocities, N × nq.
     pub v: Vec<f64>,
@@ -153,7 +157,8 @@ pub struct FreeRun {
 /// Simulates an experiment window by window, in parallel.
 ///
 /// # Errors
-/// [`FreeRunError`] if states cannot be estimated, or if the model itself is at fault (a singular mass matrix, wrong shapes).
+/// [`FreeRunError`] if states cannot be estimated, or if the model itself is at fault (a singular
+/// mass matrix, wrong shapes).
 pub fn free_run(
     model: &dyn Jacobian,
     p: &[f64],
@@ -217,7 +222,7 @@ pub fn free_run(
     for (range, outcome) in runs {
         match outcome {
             Outcome::Done { q, v } => {
-                // The border belongs to the earlier window, which has come all the way to it.
+                // The sample at the border belongs to the earlier window, which ran up to it.
                 let taken = !out.q[range.start * nq].is_nan();
                 let from = usize::from(taken);
                 let to = (range.start + from) * nq..range.end * nq;
@@ -503,7 +508,7 @@ mod tests {
                 assert_eq!(s.joints[0].q.unwrap().count, 400);
             }
         }
-        // Velocities estimated from positions: close, and not scored.
+        // Velocities derived from positions are close and are not scored.
         let s = &table(
             &dataset(VelocityKind::Absent),
             &PENDULUM,

@@ -1,4 +1,4 @@
-//! Iterations ahead of those that end at the optimum: by Gauss-Newton, and until the constraints hold.
+//! Iterations ahead of the exact Hessian: by Gauss-Newton, then until the constraints hold.
 
 use super::motions::Motions;
 use super::starts::Report;
@@ -7,12 +7,13 @@ use pid_nlp::solver::kkt::Kkt;
 use pid_nlp::solver::{Iteration, Settings, ip};
 use std::ops::ControlFlow;
 
-/// How long Gauss-Newton iterations go on before the exact Hessian takes over.
+/// When Gauss-Newton iterations end and the exact Hessian takes over.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Approach {
     /// Most iterations.
     most: usize,
-    /// Violation of the constraints, and relative change of the objective, below which it takes over.
+    /// The exact Hessian takes over below this violation of the constraints (`near`) and this
+    /// relative change of the objective (`settled`).
     near: f64,
     settled: f64,
     /// Iterations of a restoration phase.
@@ -26,21 +27,23 @@ pub(super) const APPROACH: Approach = Approach {
     settled: 5e-2,
     restoration: 200,
 };
-/// With links kept bodies. Stiff joints (a wrist whose friction outweighs its inertia a hundredfold) leave multipliers at the
-/// violation above that mean nothing yet: an arm of 84 parameters then did not converge at 3 000 samples and more.
+/// For links that are kept bodies. Stiff joints, such as a wrist whose friction outweighs its
+/// inertia a hundredfold, still have meaningless multipliers at a violation of 0.1: with it an arm
+/// of 84 parameters does not converge from 3 000 samples on.
 pub(super) const LONG_APPROACH: Approach = Approach {
     most: 150,
     near: 1e-3,
     settled: 1e-2,
-    // Where these iterations find no step, the exact Hessian does (an arm with rotors, 10 000 samples: a restoration took twice the
-    // time and two and a half times the memory).
+    // Where these iterations find no step, the exact Hessian does. A restoration here would cost
+    // twice the time and 2.5 times the memory (arm with rotors, 10 000 samples).
     restoration: 0,
 };
-/// Share of a step from which its change of the objective counts.
+/// A change of the objective counts only if the step has at least half its full length.
 const WHOLE: f64 = 0.5;
 
-/// Gauss-Newton iterations until the constraints nearly hold: far from that the multipliers, and with them the exact curvature of
-/// the constraints, mean nothing. Returns the iterations it took.
+/// Runs Gauss-Newton iterations until the constraints nearly hold. Far from that the multipliers
+/// mean nothing, and neither does the exact curvature of the constraints. Returns the number of
+/// iterations.
 pub(super) fn approach<P: Motions>(
     problem: &mut P,
     kkt: &mut dyn Kkt,
@@ -56,7 +59,7 @@ pub(super) fn approach<P: Motions>(
         ..options.clone()
     };
     let mut near = |line: &Iteration| {
-        // A step that was cut short tells nothing.
+        // A shortened step says nothing about the change of the objective.
         let settled = line.alpha >= WHOLE
             && (line.objective - previous).abs() <= how.settled * line.objective.abs();
         previous = line.objective;
@@ -68,10 +71,11 @@ pub(super) fn approach<P: Motions>(
     iterations
 }
 
-/// Violation of the constraints at which they count as closed, twice in a row.
+/// The closing phase ends after two consecutive iterations with a violation below 1e-2.
 const CLOSED: f64 = 1e-2;
 
-/// Iterations with the exact Hessian until the constraints hold but for little. Returns the iterations it took.
+/// Runs iterations with the exact Hessian until the constraints nearly hold. Returns the number of
+/// iterations.
 pub(super) fn close<P: Motions>(
     problem: &mut P,
     kkt: &mut dyn Kkt,
@@ -88,7 +92,8 @@ pub(super) fn close<P: Motions>(
     until(problem, kkt, x, options, phase, &mut closed, report)
 }
 
-/// Solves until a line of the log is the last one; x is the best point seen. Returns the iterations it took.
+/// Solves until `last` accepts a line of the log; x is then the best point. Returns the number of
+/// iterations.
 fn until<P: Motions>(
     problem: &mut P,
     kkt: &mut dyn Kkt,
@@ -99,7 +104,7 @@ fn until<P: Motions>(
     report: &mut Report<'_>,
 ) -> usize {
     let mut news = |line: &Iteration, _: &[f64]| {
-        // Both count every line.
+        // Both closures count every line.
         let (stop, last) = (report(phase, line).is_break(), last(line));
         match stop || last {
             true => ControlFlow::Break(()),

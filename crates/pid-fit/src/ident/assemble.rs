@@ -1,4 +1,4 @@
-//! Training records as windows with weights, and what is asked of their transcription.
+//! Training records as windows with weights, and the setup of their transcription.
 
 use super::{IdentError, InitialState, Settings, Weighting};
 use crate::transcribe::{Body, Loss, Setup, Track};
@@ -6,7 +6,7 @@ use pid_data::signal::{StateEstimate, state_from_data};
 use pid_data::{Dataset, Experiment, InputHold, Role, windows};
 use pid_runtime::dynamics::{At, Hessian};
 
-/// Windows of the training records and what is asked of their transcription.
+/// Windows of the training records and the setup of their transcription.
 #[derive(Clone)]
 pub(super) struct Assembled {
     pub(super) tracks: Vec<Track>,
@@ -96,12 +96,13 @@ pub(super) fn assemble(
     })
 }
 
-/// Weight of a link's divergence from the start at the solution, in the objective times N: where noise levels are stated, that of a
-/// reading one standard deviation off; otherwise that of a reading off by 3 % of the spread of its channel.
+/// Weight of a link's divergence from the start at the solution, in the objective times N. Where
+/// noise levels are stated, it is that of a reading one standard deviation off; otherwise that of a
+/// reading off by 3 % of the spread of its channel.
 const STATED: f64 = 1.0;
 const UNSTATED: f64 = 1e-3;
 
-/// The links that stay bodies of positive density; the start must be such.
+/// The links that stay bodies of positive density. Fails if the start has a link that is none.
 fn bodies(
     model: &dyn Hessian,
     settings: &Settings,
@@ -112,7 +113,7 @@ fn bodies(
         return Ok(Vec::new());
     }
     let mut bodies = Body::all(model.params());
-    // Nothing can be done about a link whose parameters are all held.
+    // A link whose parameters are all held stays as it is.
     bodies.retain(|b| b.parameters().iter().any(|j| lower[*j] < upper[*j]));
     let inside = with_bodies(&bodies, start, lower, upper);
     match bodies.iter().find(|b| !b.holds(&inside)) {
@@ -123,7 +124,7 @@ fn bodies(
     }
 }
 
-/// A start whose links are bodies, as near as bounds allow.
+/// Moves a start to links that are bodies, as near as the bounds allow.
 pub(super) fn with_bodies(
     bodies: &[Body],
     start: &[f64],
@@ -138,8 +139,9 @@ pub(super) fn with_bodies(
     p
 }
 
-/// Coordinates whose value nothing depends on and that no record reads more than once (as that of a lagging velocity reading,
-/// of which only the velocity means something): no reading determines where they start.
+/// Coordinates on whose value nothing depends and that no record reads more than once. An example
+/// is the coordinate of a lagging velocity reading, of which only the velocity has a meaning. No
+/// reading determines where they start.
 pub(super) fn anchored(model: &dyn Hessian, dataset: &Dataset) -> Vec<usize> {
     let nq = model.dims().nq;
     let (first, second) = (model.jacobian_pattern(), model.hessian_pattern());
@@ -159,7 +161,8 @@ pub(super) fn anchored(model: &dyn Hessian, dataset: &Dataset) -> Vec<usize> {
         .collect()
 }
 
-/// One reading of such a coordinate, at the start of a window; it costs nothing at the solution.
+/// Adds one reading of such a coordinate at the start of a window; it costs nothing at the
+/// solution.
 fn anchor(track: &mut Track, j: usize, nq: usize) {
     let nx = 2 * nq;
     for (k, row) in track.measured.chunks_exact_mut(nx).enumerate() {
@@ -169,7 +172,8 @@ fn anchor(track: &mut Track, j: usize, nq: usize) {
     track.weights[j] = if velocity > 0.0 { velocity } else { 1.0 };
 }
 
-/// A window as the discretization wants it. `held`: the initial state is; `smooth`: states start filtered.
+/// Makes a window for the discretization. `held`: the initial state is fixed; `smooth`: states
+/// start filtered.
 fn track(
     experiment: &Experiment,
     state: &StateEstimate,
@@ -198,7 +202,8 @@ fn track(
                 true => state.q[row.start + j],
                 false => or(q[j], state.q[row.start + j]),
             }));
-        // A window that starts at its record takes the filtered velocity: a single sample is noisy.
+        // A window at the start of its record takes the filtered velocity, since a single sample is
+        // noisy.
         let filtered = smooth || held && k == first;
         let velocity = |j: usize| if filtered { f64::NAN } else { known(j) };
         track
@@ -216,7 +221,8 @@ fn track(
     Ok(track)
 }
 
-/// Share of a channel's variance over all records below which a record's own variance does not count as motion.
+/// A record's own variance counts as at least this share of the variance over all records, so that
+/// a record without motion gets no huge weight.
 const STILL: f64 = 1e-4;
 
 /// Sets the channel weights of all windows; `records` tells which record each belongs to.
@@ -256,7 +262,7 @@ fn weigh(tracks: &mut [Track], records: &[usize], nq: usize, weighting: Weightin
     }
 }
 
-/// Mean diagonal of M over the training samples; refuses a singular M.
+/// Mean diagonal of M over the training samples; fails for a singular M.
 struct MeanInertia<'a> {
     model: &'a dyn Hessian,
     p: &'a [f64],
@@ -277,7 +283,7 @@ impl<'a> MeanInertia<'a> {
     fn add(&mut self, experiment: &Experiment, state: &StateEstimate) -> Result<(), IdentError> {
         let dims = self.model.dims();
         let mut m = vec![0.0; dims.nm()];
-        // A hundred samples a record tell the size of M and meet a structural singularity.
+        // A hundred samples a record are enough for the size of M and for a structural singularity.
         let stride = experiment.len().div_ceil(100).max(1);
         for k in (0..experiment.len()).step_by(stride) {
             let row = k * dims.nq..(k + 1) * dims.nq;

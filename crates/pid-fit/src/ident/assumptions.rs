@@ -1,4 +1,4 @@
-//! Files of assumptions: noise, priors, losses and what is held (`docs/assumptions-format.md`).
+//! Files of assumptions: noise, priors, losses and held parameters (`docs/assumptions-format.md`).
 
 use std::collections::BTreeMap;
 
@@ -46,16 +46,16 @@ pub enum AssumptionsError {
         /// What to write instead.
         mend: String,
     },
-    /// A number that cannot be meant.
+    /// A number that is not allowed there.
     #[error("{place}: {key} = {value}: {demand}")]
     Value {
         /// Where the value stands.
         place: Place,
         /// Table and key.
         key: String,
-        /// What stands there.
+        /// The number.
         value: f64,
-        /// What is needed.
+        /// The requirement.
         demand: &'static str,
     },
     /// Width of a prior said twice, or not at all.
@@ -72,7 +72,7 @@ pub enum AssumptionsError {
     },
 }
 
-/// What a file says, checked against model and data.
+/// The content of a file, checked against model and data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assumptions {
     /// Noise, loss and priors.
@@ -127,9 +127,9 @@ struct PriorTable {
     relative_tolerance: Option<Number>,
 }
 
-/// Threshold of Huber's loss without one: 95 % efficiency for normal errors.
+/// Threshold of Huber's loss if none is stated: 95 % efficiency for normal errors.
 const THRESHOLD: f64 = 1.345;
-/// Degrees of freedom of Student's t without them.
+/// Degrees of freedom of Student's t if none are stated.
 const FREEDOM: f64 = 4.0;
 
 impl Assumptions {

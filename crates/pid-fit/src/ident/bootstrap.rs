@@ -1,7 +1,8 @@
 //! Block bootstrap of output-error fits: windows drawn with replacement, record by record, and fitted anew.
 //!
-//! The windows of the fit's horizon are the blocks; noise of any correlation within a window is drawn with it (H. R. Künsch, Ann.
-//! Statist. 17, 1989). Every draw is a whole identification from the values of the first, with noise levels held at theirs.
+//! The windows of the fit's horizon are the blocks; noise of any correlation within a window is
+//! drawn with it (H. R. Künsch, Ann. Statist. 17, 1989). Every draw is a whole identification from
+//! the values of the first, with noise levels held at theirs.
 
 use std::ops::ControlFlow;
 
@@ -15,7 +16,7 @@ use rayon::prelude::*;
 /// Fewest windows that can be drawn from.
 const FEWEST: usize = 5;
 
-/// A bootstrap that cannot be made.
+/// Why a bootstrap cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BootstrapError {
@@ -32,7 +33,7 @@ pub enum BootstrapError {
     Identify(#[from] IdentError),
 }
 
-/// What the draws gave.
+/// Results of the draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bootstrap {
     /// 2.5 % and 97.5 % quantiles of each parameter; `None` for those that are held.
@@ -43,7 +44,8 @@ pub struct Bootstrap {
     pub draws: (usize, usize),
 }
 
-/// Fits `draws` data sets of windows drawn from the training records; `news` is called after each and may end it.
+/// Fits `draws` data sets of windows drawn from the training records. `news` is called after each
+/// and may end it.
 ///
 /// # Errors
 /// [`BootstrapError`].
@@ -194,7 +196,7 @@ mod tests {
         assert_eq!(drawn.draws, (60, 0));
         for &j in &free {
             let ratio = drawn.deviations[j].expect("free") / found.deviations[j].expect("known");
-            // 60 draws tell a deviation to 9 %, 36 windows the blocks' scatter to 12 %.
+            // 60 draws give a deviation to 9 %, 36 windows the scatter of the blocks to 12 %.
             assert!((0.6..1.6).contains(&ratio), "{ratio}");
             let (low, high) = drawn.intervals[j].expect("free");
             let value = found.best().parameters[j];

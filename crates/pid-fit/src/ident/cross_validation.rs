@@ -1,21 +1,22 @@
 //! Choosing settings by cross validation over the training records.
 //!
-//! Each training record in turn is left out, the parameters are identified on the others, and the record is predicted by
-//! free runs of a stated horizon. The score of a candidate is
+//! Each training record in turn is left out, the parameters are identified on the others, and the
+//! record is predicted by free runs of a stated horizon. The score of a candidate is
 //!
 //! ```text
 //! s = √( mean over left-out records and joints of  (RMS error of q / standard deviation of q)² )
 //! ```
 //!
-//! with the standard deviation of the joint within the training records, pooled: a joint that is locked in one of them must not
-//! decide by its noise. Test records play no part. A single training record is cut into three parts of equal length.
+//! with the pooled standard deviation of the joint within the training records, so that a joint
+//! that is locked in one record does not decide by its noise. Test records play no part. A single
+//! training record is cut into three parts of equal length.
 
 use super::{Callback, IdentError, Settings, identify};
 use crate::gap::metrics::{FreeRunError, FreeRunSettings, free_run_table};
 use pid_data::{Dataset, Experiment, Horizon, Role};
 use pid_runtime::dynamics::Hessian;
 
-/// Parts of a record that stands alone.
+/// A record that stands alone is cut into this many parts.
 const PARTS: usize = 3;
 
 /// A candidate's score.
@@ -29,7 +30,7 @@ pub struct CandidateScore {
     pub folds: Vec<(String, f64)>,
 }
 
-/// A cross validation that cannot be done.
+/// Why a cross validation cannot be done.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CrossValidationError {
@@ -39,7 +40,7 @@ pub enum CrossValidationError {
     /// A fold cannot be simulated.
     #[error(transparent)]
     FreeRun(#[from] FreeRunError),
-    /// Nothing to leave out.
+    /// There is nothing to leave out.
     #[error(
         "data set `{dataset}` has {samples} training samples: too few to leave a part of them out\n  help: state the setting instead of having it chosen"
     )]
@@ -51,8 +52,8 @@ pub enum CrossValidationError {
     },
 }
 
-/// Scores every candidate; free runs are restarted every `judged`. The scores in the order of the candidates, those not
-/// reached before an interruption left out.
+/// Scores every candidate; free runs are restarted every `judged`. Returns the scores in the order
+/// of the candidates, without those that an interruption left out.
 ///
 /// # Errors
 /// [`CrossValidationError`].
@@ -187,7 +188,7 @@ fn score(
     for (joint, variance) in found.joints.iter().zip(spread) {
         match &joint.q {
             Some(error) if *variance > 0.0 => sum += error.rms * error.rms / variance,
-            // A joint that never moves has nothing to predict.
+            // A joint that never moves gives nothing to predict.
             Some(_) => {}
             None => return Ok(f64::INFINITY),
         }

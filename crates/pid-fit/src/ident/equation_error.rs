@@ -4,9 +4,10 @@
 //! minimise  1/N Σ_k Σ_j ω_j (F r_j)(k)²,   r = r(q̂, v̂, â, û, p)      p in its bounds
 //! ```
 //!
-//! States and inputs pass the same zero-phase filter; the residual, and with it every column of its regressor, passes the
-//! decimation filter F and is then decimated (parallel decimation of the IDIM-LS procedure: M. Gautier, IEEE ICRA 1997).
-//! The weights ω are one over the variance of each joint's residual, settled in a few passes (weighted least squares).
+//! States and inputs pass the same zero-phase filter; the residual, and with it every column of its
+//! regressor, passes the decimation filter F and is then decimated (parallel decimation of the
+//! IDIM-LS procedure: M. Gautier, IEEE ICRA 1997). The weights ω are one over the variance of each
+//! joint's residual, settled in a few passes (weighted least squares).
 
 use super::uncertainty::{self, Solved, Spread};
 use super::{Callback, ForceError, IdentError, Identification, Progress, Run, Settings};
@@ -23,7 +24,7 @@ use std::time::Instant;
 /// Passes of the weighted least squares.
 const PASSES: usize = 3;
 
-/// Share of the rate after decimation at which the decimation filter cuts off.
+/// The decimation filter cuts off at this share of the rate after decimation.
 const PARALLEL: f64 = 0.4;
 
 /// Filtered samples of all experiments of a role.
@@ -43,7 +44,7 @@ struct Stretch {
     t: Vec<f64>,
     /// Row of its first sample.
     first: usize,
-    /// Samples at either end that are not used: the filters lack neighbours there.
+    /// Samples left out at either end, since the filters lack neighbours there.
     edge: usize,
     /// Every n-th sample is kept.
     factor: usize,
@@ -57,12 +58,14 @@ impl Stretch {
         (self.edge..self.t.len() - self.edge).step_by(self.factor)
     }
 
-    /// The decimation filter on row-by-row channels; nothing where nothing is decimated.
+    /// Applies the decimation filter to row-by-row channels; does nothing where nothing is
+    /// decimated.
     fn filter(&self, x: Vec<f64>, columns: usize) -> Vec<f64> {
         if self.factor == 1 || columns == 0 {
             return x;
         }
-        // The cut-off lies below half the rate by construction; a filter that cannot be made leaves the data as they are.
+        // The cut-off lies below half the rate by construction. If no filter can be made, the data
+        // stay as they are.
         low_pass_channels(&self.t, &x, columns, self.cutoff).unwrap_or(x)
     }
 }
@@ -372,7 +375,7 @@ impl Nlp for Fit<'_> {
                 }
             }
         }
-        // Second derivatives of r, weighted by the residual sent back through the filter.
+        // Second derivatives of r, weighted by the residual that the adjoint filter sends back.
         let lambda = self.samples.spread(&lambda, nq);
         let pattern = self.model.hessian_pattern();
         let places: Vec<Option<(usize, f64)>> = pattern

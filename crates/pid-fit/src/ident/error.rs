@@ -1,4 +1,4 @@
-//! What makes an identification impossible.
+//! Why an identification is impossible.
 
 use crate::transcribe::ConstraintError;
 use pid_data::DataError;
@@ -56,7 +56,7 @@ pub enum IdentError {
         /// Parameters of the model.
         parameters: usize,
     },
-    /// Inputs that no record has by itself, and an estimator that takes recorded ones.
+    /// An estimator that takes recorded inputs, for a model whose inputs no record has.
     #[error(
         "`{model}` takes more inputs than one per joint (a controller within the model, parameters private to a record); the equation error does not\n  help: leave them out, or use full discretization or shooting"
     )]
@@ -67,7 +67,7 @@ pub enum IdentError {
     /// A constraint that does not fit the program.
     #[error(transparent)]
     Constraint(#[from] ConstraintError),
-    /// Constraints, and an estimator without a program that could have them.
+    /// Constraints for an estimator that has no program to add them to.
     #[error(
         "constraint `{name}` is given, and the equation error takes none\n  help: use full discretization or shooting, or narrow the parameters' ranges"
     )]
@@ -91,7 +91,7 @@ pub enum IdentError {
         /// Unit.
         unit: String,
     },
-    /// No inverse of M.
+    /// A mass matrix without an inverse.
     #[error(
         "the mass matrix is singular at the start: experiment `{experiment}`, t = {time} s, joint `{joint}` (pivot {pivot:.1e})\n  help: give the links that this joint moves a mass or an inertia above zero, or declare an armature"
     )]
@@ -105,7 +105,7 @@ pub enum IdentError {
         /// The pivot.
         pivot: f64,
     },
-    /// A start that no body can have, and bounds or held values that keep it from one.
+    /// A start that no body can have, where bounds or held values keep it from becoming one.
     #[error(
         "the inertial parameters of link `{link}` at the start are not those of a body with a positive density, and their bounds or held values allow none near it\n  help: change the start or the held values, widen the ranges, or fit without physical consistency"
     )]

@@ -13,16 +13,17 @@ use pid_nlp::solver::{self, ip};
 use pid_runtime::dynamics::Hessian;
 use std::time::Instant;
 
-/// Optimality error at which the preparing fit of the residual ends.
+/// The preparing fit of the residual ends at this optimality error: a start is wanted, not its
+/// optimum.
 const PREPARED: f64 = 1e-2;
 
-/// Samples beyond which the tolerance grows with their number, as the objective does that the solver sees, and with it the rounding
-/// errors of its gradient. That of the violation stays.
+/// From this many samples on, the tolerance of optimality grows with their number. The objective
+/// that the solver sees is a sum over samples, and so are the rounding errors of its gradient. The
+/// tolerance of the violation stays.
 const MANY: f64 = 1000.0;
 
-/// Power of that growth by which the first barrier parameter grows where links are kept bodies. With 1/2 an arm with rotors is slow on
-/// 100 000 samples (J 1.6355e-2 after 67 iterations at the first barrier parameter, 1.6235e-2 at the optimum); with 1 one without is
-/// on 10 000 (233 iterations, 181 with 3/4).
+/// With the barrier of bodies, the first barrier parameter grows as (samples/1000)^0.75. A power of
+/// 0.5 is too small at 1e5 samples, a power of 1 too large at 1e4 (docs/experiments.md, Solver).
 const HEAVIER: f64 = 0.75;
 
 /// Identifies by full discretization.
@@ -74,11 +75,13 @@ fn run<'m, P: Around<FullDiscretization<'m>>>(
     from_starts(model, settings, start, assembled, program, solve, callback)
 }
 
-/// Variables of the residual up to which the trapezoidal rule solves for the accelerations: their second derivatives are dense.
+/// The trapezoidal rule solves for the accelerations only if the residual has at most this many
+/// variables, since their second derivatives are dense.
 const FEW: usize = 40;
 
-/// Whether the accelerations are solved for: by explicit schemes, and by the trapezoidal rule, which then needs no stages, where
-/// the residual is not affine in the parameters. An affine one is kept as it is: that is what it is good for.
+/// Whether the program solves for the accelerations. Explicit schemes do. The trapezoidal rule does
+/// where the residual is not affine in the parameters, and then needs no stages; an affine residual
+/// is worth more than fewer unknowns.
 fn solved_form(model: &dyn Hessian, scheme: Scheme) -> bool {
     let dims = model.dims();
     let pairs = model.hessian_pattern().cols;
@@ -86,8 +89,9 @@ fn solved_form(model: &dyn Hessian, scheme: Scheme) -> bool {
     scheme.explicit() || scheme == Scheme::Trapezoidal && dims.nz() <= FEW && curved()
 }
 
-/// Parameters that multiply inputs. A residual that is linear in inertias, friction and gains alike has the scale of all of them
-/// open: least squares on it make all of them small, as far as bounds let them.
+/// Parameters that multiply inputs. A residual that is linear in inertias, friction and gains alike
+/// leaves the scale of all of them open, and least squares on it make all of them small, as far as
+/// bounds allow.
 pub(super) fn gains(model: &dyn Hessian) -> Vec<usize> {
     let (dims, pattern) = (model.dims(), model.hessian_pattern());
     let inputs = dims.u()..dims.p();
@@ -101,7 +105,8 @@ pub(super) fn gains(model: &dyn Hessian) -> Vec<usize> {
     found
 }
 
-/// States from the data, the start's parameters with its links inside the bodies' domain.
+/// A starting point: states from the data, parameters from the start with its links moved inside
+/// the bodies' domain.
 fn starting_point(problem: &FullDiscretization<'_>, start: &[f64]) -> Vec<f64> {
     let setup = problem.setup();
     problem.starting_point(&with_bodies(
@@ -149,8 +154,9 @@ fn solve<'m, P: Around<FullDiscretization<'m>>>(
         objective_scale: settings.solver.objective_scale * samples,
         tol: growth * settings.solver.tol,
         acceptable_tol: growth * settings.solver.acceptable_tol,
-        // Explicit steps have many neighbouring optima; shortened as a whole, steps reach better ones (20 instead of 15 of 20
-        // starts of the two-link study within 1 % of the best).
+        // Explicit schemes have many optima close to each other. Shortening whole steps reaches
+        // better ones: 20 instead of 15 of 20 starts of the two-link study end within 1 % of the
+        // best.
         patience: if settings.scheme.explicit() {
             0
         } else {
@@ -167,9 +173,10 @@ fn solve<'m, P: Around<FullDiscretization<'m>>>(
         };
         iterations += approach(problem, kkt.as_mut(), &mut x0, (&options, how), report);
         if growth > 1.0 && !problem.program().setup().bodies.is_empty() {
-            // The objective grows with the samples, and the nearer to the boundary of the bodies' domain a barrier of the same
-            // weight lets the iterates lie. It is curved: steps there have the size of the root of their distance, and 100 000
-            // samples of six joints did not get on. A heavier barrier far from the motions' equations led astray.
+            // The objective grows with the samples, so a barrier of the same weight lets the
+            // iterates lie nearer to the boundary of the bodies' domain. That boundary is curved,
+            // and steps near it are as short as the root of their distance. The heavier barrier
+            // starts only once the constraints hold; before, it would lead astray.
             iterations += close(problem, kkt.as_mut(), &mut x0, &options, report);
             options.mu_start *= growth.powf(HEAVIER);
         }

@@ -1,16 +1,19 @@
-//! Maximum likelihood: noise levels that are stated or estimated, prior knowledge, losses of long-tailed noise.
+//! Maximum likelihood: noise levels that are stated or estimated, prior knowledge, losses of
+//! long-tailed noise.
 //!
-//! With noise levels σ_c the objective is −2 log of the posterior density over N ([`Loss`], [`Prior`]). Levels that are not
-//! stated are eliminated by turns: the parameters are fitted with the levels held, then each level is set where the likelihood
-//! is largest with the parameters held,
+//! With noise levels σ_c the objective is −2 log of the posterior density over N ([`Loss`],
+//! [`Prior`]). Levels that are not stated are eliminated by turns: the parameters are fitted with
+//! the levels held, then each level is set where the likelihood is largest with the parameters
+//! held,
 //!
 //! ```text
 //! σ_c² = N'/(N' − n) · mean of ½ ρ'(z) z · σ_c²(old),      z = (y_c − d_c)/σ_c(old)
 //! ```
 //!
-//! (N' samples of all channels, n unknowns; for squares the mean square of the residuals), until no level moves by more than
-//! half a percent. The first levels come from the records' differences. Velocities that were computed from the positions
-//! ([`VelocityKind::Derived`]) have the errors of these and are left out unless a level is stated for them.
+//! (N' samples of all channels, n unknowns; for squares the mean square of the residuals), until no
+//! level changes by more than half a percent. The first levels come from the differences of the
+//! records. Velocities computed from the positions ([`VelocityKind::Derived`]) carry the errors of
+//! these; they are left out unless a level is stated for them.
 
 use super::{Callback, IdentError, Identification, Prepare, Settings, once};
 use crate::transcribe::{Loss, Prior};
@@ -18,26 +21,26 @@ use pid_data::signal::noise_level_without_jumps;
 use pid_data::{Dataset, Role, VelocityKind};
 use pid_runtime::dynamics::Hessian;
 
-/// Most turns.
+/// Most rounds of fit and levels.
 const TURNS: usize = 15;
-/// Change of a noise level, relative, at which the turns end.
+/// The rounds end when no noise level changes by more than this share.
 const SETTLED: f64 = 5e-3;
 /// Smallest level, as a share of the channel's spread.
 const QUIETEST: f64 = 1e-7;
 
-/// What is assumed about noise and parameters.
+/// Assumptions about noise and parameters.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Likelihood {
-    /// Standard deviation of the noise of each channel, positions of all joints, then velocities; `None` where it is to be
-    /// estimated. Empty: all are.
+    /// Standard deviation of the noise of each channel, positions of all joints, then velocities;
+    /// `None` where it is estimated. If empty, all are estimated.
     pub noise: Vec<Option<f64>>,
-    /// What deviations cost.
+    /// Loss of deviations.
     pub loss: Loss,
     /// Prior knowledge of parameters.
     pub priors: Vec<Prior>,
 }
 
-/// Identifies with levels that settle.
+/// Identifies in rounds until the noise levels settle.
 pub(super) fn identify(
     model: &dyn Hessian,
     dataset: &Dataset,
@@ -86,7 +89,8 @@ pub(super) fn identify(
                 .zip(&computed)
                 .map(|(level, computed)| (!computed).then_some(*level))
                 .collect(),
-            // First levels are those of the sensors; what the model lacks would look like outliers.
+            // The first levels are those of the sensors. Under them the model's own errors would
+            // look like outliers, so the first fit takes squares.
             loss: if first { Loss::Square } else { likelihood.loss },
             priors: likelihood.priors.clone(),
         });
@@ -144,7 +148,7 @@ fn spreads(dataset: &Dataset) -> Vec<f64> {
         .collect()
 }
 
-/// Stated levels, and for the others what the differences of the records tell.
+/// Stated levels; for the other channels, levels from the differences of the records.
 fn first_levels(dataset: &Dataset, stated: &[Option<f64>], spread: &[f64]) -> Vec<f64> {
     let nq = dataset.nq();
     (0..2 * nq)
@@ -179,8 +183,8 @@ fn first_levels(dataset: &Dataset, stated: &[Option<f64>], spread: &[f64]) -> Ve
         .collect()
 }
 
-/// The level of each channel where the likelihood is largest, from `√(w/N) (y − d)` and the weights w = 1/σ²; `None` for
-/// channels without measurements.
+/// The level of each channel where the likelihood is largest, from `√(w/N) (y − d)` and the weights
+/// w = 1/σ²; `None` for channels without measurements.
 pub(super) fn levels(
     residuals: &[f64],
     weights: &[f64],

@@ -1,14 +1,16 @@
-//! Identification: a model and records in, parameters with their uncertainty out.
+//! Identification: from a model and records to parameters with their uncertainty.
 //!
 //! Three estimators stand behind one call, [`identify`]:
 //!
-//! * **full discretization** ([`crate::transcribe::FullDiscretization`]): states and parameters together, the scheme's steps as
-//!   constraints, over restart windows of the stated horizon (output error);
+//! * **full discretization** ([`crate::transcribe::FullDiscretization`]): states and parameters
+//!   together, the scheme's steps as constraints, over restart windows of the stated horizon
+//!   (output error);
 //! * **shooting** ([`crate::transcribe::Shooting`]): states at few nodes, the motion between them integrated;
-//! * **equation error**: least squares on the residual with states estimated from the records (a horizon of one sample).
+//! * **equation error**: least squares on the residual with states estimated from the records (a
+//!   horizon of one sample).
 //!
-//! Settings reproduce the paper's problem (K. Schäfer et al., Section V-A: explicit Euler, unit weights, one window) exactly; the
-//! defaults are those that serve on measured records.
+//! Settings reproduce the paper's problem (K. Schäfer et al., Section V-A: explicit Euler, unit
+//! weights, one window) exactly. The defaults serve measured records.
 
 mod approach;
 mod assemble;
@@ -42,20 +44,20 @@ use pid_nlp::solver::{Iteration, Status};
 use pid_runtime::dynamics::Hessian;
 use std::ops::ControlFlow;
 
-/// News from a running identification.
+/// Progress of a running identification.
 #[derive(Debug, Clone, Copy)]
 pub struct Progress<'a> {
     /// Start at work, from 0.
     pub start: usize,
     /// Number of starts.
     pub starts: usize,
-    /// What is being done.
+    /// Name of the phase.
     pub phase: &'static str,
     /// The iteration that was finished.
     pub iteration: &'a Iteration,
 }
 
-/// Receives [`Progress`]; `Break` ends the identification and keeps what was reached.
+/// Receives [`Progress`]; `Break` ends the identification and keeps the results so far.
 pub type Callback<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<()> + 'a;
 
 /// The outcome of one start.
@@ -92,28 +94,30 @@ pub struct Identification {
     pub optima: Vec<Optimum>,
     /// Its fitted states (q, v) at the samples, windows one after another; empty for the equation error.
     pub motion: Vec<f64>,
-    /// Standard deviations of its parameters; `None` where the data do not determine a parameter by itself, where it lies at
-    /// a bound and where it is held.
+    /// Standard deviations of its parameters; `None` where the data do not determine a parameter by
+    /// itself, where it lies at a bound and where it is held.
     pub deviations: Vec<Option<f64>>,
     /// Number of directions in parameter space that the data do not determine.
     pub undetermined: usize,
-    /// Those directions.
+    /// The undetermined directions.
     pub open: Vec<OpenDirection>,
     /// Joint covariance of the parameters that are neither held nor at a bound.
     pub covariance: Option<Covariance>,
     /// Whether deviations and covariance are of the sandwich form ([`Settings::sandwich`]).
     pub sandwich: bool,
-    /// Standard deviation of each channel's residuals (positions of all joints, then velocities) as its loss measures it; the
-    /// estimated noise level where it is not stated. `None` for channels that are not fitted, and without [`Settings::likelihood`].
+    /// Standard deviation of each channel's residuals (positions of all joints, then velocities) as
+    /// its loss measures it; the estimated noise level where it is not stated. `None` for channels
+    /// that are not fitted, and without [`Settings::likelihood`].
     pub noise: Vec<Option<f64>>,
     /// Factor on the variances for residuals that are correlated in time (1 for white ones).
     pub correlation_factor: f64,
-    /// Dispersion of the residuals as the loss ρ sees it, `½ Σρ'²/Σρ''` over the degrees of freedom: their variance for squares, and what
-    /// a difference of objectives is divided by to be χ² distributed (J. T. Kent, Biometrika 69, 1982).
+    /// Dispersion of the residuals under the loss ρ: `½ Σρ'²/Σρ''` over the degrees of freedom. For
+    /// squares it is their variance. A difference of objectives divided by it is χ² distributed (J.
+    /// T. Kent, Biometrika 69, 1982).
     pub dispersion: f64,
     /// Held parameters.
     pub fixed: Vec<bool>,
-    /// Bounds that were in force.
+    /// Bounds in force.
     pub lower: Vec<f64>,
     /// Upper bounds.
     pub upper: Vec<f64>,
@@ -121,8 +125,8 @@ pub struct Identification {
     pub size: (usize, usize),
     /// Number of windows and of samples in them.
     pub windows: (usize, usize),
-    /// Relative force error ‖r‖/‖f_u‖ per joint and role, where the drive acts: RMS of the residual over RMS of the force of
-    /// the drive. Filled by the equation error only.
+    /// Relative force error ‖r‖/‖f_u‖ per joint and role, where the drive acts: RMS of the residual
+    /// over RMS of the force of the drive. Filled by the equation error only.
     pub force_error: Vec<ForceError>,
     /// Remarks in words.
     pub notes: Vec<String>,
@@ -153,8 +157,9 @@ pub struct ForceError {
 /// `start`: parameters in the model's order, within their bounds; nominal values if `None`.
 ///
 /// # Errors
-/// [`IdentError`]: data that do not fit the model, no training experiment, a start outside its bounds, a mass matrix that is
-/// singular at the start. A solver that stops early is not an error; see [`Run::status`].
+/// [`IdentError`]: data that do not fit the model, no training experiment, a start outside its
+/// bounds, a mass matrix that is singular at the start. A solver that stops early is not an error;
+/// see [`Run::status`].
 pub fn identify(
     model: &dyn Hessian,
     dataset: &Dataset,
@@ -214,7 +219,7 @@ pub fn identify(
     }
 }
 
-/// One identification with noise levels as they stand.
+/// One identification with fixed noise levels.
 fn once(
     model: &dyn Hessian,
     dataset: &Dataset,

@@ -1,5 +1,5 @@
-//! What an identification asks of a program over the motions of all windows, whatever its transcription and with constraints of the
-//! user or without.
+//! The interface between an identification and its program, the same for every transcription, with
+//! or without constraints of the user.
 
 use crate::transcribe::{
     Constrained, ConstrainedKkt, Curvature, FullDiscretization, Setup, Shooting, ShootingKkt,
@@ -11,11 +11,13 @@ use pid_nlp::solver::kkt::sparse::SparseKkt;
 use pid_nlp::solver::kkt::structured::StructuredKkt;
 use pid_nlp::solver::kkt::{Condensing, Kkt};
 
-/// Relative residual of a Newton step: on the two-link study no iteration more than with 1e-11, and two fifths of the solves less.
+/// Relative residual at which a Newton step counts as solved. Against 1e-11 it saves two fifths of
+/// the solves and costs no iteration on the two-link study.
 const REFINED: f64 = 1e-9;
 
-/// Curvature of what constraints hold, where an objective in shares of the channels' spread has about one: their directions get a
-/// thousandth of the deviation, and those that the data hardly determine are not lost in rounding.
+/// Penalty that pins the directions of active user constraints when standard deviations are
+/// computed. The objective's curvature is about 1, so these directions keep a thousandth of their
+/// deviation. The solver's 1e8 would drown directions that the data hardly determine in rounding.
 const STIFF: f64 = 1e6;
 
 /// A program over the motions of all windows and the parameters.
@@ -25,39 +27,39 @@ pub(super) trait Motions: Nlp {
     fn setup(&self) -> &Setup;
     /// Parameters in a point, in their own units.
     fn parameters(&self, x: &[f64]) -> Vec<f64>;
-    /// States (q, v) at the samples, windows one after another; empty where a motion does not exist.
+    /// States (q, v) at the samples, windows one after another; empty if a motion does not exist.
     fn states(&mut self, x: &[f64]) -> Vec<f64>;
     /// Weighted residuals, windows apart by NaN, and the number of channels.
     fn residuals(&mut self, x: &[f64]) -> (Vec<f64>, usize);
     fn window_scores(&mut self, x: &[f64], lambda: &[f64]) -> Vec<f64>;
-    /// What the barrier of links kept bodies adds to the objective.
+    /// Value of the bodies' barrier in the objective.
     fn barrier(&mut self, x: &[f64]) -> f64;
     /// Samples in all windows.
     fn samples(&self) -> usize;
     /// Initial states that are unknown beside the parameters.
     fn free_initial_states(&self) -> usize;
-    /// Changes the second derivatives that are given to the solver.
+    /// Chooses the second derivatives for the solver.
     fn curve(&mut self, curvature: Curvature);
-    /// The linear system with some parameters held, as deviations want it.
+    /// The linear system with some parameters held, for standard deviations.
     fn system(&self, held: &[bool]) -> Self::System;
     /// The linear system that solves the program.
     fn linear(&self) -> Box<dyn Kkt>;
-    /// A start of the program without constraints of the user as one of this.
+    /// Extends a start of the program without user constraints to a start of this program.
     fn extend(&mut self, x: Vec<f64>) -> Vec<f64> {
         x
     }
-    /// Puts a large diagonal where a solution is held by inequalities of the user.
+    /// Puts a large diagonal where inequalities of the user hold a solution.
     fn stiffen(&self, solution: &Solution, sigma: &mut [f64]) {
         let _ = (solution, sigma);
     }
-    /// What is to be said of the constraints of the user.
+    /// Remarks on the constraints of the user.
     fn remarks(&self, solution: &Solution) -> Vec<String> {
         let _ = solution;
         Vec::new()
     }
 }
 
-/// A program around one of a transcription, or that one.
+/// A program around one of a transcription, or the transcription itself.
 pub(super) trait Around<P>: Motions {
     fn program(&self) -> &P;
     fn program_mut(&mut self) -> &mut P;

@@ -4,9 +4,10 @@
 //! { p_j : N (J(p_j) − J*) ≤ χ²₁(0.95) u },      J(p_j) = min over all other parameters and states
 //! ```
 //!
-//! u is the dispersion of the residuals as the loss sees it (J. T. Kent, Biometrika 69, 1982; the residual variance for squares)
-//! times the factor for correlated residuals. The ends are found by the secant method on
-//! √(N (J − J*)/u), which is linear where the objective is quadratic, from the ends that the Hessian foretells.
+//! u is the dispersion of the residuals under the loss (J. T. Kent, Biometrika 69, 1982; the
+//! residual variance for squares) times the factor for correlated residuals. The secant method
+//! finds the ends on √(N (J − J*)/u), which is linear where the objective is quadratic. It starts
+//! from the ends that the Hessian predicts.
 
 use super::{Callback, IdentError, Identification, Prepare, Run, Settings, once};
 use crate::ident::Likelihood;
@@ -33,22 +34,22 @@ pub struct Profile {
 
 /// Profiles parameters of a finished identification.
 ///
-/// Noise levels stay as they were found. These are of its residuals and not those it was weighed with, so the lowest objective is
-/// that of one more fit.
+/// Noise levels stay as they were found. They belong to the residuals of the fit, not to its
+/// weights, so one more fit finds the lowest objective.
 pub struct Profiler<'a> {
     model: &'a dyn Hessian,
     dataset: &'a Dataset,
-    /// Of the fits: levels stated, one start.
+    /// Settings of the fits: levels stated, one start.
     settings: Settings,
     found: &'a Identification,
     /// The best run under these settings.
     base: Run,
-    /// What a difference of sums is divided by.
+    /// A difference of sums is divided by this.
     unit: f64,
 }
 
 impl<'a> Profiler<'a> {
-    /// For an identification with its own `settings`.
+    /// Prepares an identification with its own `settings`.
     ///
     /// # Errors
     /// As [`super::identify`].
@@ -93,11 +94,13 @@ impl<'a> Profiler<'a> {
         })
     }
 
-    /// What it costs to hold a parameter at a value while all others follow, `N (J(p_j) − J*) / u`: at most χ²₁(0.95) = 3.84 within
-    /// its interval of 95 %, and χ²₁ distributed at the truth (S. S. Wilks, Ann. Math. Stat. 9, 1938). `NaN` if no motion was found.
+    /// Cost of holding a parameter at a value while all others follow: `N (J(p_j) − J*) / u`. It is
+    /// at most χ²₁(0.95) = 3.84 within the 95 % interval, and χ²₁ distributed at the truth (S. S.
+    /// Wilks, Ann. Math. Stat. 9, 1938). `NaN` if no motion was found.
     ///
     /// # Errors
-    /// As [`super::identify`]; [`IdentError::NoParameter`] for a position outside of the model or a parameter that is held.
+    /// As [`super::identify`]; [`IdentError::NoParameter`] for a position outside of the model or a
+    /// parameter that is held.
     pub fn deviance(
         &self,
         parameter: usize,
@@ -154,7 +157,7 @@ impl<'a> Profiler<'a> {
                 |d| QUANTILE * d,
             );
             let mut from = self.base.parameters.clone();
-            // Distances from the value and what they cost; the cost rises with the distance.
+            // Distances from the value and their costs; the cost rises with the distance.
             let (mut low, mut high) = ((0.0, 0.0), None::<(f64, f64)>);
             let mut step = first.min(room);
             for _ in 0..FITS {
@@ -185,7 +188,7 @@ impl<'a> Profiler<'a> {
                 .min(room);
                 *end = Some(value + side * step);
             }
-            // At the bound before the level was reached.
+            // The bound comes before the level.
             if high.is_none() && low.0 >= room {
                 *end = None;
             }

@@ -1,4 +1,4 @@
-//! What can be chosen in an identification.
+//! Settings of an identification.
 
 use super::likelihood::Likelihood;
 use super::starts::Sampling;
@@ -26,7 +26,8 @@ pub enum Method {
 pub enum InitialState {
     /// An unknown of the fit.
     Free,
-    /// Held at what the record says: the measured positions, the velocities of [`pid_data::signal::state_from_data`].
+    /// Held at what the record says: the measured positions, the velocities of
+    /// [`pid_data::signal::state_from_data`].
     Measured,
 }
 
@@ -36,23 +37,26 @@ pub enum InitialState {
 pub enum Weighting {
     /// 1 for every measured channel: the paper's objective, in mixed units.
     Unit,
-    /// One over the variance of the channel over all training windows: every channel counts by the share of its own motion.
+    /// One over the variance of the channel over all training windows: every channel counts by the
+    /// share of its own motion.
     Spread,
-    /// Positions only, each by one over its variance in its own record: records of small motion count as much as those of large.
+    /// Positions only, each by one over its variance in its own record: records of small motion
+    /// count as much as those of large motion.
     Record,
     /// 1 for positions, 0 for velocities.
     Position,
 }
 
-/// What precedes the iterations with the exact Hessian.
+/// Steps before the iterations with the exact Hessian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Prepare {
-    /// The start is handed over as it is, states at the data.
+    /// None: the start is used as it is, states at the data.
     Nothing,
-    /// Iterations by Gauss-Newton until the constraints nearly hold, from parameters that are trusted. Nothing in single shooting,
-    /// which has none.
+    /// Gauss-Newton iterations until the constraints nearly hold, from parameters that are trusted.
+    /// Single shooting has no constraints and skips them.
     Motion,
-    /// The parameters are first fitted with the states held at the data, which forgets a bad start; then as [`Prepare::Motion`].
+    /// The parameters are first fitted with the states held at the data, which forgets a bad start.
+    /// [`Prepare::Motion`] follows.
     #[default]
     Everything,
 }
@@ -68,15 +72,16 @@ pub struct Settings {
     pub substeps: usize,
     /// Nodes of each window in shooting: 1 is single shooting; more than samples means one per sample.
     pub nodes: usize,
-    /// Whether shooting starts from the solution of the same problem with a node at every sample (equal steps only): bad starts
-    /// then matter as little as there. `None`: where `prepare` is [`Prepare::Everything`].
+    /// Whether shooting starts from the solution of the same problem with a node at every sample
+    /// (equal steps only), where bad starts matter little. `None`: yes if `prepare` is
+    /// [`Prepare::Everything`].
     pub lift: Option<bool>,
     /// Shooting with controlled Dormand-Prince steps; `None` for equal steps of `scheme`.
     pub adaptive: Option<Adaptive>,
     /// Second derivatives for the solver.
     pub curvature: Curvature,
-    /// Damped BFGS from this many last steps in place of `curvature`; a number as large as that of the iterations makes it the
-    /// full BFGS matrix, 6 to 20 is usual for limited memory.
+    /// Damped BFGS from this many last steps in place of `curvature`. 6 to 20 is usual for limited
+    /// memory; the number of iterations makes it the full BFGS matrix.
     pub quasi_newton: Option<usize>,
     /// The solver's method.
     pub algorithm: solver::Algorithm,
@@ -86,32 +91,36 @@ pub struct Settings {
     pub initial_state: InitialState,
     /// Weights of the channels.
     pub weighting: Weighting,
-    /// Noise levels, losses and priors; takes the place of `weighting`. The equation error, which has no measured channels,
-    /// does not read it.
+    /// Noise levels, losses and priors; takes the place of `weighting`. The equation error, which
+    /// has no measured channels, does not read it.
     pub likelihood: Option<Likelihood>,
     /// Positions of parameters that are held at their start beside those marked `fixed`.
     pub hold: Vec<usize>,
-    /// Constraints on parameters and on states, beside the parameters' bounds. Nodes are the ends of all steps in full discretization
-    /// (every sample with one step per interval) and the nodes of shooting, counted over all windows; shooting looks at the motion
-    /// between them nowhere. Not for the equation error.
+    /// Constraints on parameters and on states, beside the parameters' bounds. Nodes are the ends
+    /// of all steps in full discretization (every sample with one step per interval) and the nodes
+    /// of shooting, counted over all windows. Shooting does not look at the motion between its
+    /// nodes. Not for the equation error.
     pub constraints: Vec<Constraint>,
-    /// Whether links all of whose ten inertial parameters the model has stay bodies of positive density while the fit runs
-    /// ([`crate::transcribe::Body`]): every iterate then has a positive definite mass matrix. What
-    /// the data do not determine stays near the start, states start from the filtered record, and parameters that multiply inputs
-    /// are held in the preparing fit. Full discretization and shooting.
+    /// Whether links all of whose ten inertial parameters the model has stay bodies of positive
+    /// density during the fit ([`crate::transcribe::Body`]). Every iterate then has a positive
+    /// definite mass matrix, parameters that the data do not determine stay near the start, states
+    /// start from the filtered record, and the preparing fit holds parameters that multiply inputs.
+    /// Full discretization and shooting.
     pub consistent: bool,
-    /// Whether the covariance is of the sandwich form, from the scatter of the windows' gradients; needs twice as many windows
-    /// as free parameters, otherwise that of the Hessian stands.
+    /// Whether the covariance is of the sandwich form, from the scatter of the windows' gradients.
+    /// It needs twice as many windows as free parameters; with fewer, the covariance of the Hessian
+    /// is used.
     pub sandwich: bool,
     /// Number of starts; the first is the given one.
     pub starts: usize,
-    /// Where the starts after the first one are drawn.
+    /// Where further starts are drawn.
     pub sampling: Sampling,
     /// Seed of the drawn starts.
     pub seed: u64,
-    /// What precedes the exact Hessian.
+    /// Steps before the exact Hessian.
     pub prepare: Prepare,
-    /// Cut-off of the zero-phase filter behind derived velocities and the equation error, Hz; `None` for the data's own.
+    /// Cut-off of the zero-phase filter behind derived velocities and the equation error, Hz;
+    /// `None` for the data's own.
     pub cutoff: Option<f64>,
     /// The equation error keeps every n-th sample; `None` for four samples per period of the cut-off.
     pub decimate: Option<usize>,
@@ -147,7 +156,8 @@ impl Default for Settings {
             decimate: None,
             solver: solver::Settings {
                 mu_start: 1e-2,
-                // The rows are changes of state already; on the two-link study both aids led to worse optima from one start.
+                // The rows are changes of state already, so they are not scaled. On the two-link
+                // study watchdog and soft restoration led one start to a worse optimum.
                 scale_constraints: false,
                 watchdog: 0,
                 soft_restoration: 0,

@@ -14,13 +14,12 @@ use pid_nlp::solver::{self, ip};
 use pid_runtime::dynamics::Hessian;
 use std::time::Instant;
 
-/// Barrier parameter and relative distance to the bounds of a start that is nearly optimal.
+/// First barrier parameter, and relative distance to the bounds, of a start that is nearly optimal.
 const WARM: f64 = 1e-9;
 
-/// Mean samples of an arc from which directions that are hardly determined are shortened alone: it helps where a long integration
-/// bends them (ten starts of the two-link study, explicit Euler, within 1 % of the best objective: with 5 nodes 7 instead of 3, with
-/// 10 nodes 7 instead of 5), and as with the explicit schemes of a full discretization hinders where it does not (20 nodes: 5 instead
-/// of 10).
+/// From this mean length of an arc on, in samples, directions that are hardly determined are
+/// shortened alone. It helps where a long integration bends them and hinders over shorter arcs
+/// (docs/decisions/0006).
 const LONG_ARC: usize = 20;
 
 /// Identifies by shooting.
@@ -140,7 +139,8 @@ fn solve<'m, P: Around<Shooting<'m>>>(
     reached(problem, index, start, solution, iterations, started)
 }
 
-/// Puts parameters into the start that make the steps fit the data, states held: nothing is integrated. Returns the iterations.
+/// Fits the parameters of the start to the data with the states held; nothing is integrated.
+/// Returns the number of iterations.
 fn fit_residual(
     model: &dyn Hessian,
     assembled: &Assembled,
@@ -172,7 +172,8 @@ fn fit_residual(
     prepared.log.len().saturating_sub(1)
 }
 
-/// Puts the solution of the program with a node at every sample into the start. Returns whether there is one, and the iterations.
+/// Puts the solution of the program with a node at every sample into the start. Returns whether
+/// there is one, and the number of iterations.
 fn lift(
     problem: &Shooting<'_>,
     mut every: Shooting<'_>,

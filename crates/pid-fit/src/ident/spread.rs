@@ -6,7 +6,8 @@ use super::uncertainty::{self, Solved, Spread};
 use pid_nlp::solver::Solution;
 use pid_nlp::solver::kkt::{Condensing, Kkt, KktValues};
 
-/// Standard deviations from the reduced Hessian at the solution, and the noise level of every channel where it can be told.
+/// Standard deviations from the reduced Hessian at the solution, and the noise level of every
+/// channel that has one.
 pub(super) fn deviations<P: Motions>(
     problem: &mut P,
     solution: &Solution,

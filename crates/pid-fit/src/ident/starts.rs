@@ -1,4 +1,4 @@
-//! Several starts: where they are drawn, how they run in parallel, which optima they reach.
+//! Several starts: drawing them, running them in parallel, grouping the optima they reach.
 
 use super::{Callback, Progress, Run};
 use pid_nlp::solver::Iteration;
@@ -15,15 +15,18 @@ use std::sync::mpsc;
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Sampling {
-    /// Around the given start: factors 10^U(−0.5, 0.5) on it, and shifts by a third of the range where a range crosses zero.
+    /// Around the given start: factors 10^U(−0.5, 0.5) on it, and shifts by a third of the range
+    /// where a range crosses zero.
     #[default]
     Around,
-    /// A Latin hypercube in the bounds: every parameter visits every one of as many equal parts of its range as there are
-    /// starts (M. McKay, R. Beckman, W. Conover 1979). Ranges of one sign whose ends differ by a factor of ten or more
-    /// are divided in the logarithm; parameters without two finite bounds are drawn as by [`Sampling::Around`].
+    /// A Latin hypercube in the bounds: every parameter visits every one of as many equal parts of
+    /// its range as there are starts (M. McKay, R. Beckman, W. Conover 1979). Ranges of one sign
+    /// whose ends differ by a factor of ten or more are divided in the logarithm; parameters
+    /// without two finite bounds are drawn as by [`Sampling::Around`].
     LatinHypercube,
-    /// A Sobol sequence in the bounds, scrambled as by A. Owen from the seed: any 2^k starts in a row from the first fill every
-    /// pair of parameters evenly, not only each by itself. Ranges as in [`Sampling::LatinHypercube`].
+    /// A Sobol sequence in the bounds, scrambled as by A. Owen from the seed: any 2^k starts in a
+    /// row from the first fill every pair of parameters evenly, not only each by itself. Ranges as
+    /// in [`Sampling::LatinHypercube`].
     Sobol,
 }
 
@@ -78,7 +81,8 @@ pub fn draw(
     all
 }
 
-/// Coordinate of a point of the sequence, in [0, 1). Beyond the dimensions of the table, the same ones are scrambled anew.
+/// Coordinate of a point of the sequence, in [0, 1). Beyond the dimensions of the table, the same
+/// ones are scrambled anew.
 fn sobol(point: usize, coordinate: usize, seed: u64) -> f64 {
     const DIMENSIONS: usize = sobol_burley::NUM_DIMENSIONS as usize;
     let table = (coordinate / DIMENSIONS) as u64;
@@ -95,8 +99,8 @@ enum News<T> {
     Done(usize, T),
 }
 
-/// Solves from every start, several at a time; outcomes in the order of the starts, and whether the callback asked to stop
-/// (those not yet begun are then left out).
+/// Solves from every start, several at a time; outcomes in the order of the starts, and whether the
+/// callback asked to stop (those not yet begun are then left out).
 pub(super) fn run_all<T: Send>(
     count: usize,
     callback: &mut Callback<'_>,
@@ -130,7 +134,7 @@ pub(super) fn run_all<T: Send>(
                         return;
                     }
                     let outcome = solve(index, &mut |phase, iteration| {
-                        // A receiver that is gone has nothing more to ask.
+                        // If the receiver is gone, nobody asks for more.
                         let _ = sender.send(News::Iteration(index, phase, *iteration));
                         if stop.load(Ordering::Relaxed) {
                             ControlFlow::Break(())
@@ -176,16 +180,17 @@ pub struct Optimum {
     pub share: f64,
 }
 
-/// Relative difference of objectives within one optimum.
+/// Runs within one optimum have objectives that differ by at most this share.
 const SAME_OBJECTIVE: f64 = 1e-3;
-/// RMS difference of motions within one optimum, over the RMS of the motion about its mean.
+/// Their motions differ by at most this share (RMS difference over the RMS of the motion about its
+/// mean).
 const SAME_MOTION: f64 = 1e-2;
-/// Largest constraint violation of a point that counts.
+/// A point counts up to this constraint violation.
 const FEASIBLE: f64 = 1e-6;
 
-/// Groups runs by what they reached: one optimum is one objective and one fitted motion. Parameters are not compared,
-/// because redundant ones differ within an optimum. Runs that converged or at least are feasible count; `motions` holds
-/// the fitted states of each run, channels side by side.
+/// Groups runs by the optimum they reached: one objective and one fitted motion. Parameters are not
+/// compared, because redundant ones differ within an optimum. Runs count if they converged or at
+/// least are feasible; `motions` holds the fitted states of each run, channels side by side.
 pub fn optima(runs: &[Run], motions: &[Vec<f64>], channels: usize) -> Vec<Optimum> {
     let usable = |r: &&usize| {
         let run = &runs[**r];
@@ -262,8 +267,8 @@ mod tests {
         );
     }
 
-    /// Sixteen points: one in every sixteenth of each range, and one in each of the four by four cells of the first two
-    /// parameters.
+    /// Sixteen points: one in every sixteenth of each range, and one in each of the four by four
+    /// cells of the first two parameters.
     #[test]
     fn a_sobol_sequence_fills_pairs_of_ranges_evenly() {
         let (lower, upper) = ([0.0, -2.0, 0.1], [1.0, 2.0, 10.0]);

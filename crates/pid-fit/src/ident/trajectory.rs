@@ -11,7 +11,7 @@ use pid_nlp::solver::Solution;
 use pid_runtime::dynamics::Hessian;
 use std::time::Instant;
 
-/// What one start led to.
+/// The outcome of one start.
 pub(super) struct Reached {
     run: Run,
     solution: Solution,
@@ -19,7 +19,7 @@ pub(super) struct Reached {
     motion: Vec<f64>,
 }
 
-/// The point that a start led to, checked.
+/// Checks the point that a start reached.
 pub(super) fn reached<P: Motions>(
     problem: &mut P,
     index: usize,

@@ -4,9 +4,10 @@ use crate::transcribe::{Loss, Prior};
 use faer::Mat;
 use pid_nlp::eigen::Eigen;
 
-/// A parameter, or a direction in parameter space, whose standard deviation exceeds this share of the range is not known.
+/// A direction whose standard deviation exceeds this share of the parameter's range is not
+/// determined.
 const SHARE_OF_RANGE: f64 = 0.25;
-/// Share of the largest eigenvalue that rounding leaves of a zero.
+/// An eigenvalue below this share of the largest one is a rounded zero.
 const ROUNDING: f64 = 1e-15;
 
 /// Fewest windows per free parameter for the sandwich form.
@@ -17,7 +18,8 @@ const WINDOWS_EACH: usize = 2;
 pub struct Covariance {
     /// Positions of the free parameters: not held, not at a bound.
     pub free: Vec<usize>,
-    /// Their covariance in their units, row by row; directions that the data do not determine add nothing to it.
+    /// Their covariance in their units, row by row; directions that the data do not determine add
+    /// nothing to it.
     pub values: Vec<f64>,
 }
 
@@ -42,11 +44,11 @@ impl Covariance {
     }
 }
 
-/// A direction in parameter space along which the objective does not change beyond noise: parameters and their changes, as
-/// shares of their ranges, the largest 1.
+/// A direction in parameter space along which the objective does not change beyond noise:
+/// parameters and their changes, as shares of their ranges, the largest 1.
 pub type OpenDirection = Vec<(usize, f64)>;
 
-/// What the curvature of the objective says about the parameters.
+/// Uncertainty from the curvature of the objective.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Spread {
     pub(super) deviations: Vec<Option<f64>>,
@@ -56,7 +58,7 @@ pub(super) struct Spread {
     pub(super) dispersion: f64,
     pub(super) covariance: Option<Covariance>,
     pub(super) open: Vec<OpenDirection>,
-    /// Whether the sandwich form was asked for and could be made.
+    /// Whether the deviations are of the sandwich form.
     pub(super) sandwich: bool,
 }
 
@@ -86,8 +88,9 @@ pub(super) fn at_bound(value: f64, lower: f64, upper: f64) -> bool {
     value - lower <= room || upper - value <= room
 }
 
-/// Factor on variances of estimates for residuals correlated in time, from the lag-one autocorrelation ρ pooled over
-/// channels: (1 + ρ)/(1 − ρ) (M. S. Bartlett, J. R. Stat. Soc. 98, 1935), at least 1. NaN separates windows.
+/// Factor on variances of estimates for residuals correlated in time, from the lag-one
+/// autocorrelation ρ pooled over channels: (1 + ρ)/(1 − ρ) (M. S. Bartlett, J. R. Stat. Soc. 98,
+/// 1935), at least 1. NaN separates windows.
 pub(super) fn correlation_factor(residuals: &[f64], channels: usize) -> f64 {
     let (mut lagged, mut square) = (0.0, 0.0);
     for c in 0..channels {
@@ -112,7 +115,7 @@ pub(super) fn correlation_factor(residuals: &[f64], channels: usize) -> f64 {
     (1.0 + rho) / (1.0 - rho)
 }
 
-/// A solved problem, as far as its uncertainty goes.
+/// A solved problem with all that its uncertainty depends on.
 pub(super) struct Solved<'a> {
     /// Reduced Hessian of the objective in scaled parameters, over `free`.
     pub(super) hessian: &'a Mat<f64>,
@@ -130,21 +133,25 @@ pub(super) struct Solved<'a> {
     pub(super) channels: usize,
     /// Parameters and initial states.
     pub(super) unknowns: usize,
-    /// Gradient of each window's part of the objective by the scaled parameters (np each), if the sandwich is wanted.
+    /// Gradient of each window's part of the objective by the scaled parameters (np each), if the
+    /// sandwich is wanted.
     pub(super) scores: Option<Vec<f64>>,
 }
 
 /// Covariance `H⁺ V H⁺` with H = ∇²F of the objective and V the variance of its gradient.
 ///
-/// * From the Hessian: `V = u (H − H_p) + 2/N H_p`, `u = c/N Σρ'²/Σρ''` with c the factor for correlated residuals, H_p the
-///   priors' part. For squares without priors this is `2 s² c H⁻¹` with the residual variance s².
-/// * Sandwich (P. J. Huber, 1967; clustered by window): `V = W/(W − 1) Σ_w g_w g_wᵀ + 2/N H_p` with the windows' gradients
-///   g_w less their mean: right for noise of any correlation within a window and any variance of it.
+/// * From the Hessian: `V = u (H − H_p) + 2/N H_p`, `u = c/N Σρ'²/Σρ''` with c the factor for
+///   correlated residuals, H_p the priors' part. For squares without priors this is `2 s² c H⁻¹`
+///   with the residual variance s².
+/// * Sandwich (P. J. Huber, 1967; clustered by window): `V = W/(W − 1) Σ_w g_w g_wᵀ + 2/N H_p` with
+///   the windows' gradients g_w less their mean: right for noise of any correlation within a window
+///   and any variance of it.
 ///
-/// Directions are taken in parameters divided by their ranges (by their scales where a range is open). One whose deviation
-/// exceeds [`SHARE_OF_RANGE`] there, or whose curvature is not positive beyond rounding, is not determined by the data: the
-/// range says more than the record. It makes the parameters it touches `None`. Directions in parameters with priors are known
-/// at least as well as these.
+/// Directions are taken in parameters divided by their ranges (by their scales where a range is
+/// open). The data do not determine a direction whose deviation exceeds [`SHARE_OF_RANGE`] there,
+/// or whose curvature is not positive beyond rounding: the range says more than the record. The
+/// parameters in it get `None`. Directions in parameters with priors are known at least as well as
+/// these.
 pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
     let Solved {
         hessian,
@@ -188,7 +195,8 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
         .iter()
         .map(|j| solved.priors.iter().any(|p| p.parameter == *j))
         .collect();
-    // What priors say of all the parameters of a direction is knowledge too, however wide beside the ranges.
+    // Priors on all the parameters of a direction determine it, even if they are wide beside the
+    // ranges.
     let by_prior = |k: usize| (0..n).all(|i| expected[i] || u[(i, k)] * u[(i, k)] <= 1e-6);
     let known = |k: usize| d[k] > least || d[k] > rounding && by_prior(k);
     let inverse = Mat::from_fn(n, n, |i, j| {
@@ -253,7 +261,8 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
     spread
 }
 
-/// `½ Σρ'²/Σρ''`: with 2/N the factor between Hessian and variance of the gradient for white residuals; for squares their variance.
+/// `½ Σρ'²/Σρ''`: with 2/N the factor between Hessian and variance of the gradient for white
+/// residuals; for squares their variance.
 fn dispersion(solved: &Solved<'_>) -> f64 {
     let (mut slope, mut curvature) = (0.0, 0.0);
     for r in solved.residuals.iter().filter(|r| !r.is_nan()) {
@@ -345,7 +354,8 @@ mod tests {
 
     #[test]
     fn a_prior_as_wide_as_the_range_is_knowledge() {
-        // The data say nothing of the second parameter; its posterior is its prior, uniform ±1 as a normal distribution.
+        // The data say nothing of the second parameter; its posterior is its prior, uniform ±1 as a
+        // normal distribution.
         let e: Vec<f64> = (0..2000)
             .map(|k| if k % 2 == 0 { 1.0 } else { -1.0 })
             .collect();
@@ -376,7 +386,8 @@ mod tests {
         assert!((found.deviations[0].expect("determined") - 0.05).abs() < 1e-4);
     }
 
-    /// Errors that are constant within each of 50 windows: the variance of a mean is that of the windows' means.
+    /// Errors that are constant within each of 50 windows: the variance of a mean is that of the
+    /// windows' means.
     #[test]
     fn the_sandwich_sees_correlation_within_windows() {
         let (windows, each) = (50_usize, 20_usize);

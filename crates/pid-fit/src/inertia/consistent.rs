@@ -4,10 +4,11 @@
 //! minimise   p(θ)ᵀ A p(θ) − 2 bᵀ p(θ) + c + μ Σ ((p_k − p⁰_k)/s_k)²
 //! ```
 //!
-//! Every link with all ten parameters free is written in [`pseudo_inertia`] coordinates, so that its pseudo-inertia is
-//! positive definite at every iterate and with it the mass matrix in every pose; the other parameters stay within their bounds
-//! (friction not negative). The last term, small, settles what the data leave open at the start values. Solved by the
-//! project's interior-point method with exact second derivatives.
+//! Every link with all ten parameters free is written in [`pseudo_inertia`] coordinates. Its
+//! pseudo-inertia is then positive definite at every iterate, and with it the mass matrix in every
+//! pose. The other parameters stay within their bounds (friction not negative). The small last term
+//! settles directions that the data leave open at the start values. The project's interior-point
+//! method solves the problem with exact second derivatives.
 
 use nalgebra::{DMatrix, DVector};
 use pid_nlp::solver::kkt::sparse::SparseKkt;
@@ -269,7 +270,8 @@ mod tests {
         let found = run(&best);
         let body: [f64; BODY] = std::array::from_fn(|i| found.p[i]);
         assert!(pseudo_inertia::definiteness(&body) > -1e-12 && found.p[10] > -1e-8);
-        // The nearest point of the cone in these coordinates: Ixx = Iyy = 0.1 + t, Izz = 0.3 − t with Izz = Ixx + Iyy.
+        // The nearest point of the cone in these coordinates: Ixx = Iyy = 0.1 + t, Izz = 0.3 − t
+        // with Izz = Ixx + Iyy.
         let t = 0.1 / 3.0;
         assert!((found.p[6] - (0.3 - t)).abs() < 2e-3, "{}", found.p);
         assert!((found.p[4] - (0.1 + t)).abs() < 2e-3);

@@ -1,9 +1,11 @@
 //! Physical consistency in every estimator: links in log-Cholesky coordinates as a wrapper of the model.
 //!
-//! The ten parameters of a link are replaced by the coordinates θ of its pseudo-inertia ([`crate::inertia::pseudo_inertia`]); every θ is a body
-//! of positive density, so that the mass matrix is positive definite in every pose at every iterate. Links are found by the names
-//! of their parameters, in either form: mass, first moment and inertia about the frame's origin (`LINK_m`, `LINK_mx` … `LINK_iyz`), or
-//! mass, centre of mass and inertia about it (`mass_LINK`, `com_x_LINK` … `iyz_LINK`).
+//! The ten parameters of a link are replaced by the coordinates θ of its pseudo-inertia
+//! ([`crate::inertia::pseudo_inertia`]); every θ is a body of positive density, so that the mass
+//! matrix is positive definite in every pose at every iterate. Links are found by the names of
+//! their parameters, in either form: mass, first moment and inertia about the frame's origin
+//! (`LINK_m`, `LINK_mx` … `LINK_iyz`), or mass, centre of mass and inertia about it (`mass_LINK`,
+//! `com_x_LINK` … `iyz_LINK`).
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -21,7 +23,7 @@ const COORDINATES: [&str; BODY] = [
     "alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3",
 ];
 
-/// What the ten parameters of a link are.
+/// Form of the ten parameters of a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Form {
     /// Mass, first moment, inertia about the origin.
@@ -128,7 +130,8 @@ pub struct LogCholesky<'m> {
 }
 
 impl<'m> LogCholesky<'m> {
-    /// Of every link all ten parameters of which are free: neither marked `fixed` nor in `hold`. `None` where there is none.
+    /// Covers every link whose ten parameters are all free: neither marked `fixed` nor in `hold`.
+    /// `None` if there is none.
     pub fn new(inner: &'m dyn Hessian, hold: &[usize]) -> Option<Self> {
         let infos = inner.params();
         let names: Vec<&str> = infos.iter().map(|i| i.name.as_ref()).collect();
@@ -188,8 +191,8 @@ impl<'m> LogCholesky<'m> {
         self.links.iter().any(|l| l.places.contains(&parameter))
     }
 
-    /// The coordinates nearest to parameters of the model within: eigenvalues of pseudo-inertias are lifted where no body has
-    /// them. Other parameters stay.
+    /// The coordinates nearest to parameters of the model within. Eigenvalues of pseudo-inertias
+    /// that no body has are lifted; other parameters stay.
     pub fn enter(&self, p: &[f64]) -> Vec<f64> {
         let mut out = p.to_vec();
         for link in &self.links {

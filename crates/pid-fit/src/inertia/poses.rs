@@ -1,4 +1,4 @@
-//! Whether the mass matrix is positive definite over the workspace.
+//! Definiteness of the mass matrix over the workspace.
 
 use nalgebra::DMatrix;
 use pid_runtime::dynamics::{At, Dynamics};

@@ -1,8 +1,8 @@
 //! Pseudo-inertia of a body and its log-Cholesky coordinates.
 //!
-//! The ten parameters of a body, `(m, h, I)` with first moment h and inertia I about the origin, are those of a body with a
-//! non-negative density if and only if its pseudo-inertia is positive definite (P. M. Wensing, S. Kim, J.-J. E. Slotine, IEEE
-//! RA-L 3, 2018):
+//! The ten parameters of a body, `(m, h, I)` with first moment h and inertia I about the origin,
+//! are those of a body with a non-negative density if and only if its pseudo-inertia is positive
+//! definite (P. M. Wensing, S. Kim, J.-J. E. Slotine, IEEE RA-L 3, 2018):
 //!
 //! ```text
 //! J = [ Σ  h ]      Σ = ½ tr(I) 1 − I
@@ -106,7 +106,8 @@ pub fn matrix(p: &[f64; BODY]) -> Matrix4<f64> {
     )
 }
 
-/// Smallest eigenvalue of the pseudo-inertia over its largest: negative for what no body can have.
+/// Smallest eigenvalue of the pseudo-inertia over its largest: negative for parameters that no body
+/// can have.
 pub fn definiteness(p: &[f64; BODY]) -> f64 {
     let eigen = matrix(p).symmetric_eigenvalues();
     let largest = eigen.iter().fold(0.0_f64, |a, e| a.max(e.abs()));
@@ -117,8 +118,8 @@ pub fn definiteness(p: &[f64; BODY]) -> f64 {
     }
 }
 
-/// Log-Cholesky coordinates of a body; eigenvalues of its pseudo-inertia are lifted to at least a ten-thousandth of the largest
-/// (to that of a body of 1 kg and 0.1 m where none is positive).
+/// Log-Cholesky coordinates of a body; eigenvalues of its pseudo-inertia are lifted to at least a
+/// ten-thousandth of the largest (to that of a body of 1 kg and 0.1 m where none is positive).
 pub fn coordinates(p: &[f64; BODY]) -> [f64; BODY] {
     let eigen = SymmetricEigen::new(matrix(p));
     let largest = eigen.eigenvalues.max();
@@ -164,7 +165,8 @@ mod tests {
         fn every_coordinate_is_a_body_of_point_masses(theta in prop::array::uniform10(-1.2_f64..1.2)) {
             let p = body(&theta);
             prop_assert!(definiteness(&p) > 0.0);
-            // The inertia about the centre of mass is that of a body: positive, and no principal moment above the sum of the others.
+            // The inertia about the centre of mass is that of a body: positive, and no principal
+            // moment above the sum of the others.
             let m = p[0];
             let c = [p[1] / m, p[2] / m, p[3] / m];
             let square: f64 = c.iter().map(|x| x * x).sum();

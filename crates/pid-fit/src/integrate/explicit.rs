@@ -48,7 +48,7 @@ const E: [f64; 7] = [
 pub(super) struct Explicit {
     /// Slopes at the stages.
     k: [Vec<f64>; 7],
-    /// The stage at hand.
+    /// The current stage.
     stage: Vec<f64>,
     /// The sixth stage, for the test of stiffness.
     sixth: Vec<f64>,

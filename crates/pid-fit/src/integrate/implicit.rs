@@ -1,22 +1,22 @@
 //! The Radau IIA method of order 5 on the implicit residual.
 //!
-//! Its stages are solved for the accelerations `a_i` at the three nodes, with velocities and positions following from
-//! them (A the matrix of the method, h the step):
+//! Its stages are solved for the accelerations `a_i` at the three nodes, with velocities and
+//! positions following from them (A the matrix of the method, h the step):
 //!
 //! ```text
 //! v_i = v_0 + h Σ_j A_ij a_j,        q_i = q_0 + c_i h v_0 + h² Σ_j (A²)_ij a_j,        r(q_i, v_i, a_i, u_i, p) = 0
 //! ```
 //!
-//! That is a third of the unknowns of the usual form, needs no factorization of M, and the Jacobian
-//! `δ_ij ∂r/∂a + h A_ij ∂r/∂v + h² (A²)_ij ∂r/∂q` is exact at every stage, so that Newton's method converges quadratically
-//! even across the kink of dry friction.
+//! These are a third of the unknowns of the usual form. M need not be factorised, and the Jacobian
+//! `δ_ij ∂r/∂a + h A_ij ∂r/∂v + h² (A²)_ij ∂r/∂q` is exact at every stage, so Newton's method
+//! converges quadratically even across the kink of dry friction.
 
 use super::forward::ForwardDynamics;
 use super::linear::solve;
 use super::{Fault, Interval, Settings, scaled_norm};
 use pid_runtime::dynamics::{At, Jacobian};
 
-/// Newton iterations before the step is cut.
+/// The step is cut after this many Newton iterations.
 const MAX_NEWTON: usize = 12;
 
 /// Constants of the method.
@@ -109,8 +109,8 @@ impl<'m> Implicit<'m> {
         }
     }
 
-    /// One step from (t, x). `Ok(Some(error))` with the scaled error and the solution in `x1`; `Ok(None)` if Newton's
-    /// method does not converge.
+    /// One step from (t, x). `Ok(Some(error))` with the scaled error and the solution in `x1`;
+    /// `Ok(None)` if Newton's method does not converge.
     pub(super) fn step(
         &mut self,
         forward: &mut ForwardDynamics<'_>,
@@ -138,7 +138,7 @@ impl<'m> Implicit<'m> {
         if error <= 1.0 {
             return Ok(Some(error));
         }
-        // A large estimate may be that of a fast transient which is long gone: filter it once more
+        // A large estimate may come from a fast transient that has died out: filter it once more
         // (Hairer and Wanner, equation IV.8.20).
         for (s, (x, e)) in self.shifted.iter_mut().zip(x.iter().zip(&self.error)) {
             *s = x + e;
@@ -199,7 +199,8 @@ impl<'m> Implicit<'m> {
             if !size.is_finite() || (iteration > 3 && size > 2.0 * last) {
                 return Ok(false);
             }
-            // Quadratic convergence: the next correction would be far below the tolerance. Beyond rounding nothing is gained.
+            // Convergence is quadratic: the next correction would be far below the tolerance.
+            // Iterating below rounding gains nothing.
             let largest = self.a.iter().fold(0.0_f64, |m, a| m.max(a.abs()));
             let rounding = self
                 .rhs
@@ -230,7 +231,8 @@ impl<'m> Implicit<'m> {
         }
     }
 
-    /// Residual into `rhs[s nq ..]` and ∂r/∂(q, v, a) into `block`, at stage `s` or at a point (q, v, u) with `a0`.
+    /// Residual into `rhs[s nq ..]` and ∂r/∂(q, v, a) into `block`, at stage `s` or at a point (q,
+    /// v, u) with `a0`.
     fn linearize(&mut self, s: usize, p: &[f64], point: Option<[&[f64]; 3]>) {
         let nq = self.nq;
         let nu = self.u.len() / 3;
@@ -262,9 +264,10 @@ impl<'m> Implicit<'m> {
         }
     }
 
-    /// The error estimate of Hairer and Wanner, equation IV.8.19, `(I − hγJ)⁻¹ (hγ f + Σ e_i (x_i − x_0))`, with the
-    /// slope `f = (v_0, a_0)`; the system is reduced to the velocities,
-    /// `(∂r/∂a + hγ ∂r/∂v + h²γ² ∂r/∂q) δv = ∂r/∂a E_v − hγ ∂r/∂q E_q`, `δq = E_q + hγ δv`.
+    /// The error estimate of Hairer and Wanner, equation IV.8.19,
+    /// `(I − hγJ)⁻¹ (hγ f + Σ e_i (x_i − x_0))`, with the slope `f = (v_0, a_0)`; the system is
+    /// reduced to the velocities, `(∂r/∂a + hγ ∂r/∂v + h²γ² ∂r/∂q) δv = ∂r/∂a E_v − hγ ∂r/∂q
+    /// E_q`, `δq = E_q + hγ δv`.
     fn estimate(
         &mut self,
         interval: &Interval<'_>,

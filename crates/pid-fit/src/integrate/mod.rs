@@ -1,17 +1,19 @@
-//! Accurate simulation: what the declared robot does under the recorded inputs.
+//! Accurate simulation: the motion of a robot under the recorded inputs.
 //!
 //! ```text
 //! q' = v,        v' = a = M(q, p)⁻¹ (f_L(q, v, p, u(t)) − b(q, v, p)),        q(t_0) = q_0, v(t_0) = v_0
 //! ```
 //!
-//! The identification uses simple one-step schemes at the sampling rate; here the error is controlled, so that what is left
-//! between simulation and record is the model's fault and not the integrator's. Inputs may jump at every sample, so steps
-//! end there and each sampling interval is smooth.
+//! The identification uses simple one-step schemes at the sampling rate. Here the error is
+//! controlled, so that a difference between simulation and record is the model's fault and not the
+//! integrator's. Inputs may jump at every sample: steps end there, and each sampling interval is
+//! smooth.
 //!
-//! Friction of the kind `tanh(1000 v)` is stiff near standstill. [`Method::Auto`] integrates with an explicit pair of
-//! order 5(4) and goes over to an L-stable implicit method of order 5 where stability, not accuracy, limits the step.
+//! Friction of the kind `tanh(1000 v)` is stiff near standstill. [`Method::Auto`] integrates with
+//! an explicit pair of order 5(4) and goes over to an L-stable implicit method of order 5 where
+//! stability, not accuracy, limits the step.
 //!
-//! A [`Simulator`] owns all memory: once made, runs allocate nothing.
+//! A [`Simulator`] owns all memory: after it is made, runs allocate nothing.
 
 mod explicit;
 mod forward;
@@ -28,7 +30,7 @@ pub use simulator::Simulator;
 use pid_data::InputHold;
 use pid_runtime::dynamics::Jacobian;
 
-/// How the equations of motion are integrated.
+/// Method of integration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
     /// [`Method::DormandPrince`] until it turns out stiff, then [`Method::Radau`] for a while.
@@ -36,8 +38,9 @@ pub enum Method {
     Auto,
     /// Explicit Runge-Kutta pair of order 5(4) with controlled steps (J. R. Dormand, P. J. Prince, 1980).
     DormandPrince,
-    /// Radau IIA with three stages: order 5, L-stable, controlled steps (E. Hairer, G. Wanner, Solving Ordinary Differential
-    /// Equations II, section IV.8); Newton's method with exact derivatives of the residual.
+    /// Radau IIA with three stages: order 5, L-stable, controlled steps (E. Hairer, G. Wanner,
+    /// Solving Ordinary Differential Equations II, section IV.8); Newton's method with exact
+    /// derivatives of the residual.
     Radau,
     /// The classical Runge-Kutta method of order 4 with so many equal steps per sampling interval.
     Rk4 {
@@ -55,7 +58,8 @@ pub struct Settings {
     pub rtol: f64,
     /// Tolerated local error of states near zero, in their unit: 1e-10, far below any encoder step.
     pub atol: f64,
-    /// Most steps in one sampling interval, rejected ones included: 20 000; more means that the motion explodes.
+    /// Most steps in one sampling interval, rejected ones included: 20 000; more means that the
+    /// motion explodes.
     pub max_steps: usize,
     /// A position or velocity beyond this (SI) counts as diverged: 1e6.
     pub blow_up: f64,
@@ -80,11 +84,11 @@ pub struct Drive<'a> {
     pub t: &'a [f64],
     /// Inputs, row by row.
     pub u: &'a [f64],
-    /// What they do between samples.
+    /// Their course between samples.
     pub hold: InputHold,
 }
 
-/// What a simulation took.
+/// Work of a simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stats {
     /// Accepted steps.
@@ -102,11 +106,11 @@ pub struct Trajectory {
     pub q: Vec<f64>,
     /// Velocities, N × nq, rad/s or m/s.
     pub v: Vec<f64>,
-    /// What it took.
+    /// Work it took.
     pub stats: Stats,
 }
 
-/// A simulation that cannot go on.
+/// Why a simulation cannot go on.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimulateError {
@@ -187,7 +191,7 @@ impl SimulateError {
     }
 }
 
-/// Simulates once; a [`Simulator`] spares the memory when there is more to simulate.
+/// Simulates once. For several simulations a [`Simulator`] reuses the memory.
 ///
 /// Shapes: `p` np, `q0` and `v0` nq, `drive` as stated there.
 ///

@@ -6,13 +6,14 @@ use super::implicit::Implicit;
 use super::{Drive, Fault, Interval, Method, Settings, SimulateError, Stats};
 use pid_runtime::dynamics::{Dynamics, Jacobian};
 
-/// Steps in a row with |h λ| > 3.25 that count as stiff, and steps without that forget it
-/// (E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, section IV.2).
+/// Motion counts as stiff after this many steps in a row with |h λ| > 3.25, and as not stiff after
+/// this many without (E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, section
+/// IV.2).
 const STIFF: usize = 15;
 const NOT_STIFF: usize = 6;
-/// Explicit steps within one sampling interval after which the implicit method is tried.
+/// After this many explicit steps within one sampling interval the implicit method is tried.
 const MANY: usize = 60;
-/// Sampling intervals after which the explicit method is tried again.
+/// After this many sampling intervals the explicit method is tried again.
 const RETRY: usize = 25;
 
 /// Simulates one model again and again without allocating.
@@ -26,14 +27,14 @@ pub struct Simulator<'m> {
     run: Run,
 }
 
-/// What is remembered from step to step.
+/// Memory from step to step.
 #[derive(Default)]
 struct Run {
     stats: Stats,
     /// Step to try next, s; 0 before the first.
     h: f64,
     implicit: bool,
-    /// Intervals since the implicit method was taken up.
+    /// Intervals since the implicit method took over.
     since: usize,
     stiff: usize,
     not_stiff: usize,
@@ -62,8 +63,8 @@ impl<'m> Simulator<'m> {
 
     /// Simulates from (q0, v0) at the first sample and writes the state at every sample.
     ///
-    /// Shapes: `p` np; `q0`, `v0` nq; `drive.t` N; `drive.u` N × nu; `q`, `v` N × nq. On an error the samples before its time
-    /// have been written.
+    /// Shapes: `p` np; `q0`, `v0` nq; `drive.t` N; `drive.u` N × nu; `q`, `v` N × nq. On an error
+    /// the samples before its time have been written.
     ///
     /// # Errors
     /// [`SimulateError`], with the time at which it happened.
@@ -176,7 +177,8 @@ impl<'m> Simulator<'m> {
         self.explicit.first_known = false;
         let mut t = interval.t0;
         let mut tried = 0;
-        // Distances are measured from the interval's start, so that large times cost no digits.
+        // Distances are measured from the start of the interval, so that large times cost no
+        // digits.
         let mut done = 0.0;
         let mut fault = None;
         while done < length {
@@ -202,7 +204,7 @@ impl<'m> Simulator<'m> {
             let (error, order) = match outcome {
                 Ok(Some(trial)) => trial,
                 Ok(None) => (f64::INFINITY, 4.0),
-                // A shorter step may avoid the place; if none does, the place is the error.
+                // A shorter step may avoid the place. If none does, the place is the error.
                 Err(found) => {
                     fault = Some(found);
                     (f64::INFINITY, 4.0)
@@ -233,7 +235,7 @@ impl<'m> Simulator<'m> {
                 } else {
                     interval.t0 + done
                 };
-                // A step that was cut short by the sample says little about how long it might have been.
+                // A step cut short by the sample says little about the length it could have had.
                 self.run.h = if last {
                     self.run.h.max(h * factor)
                 } else {

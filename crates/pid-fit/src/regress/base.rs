@@ -1,22 +1,24 @@
-//! Base parameters from data: which combinations of the parameters the normal equations determine, and their names.
+//! Base parameters from data: the combinations of parameters that the normal equations determine,
+//! and their names.
 //!
-//! With A scaled to a unit diagonal, a Cholesky factorization with complete pivoting takes the columns one by one; those whose
-//! remainder (1 − R² on the columns taken before) falls below 1e-10 are linear combinations of the others,
-//! `W_d = W_i K`, and only `β = p_i + K p_d` can be determined (M. Gautier, J. Robotic Systems 8, 1991, by QR).
+//! With A scaled to a unit diagonal, a Cholesky factorization with complete pivoting takes the
+//! columns one by one. Columns whose remainder (1 − R² on the columns taken before) falls below
+//! 1e-10 are linear combinations of the others, `W_d = W_i K`, and only `β = p_i + K p_d` can be
+//! determined (M. Gautier, J. Robotic Systems 8, 1991, by QR).
 
 use nalgebra::{DMatrix, DVector};
 
-/// Remainder below which a column depends on those taken before.
+/// A column with a smaller remainder depends on those taken before.
 const DEPENDENT: f64 = 1e-10;
-/// Share of a column's length below which a coefficient of K is rounding.
+/// A coefficient of K below this share of a column's length is rounding.
 const NEGLIGIBLE: f64 = 1e-5;
 
-/// The combinations that data determine.
+/// The combinations that the data determine.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Base {
     /// Columns that stand for their combination, in ascending order.
     pub independent: Vec<usize>,
-    /// Columns that depend on them, in ascending order; those of zeros included.
+    /// Columns that depend on them, in ascending order, zero columns included.
     pub dependent: Vec<usize>,
     /// K: `independent` × `dependent`.
     pub k: DMatrix<f64>,
@@ -177,7 +179,7 @@ mod tests {
         let base = Base::of(&gram());
         assert_eq!(base.rank(), 2);
         assert!(base.dependent.contains(&3));
-        // Whatever columns stand for the combinations, Y p depends on β alone.
+        // Whichever columns stand for the combinations, Y p depends on β alone.
         let p = DVector::from_vec(vec![1.0, -2.0, 0.5, 9.0]);
         let shifted = &p + 3.0 * DVector::from_vec(vec![2.0, -1.0, -1.0, 4.0]);
         assert!((base.combine(&p) - base.combine(&shifted)).norm() < 1e-9);
@@ -195,7 +197,8 @@ mod tests {
         let p = base.nearest(&beta, &near, &[1.0, 2.0, 0.5, 1.0]);
         assert!((base.combine(&p) - &beta).norm() < 1e-9);
         assert_eq!(p[3], 4.0, "what does not enter stays");
-        // No other point with the same β is nearer: the step is orthogonal to the null direction (2, −1, −1, ·) in the scale.
+        // No other point with the same β is nearer: the step is orthogonal to the null direction
+        // (2, −1, −1, ·) in the scale.
         let step = &p - &near;
         let product = step[0] * 2.0 - step[1] / 4.0 - step[2] / 0.25;
         assert!(product.abs() < 1e-9, "{product}");

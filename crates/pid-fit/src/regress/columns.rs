@@ -6,10 +6,11 @@ use pid_runtime::memory::Memory;
 
 /// A model split into parameters in which its residual is jointly linear, and the others, which are held.
 ///
-/// A parameter is linear if the Hessian pattern has no entry that couples it with itself or with another linear one. Those
-/// that multiply inputs, gains and load-dependent friction, are held: the measured input is what the regression explains, and with
-/// it on both sides scaling it down would pass for a fit. States of laws with a memory are inputs that nobody measured: their levels are
-/// linear.
+/// A parameter is linear if the Hessian pattern has no entry that couples it with itself or with
+/// another linear one. Parameters that multiply inputs (gains, load-dependent friction) are held:
+/// the measured input is what the regression explains, and with it on both sides, shrinking it
+/// would pass for a fit. States of laws with a memory are inputs that nobody measured, so their
+/// levels are linear.
 pub struct LinearModel<'m> {
     model: &'m dyn Hessian,
     /// Positions of the linear parameters in `p`.
@@ -18,7 +19,7 @@ pub struct LinearModel<'m> {
     held: Vec<usize>,
     /// `p` with zeros at the linear parameters.
     base: Vec<f64>,
-    /// Column of each entry of the Jacobian, where it is one.
+    /// Column of each entry of the Jacobian, `None` for an entry of no column.
     columns: Vec<Option<usize>>,
     /// Further columns: those of coefficients at other values of their shapes.
     variants: Vec<Variant>,
@@ -38,7 +39,8 @@ pub struct Variant {
 }
 
 impl<'m> LinearModel<'m> {
-    /// Splits a model; parameters that are not linear keep the values in `p`. Those in `hold` are held besides.
+    /// Splits a model; parameters that are not linear keep the values in `p`. Those in `hold` are
+    /// held besides.
     pub fn new(model: &'m dyn Hessian, p: &[f64], hold: &[usize]) -> Self {
         Self::with_memories(model, p, hold, &[])
     }
@@ -85,7 +87,7 @@ impl<'m> LinearModel<'m> {
                 conflicts[i] += 1;
                 conflicts[j] += 1;
             }
-            // The one with the most conflicts goes; among equals the later.
+            // The parameter with the most conflicts goes; among equals the later one.
             match (0..dims.np)
                 .filter(|&j| conflicts[j] > 0)
                 .max_by_key(|&j| (conflicts[j], j))
@@ -121,8 +123,9 @@ impl<'m> LinearModel<'m> {
         }
     }
 
-    /// A split with further columns after the linear parameters: for each shape, its coefficient's column at each of the
-    /// values, shape by shape. Shapes that enter with other than one linear coefficient are left out.
+    /// A split with further columns after the linear parameters: for each shape, its coefficient's
+    /// column at each of the values, shape by shape. Shapes that enter with other than one linear
+    /// coefficient are left out.
     pub fn with_variants(&self, shapes: &[(usize, Vec<f64>)]) -> LinearModel<'m> {
         let first = self.model.dims().p();
         let pattern = self.model.hessian_pattern();
@@ -212,8 +215,8 @@ impl<'m> LinearModel<'m> {
         p
     }
 
-    /// r₀ and Y (nq rows of [`columns`](Self::columns) entries) at a sample; the parameters of `at` are not read. `values` is
-    /// scratch as long as the model's Jacobian pattern.
+    /// r₀ and Y (nq rows of [`columns`](Self::columns) entries) at a sample; the parameters of `at`
+    /// are not read. `values` is scratch as long as the model's Jacobian pattern.
     pub fn evaluate(&self, at: &At<'_>, offset: &mut [f64], y: &mut [f64], values: &mut [f64]) {
         let n = self.columns();
         let rows = self.model.jacobian_pattern().rows;

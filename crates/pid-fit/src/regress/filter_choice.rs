@@ -1,9 +1,10 @@
-//! Choosing the filter by training records that were left out.
+//! Chooses the filter by left-out training records.
 //!
-//! A residual that is filtered harder is smaller, whatever the parameters: comparing shares after each candidate's own filter
-//! would choose the lowest cut-off. Each candidate therefore only *fits* with its filter; its values are judged on the left-out record
-//! through one filter for all, at twice the band that holds 99 % of the power of every joint's velocity: above it there is noise
-//! that no parameter explains. Test records play no part.
+//! A residual that is filtered harder is smaller, whatever the parameters, so comparing shares
+//! after each candidate's own filter would choose the lowest cut-off. Each candidate therefore only
+//! *fits* with its filter. Its values are judged on the left-out record through one filter for all,
+//! at twice the band that holds 99 % of the power of every joint's velocity: above it there is
+//! noise that no parameter explains. Test records play no part.
 
 use pid_data::signal::SignalError;
 use pid_data::{Dataset, Role};
@@ -30,13 +31,13 @@ const HIGHEST: f64 = 0.4;
 /// Folds of a record that stands alone.
 const FOLDS: usize = 4;
 
-/// A candidate and what it leaves.
+/// A candidate and its score.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
     /// Cut-off of the states' filter, Hz.
     pub cutoff: f64,
-    /// Mean share of the drives' force left on left-out training records, judged through the common filter; infinite where a
-    /// fold could not be solved.
+    /// Mean share of the drives' force left on left-out training records, judged through the common
+    /// filter; infinite where a fold could not be solved.
     pub left_out: f64,
 }
 
@@ -191,7 +192,8 @@ mod tests {
     use pid_models::Emps;
     use pid_runtime::dynamics::Dynamics;
 
-    /// Positions with noise: too low a cut-off loses the motion, too high a one lets noise into the regressor.
+    /// Positions with noise: too low a cut-off loses the motion, too high a one lets noise into the
+    /// regressor.
     #[test]
     fn the_choice_recovers_the_inertia_better_than_extremes() {
         let truth: Vec<f64> = Emps.params().iter().map(|i| i.nominal).collect();

@@ -1,13 +1,14 @@
-//! Instrumental variables: noise in the records that the loop feeds back biases least squares, and instruments that share none of
-//! it do not.
+//! Instrumental variables. Noise in the records that the loop feeds back biases least squares;
+//! instruments that share none of it do not.
 //!
 //! ```text
 //! β = (Σ_j ω_j Z_jᵀ Y_j)⁻¹ Σ_j ω_j Z_jᵀ (−r₀_j)
 //! ```
 //!
-//! Y is the regressor at the measured motion; Z, the instruments, the regressor at a motion of the *model*: the declared closed loop
-//! follows the same commands with the last β, simulated without noise, and passes the same filters. A few rounds settle it
-//! (IDIM-IV; A. Janot, P.-O. Vandanjon, M. Gautier, IEEE Trans. Control Syst. Technol. 22, 2014).
+//! Y is the regressor at the measured motion. The instruments Z are the regressor at a motion of
+//! the *model*: the declared closed loop follows the same commands with the last β, simulated
+//! without noise, and passes the same filters. A few rounds settle it (IDIM-IV; A. Janot, P.-O.
+//! Vandanjon, M. Gautier, IEEE Trans. Control Syst. Technol. 22, 2014).
 
 use crate::integrate::{self, Drive, SimulateError};
 use nalgebra::{DMatrix, DVector};
@@ -32,7 +33,7 @@ const SETTLED: f64 = 1e-2;
 /// Blocks a record is cut into, for the jackknife.
 const BLOCKS: usize = 12;
 
-/// Instruments that cannot be made.
+/// Why instruments cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum InstrumentError {
@@ -59,15 +60,16 @@ pub enum InstrumentError {
     Singular,
 }
 
-/// What the rounds did.
+/// Outcome of the rounds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rounds {
     /// Rounds taken.
     pub rounds: usize,
     /// Whether β settled.
     pub settled: bool,
-    /// RMS difference between simulated and measured positions over all records and joints, relative to their spread, in the last
-    /// round: instruments are only as good as the model follows.
+    /// RMS difference between simulated and measured positions over all records and joints,
+    /// relative to their spread, in the last round. Instruments are only as good as the model
+    /// follows the records.
     pub distance: f64,
 }
 
@@ -141,7 +143,8 @@ pub fn refine(
     Ok(out)
 }
 
-/// The experiment as the closed loop goes through it; the velocity at the start is zero where none was read.
+/// The experiment along the simulated closed loop; the velocity at the start is zero where none was
+/// read.
 fn simulate(
     model: &ClosedLoop<'_>,
     p: &[f64],
@@ -216,7 +219,8 @@ fn blocks(
             };
             for row in piece * kept.len() / pieces..(piece + 1) * kept.len() / pieces {
                 for j in 0..nq {
-                    // The measured velocity decides, as in the regression; its noise at rest is far below the limit.
+                    // The measured velocity decides about rest, as in the regression; its noise at
+                    // rest is far below the limit.
                     if record.v[kept[row] * nq + j].abs() < rest[j] {
                         continue;
                     }

@@ -1,4 +1,5 @@
-//! Residual forces over records: of fitted values through their normal equations, of any given values through the same filters.
+//! Residual forces over records: of fitted values through their normal equations, of any given
+//! values through the same filters.
 
 use nalgebra::DVector;
 use pid_runtime::dynamics::{At, Hessian};
@@ -26,7 +27,8 @@ const TRAIN: &str = "train (all)";
 /// Name of the row of all test records.
 const TEST: &str = "test (all)";
 
-/// Residuals of the fitted rows of all training records together, then of each test record and of all of them.
+/// Residuals of the fitted rows of all training records together, then of each test record and of
+/// all of them.
 pub(crate) fn fitted(train: &Normal, test: &Normal, p: &DVector<f64>) -> Vec<Errors> {
     let row = |normal: &Normal, records: &str, record: Option<usize>| {
         let choice = |b: &Block| record.is_none_or(|r| b.record == r);
@@ -54,8 +56,8 @@ pub(crate) fn fitted(train: &Normal, test: &Normal, p: &DVector<f64>) -> Vec<Err
 /// Squares of the residual and of the drive's force, and samples, per joint.
 type Squares = Vec<(f64, f64, usize)>;
 
-/// The same rows for given parameters of the model, whether the residual is linear in them or not. Rows of training records
-/// slower than `rest` are left out, as in the fit.
+/// The same rows for given parameters of the model, whether the residual is linear in them or not.
+/// As in the fit, rows of training records slower than `rest` are left out.
 pub fn given(
     model: &dyn Hessian,
     p: &[f64],
@@ -106,7 +108,7 @@ fn row(records: &str, squares: &Squares) -> Errors {
 fn one(model: &dyn Hessian, p: &[f64], record: &Record, rest: Option<&[f64]>) -> Squares {
     let nq = record.nq;
     let residual = residuals_at(model, record, p);
-    // The drive's force is what the input adds.
+    // The drive's force is the part that the input adds.
     let mut force = vec![0.0; record.t.len() * nq];
     let (mut idle, mut passive) = (vec![0.0; record.nu], vec![0.0; nq]);
     for (i, row) in force.chunks_exact_mut(nq).enumerate() {

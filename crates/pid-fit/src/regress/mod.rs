@@ -1,12 +1,13 @@
-//! Estimation by inverse dynamics: records in, base parameters with deviations, checks on records never fitted, and what they cover out.
+//! Estimation by inverse dynamics: records in, base parameters with deviations, checks on records
+//! never fitted, and what they cover out.
 //!
 //! ```text
 //! records -> zero-phase filters -> linear regression, parallel decimation -> normal equations per block of time
 //! normal equations -> weighted least squares, base parameters, deviations, folds, bootstrap, consistent values
 //! ```
 //!
-//! Everything after the filters works on the normal equations, a few small matrices per block, and takes no further pass over
-//! the records.
+//! After the filters, everything works on the normal equations, a few small matrices per block, and
+//! never passes over the records again.
 
 pub mod base;
 pub mod columns;
@@ -59,25 +60,26 @@ pub struct Options {
     pub choose_filter: bool,
     /// Names of parameters held at their start.
     pub hold: Vec<String>,
-    /// Linear parameters of which every training record has its own value; `*` stands for any characters. Other records take
-    /// the mean.
+    /// Linear parameters of which every training record has its own value; `*` stands for any
+    /// characters. Other records take the mean.
     pub private: Vec<String>,
     /// A body fixed to a link in some records.
     pub payload: Option<Payload>,
-    /// Standard deviation of the gain of each joint's drive, as a share of it; empty where they are known. It enters the deviations of
-    /// the combinations, not the intervals of the bootstrap.
+    /// Standard deviation of the gain of each joint's drive, as a share of it; empty where they are
+    /// known. It enters the deviations of the combinations, not the intervals of the bootstrap.
     pub gains: Vec<f64>,
     /// How the joints are weighed.
     pub weights: JointWeights,
-    /// What residuals cost in units of their own deviation, over 1.4826 of their median.
+    /// Loss of residuals in units of their own deviation (1.4826 of their median).
     pub loss: Loss,
     /// Prior knowledge: parameter of the model (or `payload_m` …), mean, standard deviation.
     pub priors: Vec<(String, f64, f64)>,
-    /// Multiple of the transition velocity v₀ below which a joint counts as resting; its rows are then left out of the fit
-    /// (not of the judgement). 0 keeps all; `None` is 0 with friction that has a memory, which explains such rows and is told
-    /// from Coulomb's by them, and 2 without.
+    /// A joint rests below this multiple of the transition velocity v₀; its rows are then left out
+    /// of the fit, but not of the judgement. 0 keeps all rows. `None` is 2, or 0 with friction that
+    /// has a memory: rows at rest tell it from Coulomb friction.
     pub rest: Option<f64>,
-    /// States of friction with a memory, which the model takes as its last inputs ([`pid_runtime::extend::Extended::memories`]).
+    /// States of friction with a memory, which the model takes as its last inputs
+    /// ([`pid_runtime::extend::Extended::memories`]).
     pub memories: Vec<Memory>,
     /// The controllers of the records, for instrumental variables in place of least squares.
     pub instruments: Option<Controllers>,
@@ -199,13 +201,14 @@ pub struct Row {
     pub white: f64,
     /// Bootstrap interval of 95 %.
     pub interval: Option<(f64, f64)>,
-    /// Spread over the records, each fitted by itself: `√(Σ ((β_r − β̄)/σ_r)²/(R − 1))`, β̄ the weighted mean; about 1 where
-    /// they agree within their own deviations. `None` with fewer than two records that determine it.
+    /// Spread over the records, each fitted by itself: `√(Σ ((β_r − β̄)/σ_r)²/(R − 1))`, β̄ the
+    /// weighted mean; about 1 where they agree within their own deviations. `None` with fewer than
+    /// two records that determine it.
     pub agreement: Option<f64>,
 }
 
 impl Row {
-    /// Whether the data pin the value: its deviation is less than half of it.
+    /// Whether the data determine the value: its deviation is less than half of it.
     pub fn pinned(&self) -> bool {
         self.deviation < 0.5 * self.value.abs()
     }
@@ -248,7 +251,8 @@ pub struct Regression {
     pub seconds: f64,
     /// The payload, if one was asked for: its ten parameters and the mass's standard deviation.
     pub payload: Option<PayloadFound>,
-    /// What the rounds of instrumental variables did, and how far they moved each combination from least squares.
+    /// Outcome of the rounds of instrumental variables, and how far they moved each combination
+    /// from least squares.
     pub instruments: Option<(Rounds, Vec<f64>)>,
     /// The solution.
     pub solution: Solution,
@@ -259,8 +263,9 @@ pub struct Regression {
 pub struct PayloadFound {
     /// Link it is fixed to.
     pub link: String,
-    /// Mass, first moment and inertia about the origin of the link's frame (the order of [`crate::inertia::pseudo_inertia::SUFFIXES`]), with standard
-    /// deviations where they are determined one by one.
+    /// Mass, first moment and inertia about the origin of the link's frame (the order of
+    /// [`crate::inertia::pseudo_inertia::SUFFIXES`]), with standard deviations where they are
+    /// determined one by one.
     pub values: Vec<(f64, Option<f64>)>,
     /// The same of the physically consistent fit.
     pub consistent: Option<Vec<f64>>,
@@ -268,7 +273,8 @@ pub struct PayloadFound {
 
 /// Runs a regression on the training records and judges it on the test records.
 ///
-/// `start`: all parameters; those that are not linear are held there, open directions settle near it.
+/// `start`: all parameters; those that are not linear are held there, and open directions settle
+/// near it.
 ///
 /// # Errors
 /// [`RegressError`].
@@ -405,7 +411,7 @@ pub fn regress(
     let parameters = split.complete(&unknowns.robot(&full));
 
     let bootstrap = match options.bootstrap {
-        // The draws are of the normal equations, which instruments leave.
+        // The draws are of the normal equations, which instruments do not use.
         _ if instruments.is_some() => None,
         0 => None,
         draws => solution::bootstrap(&normal, &solution, &how, draws, options.seed),
@@ -532,7 +538,8 @@ fn positions(model: &dyn Hessian, names: &[String]) -> Result<Vec<usize>, Regres
         .collect()
 }
 
-/// Typical sizes: for a link by its mass and a tenth of a metre, otherwise the nominal value, 1 where that is zero.
+/// Typical sizes: for a link by its mass and a tenth of a metre, otherwise the nominal value, 1
+/// where that is zero.
 fn scales(infos: &[&ParamInfo]) -> Vec<f64> {
     let names: Vec<&str> = infos.iter().map(|i| i.name.as_ref()).collect();
     let mut scale: Vec<f64> = infos
@@ -587,7 +594,8 @@ fn beliefs(
     Ok(beliefs)
 }
 
-/// Mean share of the drives' force left on training records (or quarters of a single one) that were not fitted.
+/// Mean share of the drives' force left on training records (or quarters of a single one) that were
+/// not fitted.
 fn folds(normal: &Normal, counted: &Normal, unknowns: &Unknowns, how: &How) -> Option<f64> {
     let shares: Vec<f64> = filter_choice::folds(normal)
         .into_par_iter()

@@ -1,11 +1,13 @@
 //! Normal equations of the inverse dynamics, per block of time and per joint.
 //!
-//! For each block and joint: `A = Σ w yᵀy`, `b = −Σ w yᵀ r₀`, `c = Σ w r₀²` over the kept samples, `y` the joint's row of the
-//! filtered regressor, w the samples' weights (1 unless a robust loss sets them). Weights of joints, subsets of records, folds
-//! and bootstrap samples are sums of these; no further pass is needed.
+//! For each block and joint: `A = Σ w yᵀy`, `b = −Σ w yᵀ r₀`, `c = Σ w r₀²` over the kept samples,
+//! `y` the joint's row of the filtered regressor, w the samples' weights (1 unless a robust loss
+//! sets them). Weights of joints, subsets of records, folds and bootstrap samples are sums of
+//! these; no further pass is needed.
 //!
-//! Where records differ in some unknowns (an offset of each, a payload in some), the sums stay those of the model's columns, and a
-//! [`Placement`] per record says which unknowns a column stands for; they are spread when they are added up.
+//! Records may differ in some unknowns (an offset of each, a payload in some). The sums stay those
+//! of the model's columns, and a [`Placement`] per record says which unknowns a column stands for.
+//! The sums are spread over the unknowns when they are added up.
 
 use std::borrow::Cow;
 
@@ -129,13 +131,15 @@ pub struct Normal {
 }
 
 impl Normal {
-    /// Passes the records through the model once. Rows of a joint that is slower than `rest` (one value per joint) are left
-    /// out: sticking friction may be anything within its band there.
+    /// Passes the records through the model once. Rows of a joint that is slower than `rest` (one
+    /// value per joint) are left out, since sticking friction may be anything within its band
+    /// there.
     pub fn new(model: &LinearModel<'_>, records: &[Record], rest: Option<&[f64]>) -> Self {
         Self::weighted(model, records, rest, &[])
     }
 
-    /// As [`Self::new`] with a weight for every kept sample and joint of each record (row by row); 1 where there is no list.
+    /// As [`Self::new`] with a weight for every kept sample and joint of each record (row by row);
+    /// 1 where there is no list.
     pub fn weighted(
         model: &LinearModel<'_>,
         records: &[Record],
@@ -312,7 +316,7 @@ fn sums(
 ) -> Sums {
     let width = nq * (columns + 2);
     let mut out = Sums::zero(columns);
-    // Columns that this joint's row has at all: the others stay zero.
+    // Only columns that this joint's row has; the others stay zero.
     let used: Vec<usize> = (0..columns)
         .filter(|k| {
             samples

@@ -1,10 +1,10 @@
-//! The range of motion and load a fit was earned in, and where other records leave it.
+//! The range of motion and load of the fitted records, and where other records leave it.
 
 use pid_runtime::dynamics::Dynamics;
 
 use crate::regress::record::Record;
 
-/// Share of its width by which a range may be left without a remark.
+/// A record may leave a range by this share of its width without a remark.
 const MARGIN: f64 = 0.05;
 
 /// Range of one joint over some records.

@@ -1,4 +1,4 @@
-//! Records made ready for a regression: filtered states, inputs as they act, the rule of decimation.
+//! Prepares records for a regression: filtered states, inputs as they act, the rule of decimation.
 
 use pid_data::signal::{
     FilterError, SignalError, acting_inputs, low_pass_channels, state_from_data,
@@ -8,15 +8,16 @@ use pid_runtime::dynamics::At;
 
 use pid_runtime::memory::Memory;
 
-/// Share of the rate after decimation at which the decimation filter cuts off.
+/// The decimation filter cuts off at this share of the rate after decimation.
 const PARALLEL: f64 = 0.4;
 /// Samples kept per period of the cut-off of the states' filter.
 const PER_PERIOD: f64 = 4.0;
 
-/// What can be chosen about the filters.
+/// Settings of the filters.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Filtering {
-    /// Cut-off of the states' filter, Hz; `None` takes the one that [`pid_data::signal::choose_cutoff`] finds.
+    /// Cut-off of the states' filter, Hz; `None` takes the one that
+    /// [`pid_data::signal::choose_cutoff`] finds.
     pub cutoff: Option<f64>,
     /// Every n-th sample is kept; `None` for four samples per period of the cut-off.
     pub decimate: Option<usize>,
@@ -71,7 +72,8 @@ impl Record {
         &self.u[i * self.nu..(i + 1) * self.nu]
     }
 
-    /// The inputs at sample `i` with no drive: states of memories alone, behind zeros. `u` is as long as them.
+    /// The inputs at sample `i` with no drive: states of memories alone, behind zeros. `u` is as
+    /// long as them.
     pub(crate) fn idle(&self, i: usize, u: &mut [f64]) {
         u.fill(0.0);
         u[self.nq..].copy_from_slice(&self.inputs(i)[self.nq..]);
@@ -98,8 +100,9 @@ impl Record {
         self
     }
 
-    /// Filters an experiment: Butterworth of order 4 forward and backward for states and inputs, central differences, and
-    /// a decimation for which residual and regressor pass the same filter (IDIM-LS, M. Gautier, IEEE ICRA 1997).
+    /// Filters an experiment: Butterworth of order 4 forward and backward for states and inputs,
+    /// central differences, and a decimation for which residual and regressor pass the same filter
+    /// (IDIM-LS, M. Gautier, IEEE ICRA 1997).
     ///
     /// # Errors
     /// [`SignalError`] for records that are too short, empty channels and impossible cut-offs.
@@ -171,11 +174,12 @@ impl Record {
         if self.factor == 1 || columns == 0 {
             return x;
         }
-        // The cut-off lies below half the rate by construction; a filter that cannot be made leaves the data as they are.
+        // The cut-off lies below half the rate by construction. If no filter can be made, the data
+        // stay as they are.
         low_pass_channels(&self.t, &x, columns, self.parallel_cutoff).unwrap_or(x)
     }
 
-    /// What was done, in words.
+    /// The filtering in words.
     pub fn in_words(&self) -> String {
         let states = format!(
             "{}: Butterworth of order 4 both ways at {:.1} Hz, central differences",

@@ -1,7 +1,8 @@
 //! Weights of samples for residuals with long tails: iteratively reweighted least squares.
 //!
-//! With residual r of a joint and s = 1.4826 median|r| (the standard deviation of normal residuals), a sample counts by
-//! `ρ'(r/s)/(2 r/s)`: 1 where the loss ρ is quadratic, less beyond (P. J. Huber, *Robust Statistics*, 1981, section 7.8).
+//! With residual r of a joint and s = 1.4826 median|r| (the standard deviation of normal
+//! residuals), a sample counts by `ρ'(r/s)/(2 r/s)`: 1 where the loss ρ is quadratic, less beyond
+//! (P. J. Huber, *Robust Statistics*, 1981, section 7.8).
 
 use crate::transcribe::Loss;
 use nalgebra::DVector;
@@ -15,7 +16,7 @@ use crate::regress::unknowns::{self, Unknowns};
 
 /// Most rounds of reweighting.
 const ROUNDS: usize = 12;
-/// Change of a weight below which they count as settled.
+/// Weights count as settled when none changes by more than this.
 const SETTLED: f64 = 0.02;
 /// Standard deviation over the median of the absolute value, for normal residuals.
 const NORMAL: f64 = 1.482_6;

@@ -1,7 +1,8 @@
 //! Shape parameters of force terms (Stribeck velocities), sought over a grid of their ranges.
 //!
-//! A shape moves one column of the regressor, that of its coefficient. One pass over the records makes the normal equations with
-//! that column at every value of the grid; each trial then selects columns of them.
+//! A shape moves one column of the regressor, that of its coefficient. One pass over the records
+//! makes the normal equations with that column at every value of the grid; each trial then selects
+//! columns of them.
 
 use pid_runtime::dynamics::ParamInfo;
 
@@ -15,9 +16,9 @@ const SHAPES: usize = 12;
 /// Passes over all of them.
 const PASSES: usize = 3;
 
-/// Sets the shape parameters that are not in `hold` by coordinate search over a logarithmic grid of their ranges: the sum of
-/// logarithms of the joints' residual variances at the best linear parameters (the likelihood with the joints' variances
-/// eliminated) decides.
+/// Sets the shape parameters that are not in `hold` by coordinate search over a logarithmic grid of
+/// their ranges: the sum of logarithms of the joints' residual variances at the best linear
+/// parameters (the likelihood with the joints' variances eliminated) decides.
 ///
 /// # Errors
 /// [`RegressionError`] where the linear parameters cannot be found.
@@ -52,7 +53,8 @@ pub fn tune(
         first.push(end);
         end += variant.values.len();
     }
-    // Beliefs are of shared parameters and do not decide between shapes, and deviations of gains move no value.
+    // Priors are of shared parameters and do not decide between shapes; deviations of gains move no
+    // value.
     let how = How {
         weights: how.weights,
         ..How::default()
@@ -171,7 +173,7 @@ mod tests {
             let error = (&found.a - &expected[0].a).norm() / expected[0].a.norm();
             assert!(error < 1e-12, "{error}");
         }
-        // The velocity with which the record was made is found, to a step of the grid.
+        // The search finds the velocity of the record, to a step of the grid.
         let mut split = LinearModel::new(&model, &p, &[]);
         tune(&mut split, &made, &[2e-3], &[shapes[1]], &How::default()).expect("solvable");
         let found = split.held_value(shapes[0]);

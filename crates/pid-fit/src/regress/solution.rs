@@ -1,8 +1,9 @@
 //! Weighted least squares on the normal equations, with deviations by the delete-a-block jackknife.
 //!
-//! Weights are one over the residual variance of each joint, settled in a few passes (IDIM-LS). The covariance
-//! `(Σ ω_j A_j)⁻¹` of that fit holds for white residuals of a right model. Those of real robots are neither, so the printed
-//! deviations come from leaving out one block of time after another,
+//! Weights are one over the residual variance of each joint, settled in a few passes (IDIM-LS). The
+//! covariance `(Σ ω_j A_j)⁻¹` of that fit holds for white residuals of a right model. Residuals of
+//! real robots are neither white nor those of a right model, so the printed deviations come from
+//! leaving out one block of time after another,
 //!
 //! ```text
 //! cov = (B − 1)/B Σ_k (β₍ₖ₎ − β̄)(β₍ₖ₎ − β̄)ᵀ          (H. R. Künsch, Ann. Statist. 17, 1989, for blocks)
@@ -22,7 +23,7 @@ use crate::regress::normal::{Normal, Sums};
 /// Passes of the weights.
 const PASSES: usize = 4;
 
-/// A regression that cannot be done.
+/// Why a regression cannot be done.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RegressionError {
@@ -56,7 +57,8 @@ pub enum JointWeights {
     /// Each by one over its own residual variance.
     #[default]
     Variance,
-    /// All alike, by one over the residual variance of all together: the residual of all joints together is the least.
+    /// All alike, by one over the residual variance of all together: the residual of all joints
+    /// together is the least.
     Common,
 }
 
@@ -71,20 +73,21 @@ pub struct Belief {
     pub deviation: f64,
 }
 
-/// What a least-squares fit is told beside its normal equations.
+/// Inputs of a least-squares fit beside its normal equations.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct How {
     /// Weights of the joints.
     pub weights: JointWeights,
     /// Prior knowledge: each counts as one more residual, the deviation its noise.
     pub beliefs: Vec<Belief>,
-    /// Standard deviation of the gain of each joint's drive, as a share of it; empty where they are known. A wrong gain scales the
-    /// force of its drive in all records alike, so that no residual tells of it.
+    /// Standard deviation of the gain of each joint's drive, as a share of it; empty if the gains
+    /// are known. A wrong gain scales the force of its drive in all records alike, so no residual
+    /// shows it.
     pub gains: Vec<f64>,
 }
 
 impl How {
-    /// Adds the beliefs to weighted normal equations.
+    /// Adds the priors to weighted normal equations.
     pub(crate) fn believe(&self, a: &mut DMatrix<f64>, b: &mut DVector<f64>) {
         for belief in &self.beliefs {
             let precision = belief.deviation.powi(-2);
@@ -103,7 +106,8 @@ pub struct Solution {
     pub beta: DVector<f64>,
     /// Their covariance under white residuals of the fitted variances.
     pub white: DMatrix<f64>,
-    /// Their covariance by the jackknife, or `white` with fewer than three blocks; and what the gains' deviations add.
+    /// Their covariance by the jackknife, or `white` with fewer than three blocks; plus the
+    /// covariance from the gains' deviations.
     pub covariance: DMatrix<f64>,
     /// Weight of each joint: one over its residual variance.
     pub weights: Vec<f64>,
@@ -172,7 +176,7 @@ impl Reduced {
     }
 }
 
-/// Weighted sum of the joints' normal equations and of what is believed.
+/// Weighted sum of the joints' normal equations and of the priors.
 fn believed(sums: &[Sums], weights: &[f64], how: &How) -> (DMatrix<f64>, DVector<f64>) {
     let (mut a, mut b) = weighted(sums, weights);
     how.believe(&mut a, &mut b);
@@ -239,7 +243,7 @@ pub fn estimate(total: &[Sums], how: &How) -> Result<Estimate, RegressionError> 
         if pass + 1 < PASSES {
             let columns = base.independent.len() + base.dependent.len();
             let p = as_columns(&base, &value, columns);
-            // Each joint bears its share of the unknowns.
+            // Each joint takes its share of the unknowns.
             let lost = base.rank() as f64 / total.len() as f64;
             let squares = total
                 .iter()
@@ -309,8 +313,8 @@ fn reciprocal(variance: f64) -> f64 {
     }
 }
 
-/// Covariance by leaving out one block after another; `None` with fewer than three blocks, or where what remains does not
-/// determine the combinations.
+/// Covariance by leaving out one block after another; `None` with fewer than three blocks, or if
+/// the remaining blocks do not determine the combinations.
 fn jackknife(
     normal: &Normal,
     base: &Base,
@@ -349,7 +353,8 @@ pub(crate) fn scatter(estimates: &[DVector<f64>], factor: f64) -> DMatrix<f64> {
     out
 }
 
-/// Quantiles 2.5 % and 97.5 % of each β over blocks drawn with replacement, record by record (stratified block bootstrap).
+/// Quantiles 2.5 % and 97.5 % of each β over blocks drawn with replacement, record by record
+/// (stratified block bootstrap).
 ///
 /// Draws whose blocks do not determine the combinations are left out; `None` if fewer than half are left.
 pub fn bootstrap(
@@ -399,8 +404,8 @@ pub fn bootstrap(
     )
 }
 
-/// β of each record by itself on the combinations of the whole, with deviations; `None` where a record alone does not
-/// determine them.
+/// β of each record by itself on the combinations of the whole, with deviations; `None` where a
+/// record alone does not determine them.
 pub fn per_record(normal: &Normal, solution: &Solution) -> Vec<Option<Agreement>> {
     let alone = How::default();
     (0..normal.records.len())
@@ -429,8 +434,8 @@ pub struct Agreement {
     pub deviations: Vec<f64>,
 }
 
-/// RMS residual of each joint, and the same over the RMS of the drive's force (`None` where the drive does not act), at
-/// values of all linear parameters.
+/// RMS residual of each joint, and the same over the RMS of the drive's force (`None` where the
+/// drive does not act), at values of all linear parameters.
 pub fn residuals(
     normal: &Normal,
     p: &DVector<f64>,
@@ -481,7 +486,7 @@ mod tests {
             let x = 0.1 * (w1 * time).sin() + 0.05 * (w2 * time).cos();
             let v = 0.1 * w1 * (w1 * time).cos() - 0.05 * w2 * (w2 * time).sin();
             let a = -0.1 * w1 * w1 * (w1 * time).sin() - 0.05 * w2 * w2 * (w2 * time).cos();
-            // The mean of three uniform numbers is near enough to normal.
+            // The mean of three uniform numbers is close enough to normal.
             let white: f64 = (0..3).map(|_| random.random_range(-1.0..1.0)).sum();
             e = correlated * e + (1.0 - correlated * correlated).sqrt() * white;
             t.push(time);
@@ -536,7 +541,8 @@ mod tests {
 
     #[test]
     fn deviations_cover_the_scatter_of_repeated_records() {
-        // Correlated noise: the deviations of white residuals are far too small, those of the jackknife are not.
+        // Under correlated noise the deviations for white residuals are far too small, those of the
+        // jackknife are not.
         let model = split();
         let runs: Vec<(f64, f64, f64)> = (0..60)
             .map(|seed| {

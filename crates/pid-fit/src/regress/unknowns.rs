@@ -1,8 +1,9 @@
-//! The unknowns of a regression over several records: those all records share, copies that belong to one record, a payload that
-//! some records carry.
+//! The unknowns of a regression over several records: shared ones, copies that belong to one
+//! record, and a payload that some records carry.
 //!
-//! A payload is a rigid body fixed to a link. Its ten parameters, in the frame of the link, act through the columns of the link's
-//! own: in the records that carry it, `p_link = p_robot + p_payload`; one fit over records with and without it determines both.
+//! A payload is a rigid body fixed to a link. Its ten parameters, in the frame of the link, act
+//! through the link's own columns: in the records that carry it, `p_link = p_robot + p_payload`.
+//! One fit over records with and without it determines both.
 
 use std::borrow::Cow;
 use std::str::FromStr;
@@ -89,7 +90,7 @@ impl FromStr for Payload {
     }
 }
 
-/// What a column of the model stands for.
+/// Unknowns of a column of the model.
 #[derive(Debug, Clone, PartialEq)]
 enum Kind {
     Shared(usize),
@@ -108,8 +109,8 @@ pub struct Unknowns {
 }
 
 impl Unknowns {
-    /// The linear parameters of a model near `start`; those that fit one of the names in `private` (`*` stands for any
-    /// characters) once per training record.
+    /// The linear parameters of a model near `start`; those that fit one of the names in `private`
+    /// (`*` stands for any characters) once per training record.
     ///
     /// # Errors
     /// [`UnknownsError`].
@@ -204,12 +205,12 @@ impl Unknowns {
         })
     }
 
-    /// What is known of them.
+    /// Prior knowledge of them.
     pub fn infos(&self) -> &[ParamInfo] {
         &self.infos
     }
 
-    /// Where they start.
+    /// Their start values.
     pub fn near(&self) -> &DVector<f64> {
         &self.near
     }
@@ -224,7 +225,7 @@ impl Unknowns {
         self.payload.as_ref().map(|(_, body, _)| *body)
     }
 
-    /// Unknowns that are, or are copies of, a parameter.
+    /// Unknowns that are a parameter, or copies of it.
     pub fn of_parameter(&self, name: &str) -> Vec<usize> {
         let own = |i: &ParamInfo| match i.name.split_once('@') {
             Some((base, _)) => base == name || i.name == name,
@@ -235,8 +236,8 @@ impl Unknowns {
             .collect()
     }
 
-    /// The unknowns behind each column in a record: the `training`-th one, or one that is not fitted, which takes the mean of
-    /// the copies.
+    /// The unknowns behind each column in a record: the `training`-th one, or one that is not
+    /// fitted, which takes the mean of the copies.
     pub fn place(&self, record: &str, training: Option<usize>) -> Placement {
         let mut place: Placement = self
             .kinds

@@ -1,24 +1,28 @@
-//! Links kept bodies of positive density while a fit runs: the log-determinant barrier of their pseudo-inertias.
+//! Keeps links bodies of positive density during a fit: the log-determinant barrier of their
+//! pseudo-inertias.
 //!
-//! The ten parameters of a link belong to a body with a density that is nowhere negative if and only if its pseudo-inertia is
-//! positive semidefinite (P. M. Wensing, S. Kim, J.-J. E. Slotine, IEEE RA-L 3, 2018):
+//! The ten parameters of a link belong to a body with a density that is nowhere negative if and
+//! only if its pseudo-inertia is positive semidefinite (P. M. Wensing, S. Kim, J.-J. E. Slotine,
+//! IEEE RA-L 3, 2018):
 //!
 //! ```text
 //! J = [ Σ  h ]      Σ = ½ tr(I) 1 − I
 //!     [ hᵀ m ]
 //! ```
 //!
-//! J is linear in mass, first moment and inertia about the frame's origin. With mass, centre of mass and inertia about it, J is
-//! congruent to the block-diagonal matrix of Σ and m by a matrix of determinant one, which is linear in these. In either form
+//! J is linear in mass, first moment and inertia about the frame's origin. With mass, centre of
+//! mass and inertia about it, J is congruent to the block-diagonal matrix of Σ and m by a matrix of
+//! determinant one, which is linear in these. In either form
 //!
 //! ```text
 //! b(p) = w Σ_links [ tr(J₀⁻¹ J(p)) − ln det(J₀⁻¹ J(p)) − 4 ]
 //! ```
 //!
-//! is a convex barrier, at least zero and zero where J is that of the start, J₀ (the entropic divergence of T. Lee, P. M. Wensing,
-//! F. C. Park, IEEE T-RO 36, 2020): what the data do not determine stays near the start. Its weight w is the barrier parameter of the
-//! solver, as for bounds, down to a floor. Every iterate has a positive definite mass matrix as far as the links make it up: motions
-//! do not grow as those of a negative inertia do.
+//! is a convex barrier, at least zero, and zero where J is that of the start, J₀ (the entropic
+//! divergence of T. Lee, P. M. Wensing, F. C. Park, IEEE T-RO 36, 2020): parameters that the data
+//! do not determine stay near the start. Its weight w is the barrier parameter of the solver, as
+//! for bounds, down to a floor. Every iterate has a positive definite mass matrix as far as the
+//! links make it up, so motions do not grow as those of a negative inertia do.
 
 use nalgebra::{Cholesky, Const, Matrix4, SymmetricEigen};
 use pid_runtime::dynamics::ParamInfo;
@@ -48,8 +52,8 @@ pub struct Body {
 }
 
 impl Body {
-    /// The links of a model, by the names of its parameters: `LINK_m`, `LINK_mx` … `LINK_iyz`, or `mass_LINK`, `com_x_LINK` …
-    /// `iyz_LINK`.
+    /// The links of a model, by the names of its parameters: `LINK_m`, `LINK_mx` … `LINK_iyz`, or
+    /// `mass_LINK`, `com_x_LINK` … `iyz_LINK`.
     pub fn all(params: &[ParamInfo]) -> Vec<Self> {
         let find = |name: &str| params.iter().position(|p| p.name == name);
         let body = |link: &str, centred: bool| {
@@ -107,7 +111,7 @@ impl Body {
         Cholesky::new(self.matrix(p)).is_some()
     }
 
-    /// The link with the body of these parameters as the one it stays near; unchanged where they are those of none.
+    /// The link with its reference body at these parameters; unchanged if they belong to no body.
     #[must_use]
     pub fn around(mut self, p: &[f64]) -> Self {
         if let Some(factor) = Cholesky::new(self.matrix(p)) {
@@ -167,7 +171,8 @@ fn slope(k: usize) -> Matrix4<f64> {
     e
 }
 
-/// The barrier of some links in the objective of a program whose variables are the parameters over their scales.
+/// The barrier of some links in the objective of a program whose variables are the parameters over
+/// their scales.
 #[derive(Debug, Clone)]
 pub(super) struct Barrier {
     bodies: Vec<Body>,
@@ -216,7 +221,8 @@ impl Barrier {
         self.weight * value
     }
 
-    /// ∂²b by the variables: entries of the lower triangle (row ≥ column) of each link, in the order of [`Barrier::pattern`].
+    /// ∂²b by the variables: entries of the lower triangle (row ≥ column) of each link, in the
+    /// order of [`Barrier::pattern`].
     pub(super) fn hessian(&self, p: &[f64], mut add: impl FnMut(usize, usize, f64)) {
         for body in &self.bodies {
             let inverse = Cholesky::new(body.matrix(p)).map(|f| f.inverse());
@@ -250,7 +256,8 @@ impl Barrier {
         entries
     }
 
-    /// Largest α up to 1 for which variables x + α d are in the domain, times `share` where that is less than 1.
+    /// Largest α up to 1 for which variables x + α d are in the domain, times `share` where that is
+    /// less than 1.
     pub(super) fn longest(&self, x: &[f64], d: &[f64], share: f64) -> f64 {
         if self.bodies.is_empty() {
             return 1.0;

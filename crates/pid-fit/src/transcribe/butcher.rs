@@ -4,8 +4,9 @@
 //! K_i = f(t + c_i h, x + h Σ_j A_ij K_j),        x⁺ = x + h Σ_j b_j K_j
 //! ```
 //!
-//! Collocation coefficients follow from their nodes: the roots of shifted Legendre polynomials (Gauss), of `P_s − P_{s−1}`
-//! (Radau IIA) (E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, section IV.5).
+//! Collocation coefficients follow from their nodes: the roots of shifted Legendre polynomials
+//! (Gauss), of `P_s − P_{s−1}` (Radau IIA) (E. Hairer, G. Wanner, Solving Ordinary Differential
+//! Equations II, section IV.5).
 
 use crate::integrate::DORMAND_PRINCE;
 
@@ -20,7 +21,8 @@ pub(super) struct Butcher {
     pub(super) c: Vec<f64>,
 }
 
-/// Legendre polynomial P_n on [−1, 1] and its derivative, by the recurrence of three terms; |x| < 1 for the derivative.
+/// Legendre polynomial P_n on [−1, 1] and its derivative, by the recurrence of three terms; |x| < 1
+/// for the derivative.
 fn legendre(n: usize, x: f64) -> (f64, f64) {
     let (mut last, mut value) = (1.0, x);
     if n == 0 {
@@ -33,7 +35,8 @@ fn legendre(n: usize, x: f64) -> (f64, f64) {
     (value, n as f64 * (last - x * value) / (1.0 - x * x))
 }
 
-/// The roots in (−1, 1) of a function with simple roots, ascending: signs on a fine grid, then bisection to the last digit.
+/// The roots in (−1, 1) of a function with simple roots, ascending: signs on a fine grid, then
+/// bisection to the last digit.
 fn roots(f: impl Fn(f64) -> f64) -> Vec<f64> {
     const GRID: i32 = 1000;
     let mut found = Vec::new();
@@ -100,8 +103,8 @@ impl Butcher {
         Self::of(&[&[], &[5.0 / 24.0, 1.0 / 3.0, -1.0 / 24.0], &b], &b)
     }
 
-    /// Collocation at nodes in (0, 1]: `A_ij = ∫_0^{c_i} ℓ_j`, `b_j = ∫_0^1 ℓ_j` with the Lagrange polynomials ℓ_j of the
-    /// nodes, integrated exactly by a Gauss rule of enough points.
+    /// Collocation at nodes in (0, 1]: `A_ij = ∫_0^{c_i} ℓ_j`, `b_j = ∫_0^1 ℓ_j` with the Lagrange
+    /// polynomials ℓ_j of the nodes, integrated exactly by a Gauss rule of enough points.
     fn collocation(c: Vec<f64>) -> Self {
         let s = c.len();
         let rule: Vec<(f64, f64)> = roots(|x| legendre(s, x).0)

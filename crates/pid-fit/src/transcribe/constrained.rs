@@ -7,10 +7,11 @@
 //!             lower ≤ x ≤ upper
 //! ```
 //!
-//! A constraint holds for the parameters alone, at one node, or at every node of the program (a path constraint). It is a
-//! function over any dual number ([`pid_runtime::generic::functions`]), so its derivatives are exact. The linear system is
-//! [`super::ConstrainedKkt`], which eliminates the constraints' rows into those of their nodes;
-//! [`pid_nlp::solver::kkt::sparse::SparseKkt`] serves as well and forgets the structure.
+//! A constraint holds for the parameters alone, at one node, or at every node of the program (a
+//! path constraint). It is a function over any dual number ([`pid_runtime::generic::functions`]),
+//! so its derivatives are exact. The linear system is [`super::ConstrainedKkt`], which eliminates
+//! the constraints' rows into those of their nodes; [`pid_nlp::solver::kkt::sparse::SparseKkt`]
+//! serves as well and forgets the structure.
 
 use super::{FullDiscretization, Shooting};
 use pid_nlp::{Nlp, SparsePattern};
@@ -68,7 +69,7 @@ pub enum Place {
     EveryNode,
 }
 
-/// What is asked of the values.
+/// Relation that the values must satisfy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sense {
     /// g = 0.
@@ -80,7 +81,7 @@ pub enum Sense {
 /// A constraint of the user.
 #[derive(Clone)]
 pub struct Constraint {
-    /// What it is, for messages.
+    /// Its name in messages.
     pub name: String,
     /// Where it holds.
     pub place: Place,
@@ -172,7 +173,8 @@ impl<P: States> Constrained<P> {
     /// Adds constraints to a program.
     ///
     /// # Errors
-    /// [`ConstraintError`] if a constraint asks for a node that is not there, or its function for other states and parameters.
+    /// [`ConstraintError`] if a constraint asks for a node that is not there, or its function for
+    /// other states and parameters.
     pub fn new(inner: P, constraints: Vec<Constraint>) -> Result<Self, ConstraintError> {
         let nodes = inner.state_positions();
         let (first_p, scale) = inner.parameter_scale();
@@ -270,8 +272,9 @@ impl<P: States> Constrained<P> {
         &mut self.inner
     }
 
-    /// Whether each inequality holds a solution, slack by slack from the first: multiplier `z` of the slack, for an objective that is a
-    /// mean over so many samples, above the slack itself.
+    /// Whether each inequality holds a solution, slack by slack from the first: the multiplier `z`
+    /// of the slack, for an objective that is a mean over so many samples, exceeds the slack
+    /// itself.
     pub(crate) fn held(&self, x: &[f64], z: &[f64], samples: usize) -> Vec<bool> {
         let own = self.inner.n()..self.n;
         own.map(|k| samples as f64 * z[k] > x[k]).collect()
@@ -316,7 +319,8 @@ impl<P: States> Constrained<P> {
         self.constraints[constraint].function.outputs()
     }
 
-    /// A start of the program without constraints, extended by slacks that fulfil the inequalities where they can.
+    /// A start of the program without constraints, extended by slacks that fulfil the inequalities
+    /// where they can.
     pub fn extend(&mut self, start: &[f64]) -> Vec<f64> {
         let mut x = start.to_vec();
         x.resize(self.n, 0.0);

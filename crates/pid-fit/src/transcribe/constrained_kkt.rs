@@ -1,16 +1,17 @@
 //! The KKT system of a constrained program on the structured form of its transcription.
 //!
-//! Rows of constraints `g + s = 0` and `g = 0` are eliminated before the structure sees them. With `G = ∂g/∂(x_i, p)`, `w` the
-//! barrier's diagonal of the slack, or `1/δ` for an equality,
+//! Rows of constraints `g + s = 0` and `g = 0` are eliminated before the structure sees them. With
+//! `G = ∂g/∂(x_i, p)`, `w` the barrier's diagonal of the slack, or `1/δ` for an equality,
 //!
 //! ```text
 //! dν = w (G dx − r_g) + r_s      ds = r_g − G dx
 //! (H + Gᵀ w G) dx + Jᵀ dλ = r_x − Gᵀ (r_s − w r_g)
 //! ```
 //!
-//! `Gᵀ w G` couples the state of one node with itself and with the parameters: it adds to entries that a step's Hessian has, or
-//! may have. For equalities the system is that with `−δ` in place of the zero; solutions are refined to the one without
-//! (method of multipliers). Every equality and every slack adds one negative eigenvalue, as it shall.
+//! `Gᵀ w G` couples the state of one node with itself and with the parameters: it adds to entries
+//! that a step's Hessian has, or may have. For equalities the system is that with `−δ` in place of
+//! the zero; solutions are refined to the one without (method of multipliers). Every equality and
+//! every slack adds one negative eigenvalue, as required.
 
 use super::constrained::{Constrained, States};
 use super::{FullDiscretization, Shooting, ShootingKkt};
@@ -24,7 +25,7 @@ const STIFF: f64 = 1e8;
 const PASSES: usize = 8;
 const REFINED: f64 = 1e-12;
 
-/// A structured system with room for what constraints at nodes and on parameters add to the Hessian.
+/// A structured system with room for the Hessian of constraints at nodes and on parameters.
 pub struct Roomy {
     /// The system.
     kkt: Box<dyn Condensing>,
@@ -32,7 +33,8 @@ pub struct Roomy {
     len: usize,
     /// Where runs of the program's own values go: from, to, how many.
     own: Vec<[usize; 3]>,
-    /// First value of each node's block: the lower triangle over its state, then a row over the state per parameter.
+    /// First value of each node's block: the lower triangle over its state, then a row over the
+    /// state per parameter.
     nodes: Vec<usize>,
     /// First value of the lower triangle over the parameters.
     between: usize,

@@ -1,7 +1,8 @@
 //! How derivatives of the residual become derivatives of a step.
 //!
-//! Built once per problem: for every structural non-zero of the model's Jacobian and Hessian, the entries of the step it
-//! contributes to, with coefficients. Only the powers of the step length change from step to step.
+//! Built once per problem: for every structural non-zero of the model's Jacobian and Hessian, the
+//! entries of the step it contributes to, with coefficients. Only the powers of the step length
+//! change from step to step.
 
 use super::tableau::{Tableau, Term};
 use pid_runtime::dynamics::{Dims, Hessian};

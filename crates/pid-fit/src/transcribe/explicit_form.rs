@@ -1,8 +1,9 @@
 //! A model with its accelerations solved for: `r̃ = a − a*(q, v, u, p)`, where `a*` solves the residual.
 //!
-//! The same motions satisfy both forms, but not the same Newton steps lead there: for stiff explicit steps the solved form
-//! finds better optima (see ARCHITECTURE.md). Derivatives follow from those of the residual by the implicit function
-//! rule with one factorization of M, never from a symbolic inverse:
+//! The same motions satisfy both forms, but Newton steps differ: for stiff explicit steps the
+//! solved form finds better optima (docs/decisions/0002). Derivatives follow from those of the
+//! residual by the implicit function rule with one factorization of M, never from a symbolic
+//! inverse:
 //!
 //! ```text
 //! ∂a*/∂y       = −M⁻¹ r_y                                                    y = (q, v, u, p)
@@ -19,11 +20,12 @@ pub struct ExplicitForm<'m> {
     pub(super) model: &'m dyn Hessian,
     /// Columns of z, accelerations excepted, that a* depends on.
     pub(super) active: Vec<usize>,
-    /// Place in ∂a*/∂y, nq × active, of the entries of the model's Jacobian and of the form's own, none for accelerations.
+    /// Place in ∂a*/∂y, nq × active, of the entries of the model's Jacobian and of the form's own,
+    /// none for accelerations.
     pub(super) slope_places: Vec<Option<u32>>,
     pub(super) jacobian_places: Vec<Option<u32>>,
-    /// Place of each entry of the model's Hessian: among the pairs of active columns, among the products of accelerations with
-    /// active columns behind them, or behind both.
+    /// Place of each entry of the model's Hessian: among the pairs of active columns, among the
+    /// products of accelerations with active columns behind them, or behind both.
     pub(super) second_places: Vec<u32>,
     jacobian_rows: Vec<u32>,
     jacobian_cols: Vec<u32>,
@@ -42,7 +44,7 @@ struct Work {
     residual: Vec<f64>,
     values: Vec<f64>,
     nu: Vec<f64>,
-    /// Second derivatives of the solved form, then H_ay, nq × active, then what neither needs.
+    /// Second derivatives of the solved form, then H_ay, nq × active, then unused values.
     second: Vec<f64>,
 }
 
@@ -192,7 +194,7 @@ impl<'m> ExplicitForm<'m> {
         cholesky_solve(&w.mass, dims.nq, &mut w.acceleration, 1);
     }
 
-    /// ∂a*/∂y beside what [`Self::solve`] leaves.
+    /// ∂a*/∂y beside the results of [`Self::solve`].
     fn slope(&self, at: &At<'_>, w: &mut Work) {
         self.solve(at, w);
         let (nq, width) = (self.model.dims().nq, self.active.len());

@@ -4,8 +4,8 @@ use super::explicit_form::ExplicitForm;
 use pid_lanes::kernel::{Simd, SimdFloat, all, axpy, axpy2, load, widest};
 use pid_runtime::lanes::{Lane, LanesAt};
 
-/// What has been solved for at four nodes: constraints, Jacobian and Hessian of an iteration meet at the same ones, and each goes
-/// on where the one before it stopped.
+/// Solutions at four nodes. Constraints, Jacobian and Hessian of an iteration meet at the same
+/// nodes, and each goes on where the one before it stopped.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SolvedLanes {
     /// (q, v, u) and p it belongs to.
@@ -45,7 +45,7 @@ pub(super) struct LaneWork {
     residual: Vec<Lane>,
     values: Vec<Lane>,
     nu: Vec<Lane>,
-    /// Second derivatives of the solved form, then H_ay, nq × active, then what neither needs.
+    /// Second derivatives of the solved form, then H_ay, nq × active, then unused values.
     second: Vec<Lane>,
 }
 
@@ -54,7 +54,8 @@ fn resize(v: &mut Vec<Lane>, n: usize) {
     v.resize(n, [0.0; 4]);
 }
 
-/// Cholesky of packed lower triangles in place, the inverse on the diagonal; NaN there if one is not positive definite.
+/// Cholesky of packed lower triangles in place, the inverse on the diagonal; NaN there if one is
+/// not positive definite.
 #[inline(always)]
 fn cholesky<S: Simd>(simd: S, m: &mut [Lane], n: usize) {
     for i in 0..n {
@@ -153,7 +154,7 @@ impl ExplicitForm<'_> {
         });
     }
 
-    /// ∂a*/∂y beside what [`Self::solve_lanes`] leaves.
+    /// ∂a*/∂y beside the results of [`Self::solve_lanes`].
     fn slope_lanes(&self, at: &LanesAt<'_>, s: &mut SolvedLanes, work: &mut LaneWork) {
         self.solve_lanes(at, s, work);
         if !s.slope.is_empty() {
@@ -177,7 +178,7 @@ impl ExplicitForm<'_> {
         widest!(simd => cholesky_solve(simd, &s.mass, nq, &mut s.slope, width));
     }
 
-    /// The residual, with what is remembered of the nodes.
+    /// The residual, with the stored solutions of the nodes.
     pub(super) fn residual_of_lanes(
         &self,
         at: &LanesAt<'_>,
@@ -191,7 +192,7 @@ impl ExplicitForm<'_> {
         }
     }
 
-    /// The Jacobian, with what is remembered of the nodes.
+    /// The Jacobian, with the stored solutions of the nodes.
     pub(super) fn jacobian_of_lanes(
         &self,
         at: &LanesAt<'_>,
@@ -208,7 +209,7 @@ impl ExplicitForm<'_> {
         }
     }
 
-    /// The Hessian, with what is remembered of the nodes.
+    /// The Hessian, with the stored solutions of the nodes.
     pub(super) fn hessian_of_lanes<'w>(
         &self,
         at: &LanesAt<'_>,

@@ -4,15 +4,16 @@
 //! ℓ_k(x, p) = 1/N Σ_c ρ(√w_kc (y_c(x, p) − d_kc))
 //! ```
 //!
-//! with measured `d`, weights `w` (0 where nothing was measured) and the output `y(x, p)`: the state itself, or a map of the user
-//! (K. Schäfer et al., equation (1), where it is called c), and the loss ρ(z) = z² unless another is chosen ([`Loss`]).
+//! with measured `d`, weights `w` (0 where nothing was measured) and the output `y(x, p)`: the
+//! state itself, or a map of the user (K. Schäfer et al., equation (1), where it is called c), and
+//! the loss ρ(z) = z² unless another is chosen ([`Loss`]).
 
 use super::loss::Loss;
 use pid_runtime::generic::functions::PointFunction;
 use std::fmt;
 use std::sync::Arc;
 
-/// What is measured, as a function of state and parameters; without it the state itself is.
+/// Measured output as a function of state and parameters; without it the state itself is measured.
 #[derive(Clone)]
 pub struct Output(pub Arc<dyn PointFunction>);
 
@@ -29,7 +30,7 @@ impl PartialEq for Output {
     }
 }
 
-/// Measured outputs of all samples and what the model says about them.
+/// Measured outputs of all samples, and their predictions.
 #[derive(Clone)]
 pub(super) struct Fit {
     nx: usize,
@@ -112,8 +113,8 @@ impl Fit {
         }
     }
 
-    /// Value and first two derivatives of the term of a channel by its deviation `e`; the second is that of the touching
-    /// parabola where `majorised`.
+    /// Value and first two derivatives of the term of a channel by its deviation `e`; the second is
+    /// that of the touching parabola where `majorised`.
     fn slopes(&self, weight: f64, e: f64, majorised: bool) -> (f64, f64) {
         if self.loss.is_square() {
             return (2.0 * weight * e, 2.0 * weight);
@@ -174,7 +175,7 @@ impl Fit {
     pub(super) fn value(&self, k: usize, x: &[f64], p: &[f64], s: &mut FitScratch) -> f64 {
         let y = self.output(x, p, s);
         let terms = y.iter().zip(self.measured(k)).zip(self.weights(k));
-        // A channel without a measurement does not count even if its output is not finite.
+        // A channel without a measurement does not count, even if its output is not finite.
         terms
             .filter(|(_, w)| **w != 0.0)
             .map(|((y, d), w)| match self.loss {
@@ -235,7 +236,8 @@ impl Fit {
         }
     }
 
-    /// Adds `factor ∂²ℓ_k/∂(x, p)²`, dense, (nx + np)²; without the curvature of the output if `gauss_newton`.
+    /// Adds `factor ∂²ℓ_k/∂(x, p)²`, dense, (nx + np)²; without the curvature of the output if
+    /// `gauss_newton`.
     pub(super) fn hessian(
         &self,
         k: usize,

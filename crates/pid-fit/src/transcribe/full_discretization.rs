@@ -6,9 +6,9 @@
 //!             p in its bounds
 //! ```
 //!
-//! (K. Schäfer et al., Section III-C, with x = (q, v), several windows, weights and missing samples.) The dynamic rows are
-//! the implicit residual times h / M_jj, so that all rows are changes of state: nothing is inverted, and the problem is
-//! affine in the inertial parameters.
+//! (K. Schäfer et al., Section III-C, with x = (q, v), several windows, weights and missing
+//! samples.) The dynamic rows are the implicit residual times h / M_jj, so that all rows are
+//! changes of state: nothing is inverted, and the problem is affine in the inertial parameters.
 
 use super::bodies::{Barrier, Body};
 use super::explicit_form::ExplicitForm;
@@ -30,14 +30,15 @@ use rayon::prelude::*;
 pub struct Track {
     /// Times, s, strictly increasing; at least two.
     pub t: Vec<f64>,
-    /// Measured states (q, v) sample by sample, length `2 nq` each, or measured outputs; NaN where nothing was measured.
+    /// Measured states (q, v) sample by sample, length `2 nq` each, or measured outputs; NaN where
+    /// nothing was measured.
     pub measured: Vec<f64>,
     /// States to start from, same layout, finite. Held initial states take their value from here.
     pub guess: Vec<f64>,
     /// Inputs sample by sample, `nu` each.
     pub u: Vec<f64>,
-    /// Weight per channel in this window (length `2 nq`, or that of the output); 1 each is the paper's objective. Or one per
-    /// channel and sample, laid out like `measured`.
+    /// Weight per channel in this window (length `2 nq`, or that of the output); 1 each is the
+    /// paper's objective. Or one per channel and sample, laid out like `measured`.
     pub weights: Vec<f64>,
 }
 
@@ -52,7 +53,7 @@ impl Track {
     }
 }
 
-/// What is asked of the discretization.
+/// Settings of the discretization.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setup {
     /// One-step scheme.
@@ -67,21 +68,21 @@ pub struct Setup {
     pub scale: Vec<f64>,
     /// Typical diagonal of M, kg·m² or kg, that makes the dynamic rows changes of velocity.
     pub inertia: Vec<f64>,
-    /// Whether the initial state of each window is held at its guess.
+    /// Whether the initial state of each window is held at its first value.
     pub hold_initial: bool,
     /// Whether inputs move linearly between samples (otherwise they are held).
     pub linear_inputs: bool,
     /// Steps per sampling interval, at least 1: the integration grid is the data grid refined by it.
     pub substeps: usize,
-    /// What is measured; `None` for the state itself.
+    /// Measured output; `None` for the state itself.
     pub output: Option<Output>,
-    /// What deviations cost.
+    /// Loss of deviations.
     pub loss: Loss,
     /// Prior knowledge of parameters; meant for weights of one over the variance of the noise.
     pub priors: Vec<Prior>,
-    /// Links that stay bodies of positive density; starts must be such.
+    /// Links that stay bodies of positive density. A start must have such links.
     pub bodies: Vec<Body>,
-    /// Smallest weight of what their barrier adds to the objective times the number of samples.
+    /// Smallest weight of their barrier in the objective times the number of samples.
     pub bodies_weight: f64,
 }
 
@@ -136,7 +137,8 @@ pub struct FullDiscretization<'m> {
 
 /// Steps below which everything runs on the calling thread.
 const PARALLEL_STEPS: usize = 1500;
-/// Parts of the steps that threads share. Sums are of parts, so that their number must not depend on that of the threads.
+/// The number of parts of the steps. Threads share the parts, and sums run over parts, so it must
+/// not depend on the number of threads.
 const CHUNKS: usize = 64;
 
 impl<'m> FullDiscretization<'m> {
@@ -149,8 +151,8 @@ impl<'m> FullDiscretization<'m> {
         Self::with(rule, tracks, setup)
     }
 
-    /// Builds the program for a model with its accelerations solved for. The trapezoidal rule then needs no stage accelerations:
-    /// two thirds of the unknowns for the same motions.
+    /// Builds the program for a model with its accelerations solved for. The trapezoidal rule then
+    /// needs no stage accelerations: it has two thirds of the unknowns for the same motions.
     ///
     /// # Panics
     /// As [`FullDiscretization::new`].
@@ -217,7 +219,7 @@ impl<'m> FullDiscretization<'m> {
             let mut interval = 0.0_f64;
             for node in 0..window.steps {
                 let (k, part) = (node / setup.substeps, node % setup.substeps);
-                // Times written in decimals differ in the last bits: equal steps are made equal.
+                // Times written in decimals differ in their last bits: equal steps are made equal.
                 let difference = track.t[k + 1] - track.t[k];
                 if node == 0 || (difference - interval).abs() > 1e-9 * interval {
                     interval = difference;
@@ -282,8 +284,9 @@ impl<'m> FullDiscretization<'m> {
         self.rule.model()
     }
 
-    /// Steps to condense at a time: few for explicit schemes of many stages, whose steps may grow a stiff motion by their
-    /// polynomial of that degree, so that rounding errors stay bounded.
+    /// Steps that are condensed together. Explicit schemes of many stages get few, since their
+    /// steps may grow a stiff motion by their polynomial of that degree; rounding errors then stay
+    /// bounded.
     pub fn segment_steps(&self) -> usize {
         match self.setup.scheme {
             Scheme::Heun => 4,
@@ -301,7 +304,8 @@ impl<'m> FullDiscretization<'m> {
     pub(super) fn system_of(&self, layout: Layout, held: &[bool]) -> StructuredKkt {
         let kkt = StructuredKkt::new(layout, held, self.segment_steps());
         if self.setup.scheme.explicit() {
-            // Their steps grow stiff motions, explicit Euler sevenfold near rest; the lengths above allow for it.
+            // Explicit steps grow stiff motions, explicit Euler sevenfold near rest; the lengths
+            // above allow for it.
             kkt.growing_to(1e9)
         } else {
             kkt
@@ -358,8 +362,8 @@ impl<'m> FullDiscretization<'m> {
             .collect()
     }
 
-    /// Weighted residuals `√w (y − d)` sample by sample, and the number of channels; NaN where nothing was measured and in
-    /// a row between two windows.
+    /// Weighted residuals `√w (y − d)` sample by sample, and the number of channels; NaN where
+    /// nothing was measured and in a row between two windows.
     pub fn residuals(&mut self, x: &[f64]) -> (Vec<f64>, usize) {
         self.load_parameters(x);
         let (nx, channels) = (self.layout.nx, self.fit.channels());
@@ -377,8 +381,9 @@ impl<'m> FullDiscretization<'m> {
         (out, channels)
     }
 
-    /// Gradient of each window's part of the objective by the parameters' variables, its states eliminated: `np` values a
-    /// window, at a solution with the multipliers `lambda`. Priors belong to no window.
+    /// Gradient of each window's part of the objective by the parameters' variables, its states
+    /// eliminated: `np` values a window, at a solution with the multipliers `lambda`. Priors belong
+    /// to no window.
     pub fn window_scores(&mut self, x: &[f64], lambda: &[f64]) -> Vec<f64> {
         let (nx, ny, np) = (self.layout.nx, self.layout.ny, self.layout.np);
         let mut values = vec![0.0; self.jacobian_pattern.nnz()];
@@ -417,7 +422,7 @@ impl<'m> FullDiscretization<'m> {
         self.layout.windows.iter().filter(|w| !w.held).count() * self.layout.nx
     }
 
-    /// Changes the second derivatives that are given to the solver.
+    /// Chooses the second derivatives for the solver.
     pub fn set_curvature(&mut self, curvature: Curvature) {
         self.setup.curvature = curvature;
     }
@@ -480,7 +485,7 @@ impl<'m> FullDiscretization<'m> {
         (&self.barrier, &self.parameters)
     }
 
-    /// What the bodies' barrier adds to the objective at a point.
+    /// Value of the bodies' barrier in the objective at a point.
     pub fn barrier(&mut self, x: &[f64]) -> f64 {
         self.load_parameters(x);
         self.barrier.value(&self.parameters, |_, _| {})
@@ -525,8 +530,8 @@ fn rule<'m>(model: &'m dyn Hessian, tableau: Tableau, setup: &Setup) -> Rule<'m>
     )
 }
 
-/// Entries of a step's Hessian: those of the rule, then, for outputs that are not the state, the lower triangle over (x_k, p)
-/// without the parameters' own part, and that over (x_{k+1}, p).
+/// Entries of a step's Hessian: those of the rule, then, for outputs that are not the state, the
+/// lower triangle over (x_k, p) without the parameters' own part, and that over (x_{k+1}, p).
 fn step_hessian(rule: &Rule<'_>, nx: usize, np: usize, mapped: bool) -> Vec<(u32, u32)> {
     let mut entries = rule.expansion().step_hessian.clone();
     if mapped {
@@ -542,8 +547,8 @@ fn step_hessian(rule: &Rule<'_>, nx: usize, np: usize, mapped: bool) -> Vec<(u32
     entries
 }
 
-/// Entries between parameters: those of the rule, then those of the bodies, then, for outputs that are not the state, the lower
-/// triangle.
+/// Entries between parameters: those of the rule, then those of the bodies, then, for outputs that
+/// are not the state, the lower triangle.
 fn parameter_hessian(rule: &Rule<'_>, np: usize, setup: &Setup) -> Vec<(u32, u32)> {
     let mut entries = rule.expansion().parameter_hessian.clone();
     entries.extend(Barrier::pattern(&setup.bodies));
@@ -554,7 +559,7 @@ fn parameter_hessian(rule: &Rule<'_>, np: usize, setup: &Setup) -> Vec<(u32, u32
     entries
 }
 
-/// What the evaluation of a step reads beside the rule; split from the scratch so that steps run in parallel.
+/// Arguments of a step beside the rule, kept apart from the scratch so that steps run in parallel.
 struct Point<'a> {
     x: &'a [f64],
     u: &'a [f64],
@@ -597,8 +602,8 @@ macro_rules! point {
     };
 }
 
-/// Calls `work` on the steps, four at a time with the position of the first and their slice of `out` (`size` values a step), in
-/// parallel for long problems.
+/// Calls `work` on the steps, four at a time with the position of the first and their slice of
+/// `out` (`size` values a step), in parallel for long problems.
 fn for_steps(
     steps: &[Step],
     chunk: usize,

@@ -1,4 +1,5 @@
-//! How much a deviation costs: −2 log of the density of measurement errors, and of prior knowledge of parameters.
+//! Cost of a deviation: −2 log of the density of measurement errors, and of prior knowledge of
+//! parameters.
 //!
 //! ```text
 //! J = 1/N Σ_i Σ_c ρ(√w_c (y_c(t_i) − d_ci)) + 1/N Σ_j ((p_j − m_j)/s_j)²
@@ -16,14 +17,15 @@ pub enum Loss {
     /// z²: normal errors.
     #[default]
     Square,
-    /// 2k² (√(1 + (z/k)²) − 1), the smooth form of P. J. Huber's loss (Ann. Math. Statist. 35, 1964): quadratic within the
-    /// threshold k > 0, linear beyond it.
+    /// 2k² (√(1 + (z/k)²) − 1), the smooth form of P. J. Huber's loss (Ann. Math. Statist. 35,
+    /// 1964): quadratic within the threshold k > 0, linear beyond it.
     Huber {
         /// Threshold k in standard deviations.
         threshold: f64,
     },
-    /// (ν + 1) ln(1 + z²/ν): Student's t distribution with ν > 0 degrees of freedom (K. Lange et al., J. Am. Stat. Assoc. 84,
-    /// 1989). Far deviations hardly count; the loss is not convex beyond √ν.
+    /// (ν + 1) ln(1 + z²/ν): Student's t distribution with ν > 0 degrees of freedom (K. Lange et
+    /// al., J. Am. Stat. Assoc. 84, 1989). Far deviations hardly count; the loss is not convex
+    /// beyond √ν.
     StudentT {
         /// Degrees of freedom ν.
         freedom: f64,
@@ -54,8 +56,8 @@ impl Loss {
         z * self.weight(z)
     }
 
-    /// ρ'(z)/z: the curvature of the parabola that touches ρ at z and lies above it elsewhere, as iteratively reweighted
-    /// least squares uses it; positive.
+    /// ρ'(z)/z: the curvature of the parabola that touches ρ at z and lies above it elsewhere, as
+    /// iteratively reweighted least squares uses it; positive.
     pub fn weight(self, z: f64) -> f64 {
         match self {
             Loss::Square => 2.0,
@@ -77,7 +79,7 @@ impl Loss {
     }
 }
 
-/// What is known of a parameter before the records are looked at: a normal distribution.
+/// Prior knowledge of a parameter: a normal distribution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior {
     /// Position of the parameter in the model.
@@ -88,8 +90,8 @@ pub struct Prior {
     pub deviation: f64,
 }
 
-/// Adds `factor Σ ((p − m)/s)²` of the priors: its value; gradient and Hessian diagonal are handed to `add` as
-/// (parameter, ∂, ∂²) in the parameter's own unit.
+/// Adds `factor Σ ((p − m)/s)²` of the priors: its value; gradient and Hessian diagonal are handed
+/// to `add` as (parameter, ∂, ∂²) in the parameter's own unit.
 pub(super) fn prior_terms(
     priors: &[Prior],
     p: &[f64],
@@ -149,7 +151,8 @@ mod tests {
 
     #[test]
     fn losses_are_densities_of_their_names() {
-        // ln of Student's density, up to its constant, is −ρ/2: ratio of densities at 0 and z for ν = 3, from its formula.
+        // ln of Student's density, up to its constant, is −ρ/2: ratio of densities at 0 and z for ν
+        // = 3, from its formula.
         let density = |z: f64| (1.0 + z * z / 3.0_f64).powi(-2);
         for z in [0.5_f64, 2.0, 9.0] {
             let by_loss = (-0.5 * Loss::StudentT { freedom: 3.0 }.value(z)).exp();

@@ -1,11 +1,12 @@
-//! Parameters that make the steps fit with the states held: the start of a full discretization.
+//! Fits the parameters to the steps with the states held: the start of a full discretization.
 //!
 //! ```text
 //! minimise  ½ ‖c(x, p)‖²   over p in its bounds, the states x held at the data
 //! ```
 //!
-//! This is the equation error of the same scheme. It is a small dense problem, nearly quadratic because the residual is
-//! affine in most parameters, and it forgets a bad start without integrating anything.
+//! This is the equation error of the same scheme. It is a small dense problem, nearly quadratic
+//! because the residual is affine in most parameters. It forgets a bad start without integrating
+//! anything.
 
 use super::full_discretization::FullDiscretization;
 use pid_nlp::{Nlp, SparsePattern};

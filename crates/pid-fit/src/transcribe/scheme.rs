@@ -1,4 +1,4 @@
-//! One-step schemes: their names, orders and what they do with the inputs.
+//! One-step schemes: their names, orders and use of the inputs.
 
 use super::butcher::Butcher;
 use serde::{Deserialize, Serialize};
@@ -8,13 +8,15 @@ use std::str::FromStr;
 /// A one-step scheme for `M a + b = f_L`, `q' = v`.
 ///
 /// # Inputs
-/// A stage at the share `c` of the way reads the input of its sampling interval: with a zero-order hold the value at the
-/// start of the interval, also at `c = 1`; with linear inputs the value between the two samples at `c`. No stage ever reads
-/// an input from beyond its own sampling interval.
+/// A stage at the share `c` of the way reads the input of its sampling interval: with a zero-order
+/// hold the value at the start of the interval, also at `c = 1`; with linear inputs the value
+/// between the two samples at `c`. No stage ever reads an input from beyond its own sampling
+/// interval.
 ///
 /// # Names
-/// In files and on the command line: `explicit-euler`, `heun`, `rk4`, `dormand-prince`, `trapezoidal`, `implicit-midpoint`,
-/// `hermite-simpson`, `gauss-legendre-S`, `radau-S` with the number of stages S (1 to 6); `euler` and `midpoint` are read too.
+/// In files and on the command line: `explicit-euler`, `heun`, `rk4`, `dormand-prince`,
+/// `trapezoidal`, `implicit-midpoint`, `hermite-simpson`, `gauss-legendre-S`, `radau-S` with the
+/// number of stages S (1 to 6); `euler` and `midpoint` are read too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 #[non_exhaustive]
@@ -75,7 +77,7 @@ pub enum SchemeError {
         Stages::MOST
     )]
     Unknown {
-        /// What was given.
+        /// The value given.
         found: String,
     },
     /// A number of stages out of range.
@@ -84,7 +86,7 @@ pub enum SchemeError {
         Stages::MOST
     )]
     Stages {
-        /// What was given.
+        /// The value given.
         found: usize,
     },
 }

@@ -4,8 +4,9 @@
 //! c(x, y, p) = 0,      x = (q_k, v_k),      y = (stage accelerations, q_{k+1}, v_{k+1})
 //! ```
 //!
-//! The rows are the linear combinations of the scheme, then its residuals times h / M_jj, so that all of them are changes of
-//! state. The full discretization takes y as unknowns; shooting solves for it.
+//! The rows are the linear combinations of the scheme, then its residuals times h / M_jj, so that
+//! all of them are changes of state. The full discretization takes y as unknowns; shooting solves
+//! for it.
 
 use super::butcher::Butcher;
 use super::expansion::{Contribution, Expansion};
@@ -16,7 +17,8 @@ use pid_runtime::dynamics::{At, Hessian};
 /// A model discretised by a scheme.
 pub(super) struct Rule<'m> {
     pub(super) model: &'m dyn Hessian,
-    /// The model, if it is one with its accelerations solved for; steps evaluated four at a time then remember what was solved for.
+    /// The model, if it has its accelerations solved for. Steps evaluated four at a time then
+    /// remember the solution.
     pub(super) solved: Option<&'m ExplicitForm<'m>>,
     pub(super) tableau: Tableau,
     pub(super) expansion: Expansion,
@@ -57,8 +59,8 @@ pub(super) struct Scratch {
 }
 
 impl<'m> Rule<'m> {
-    /// `scale[j]` is the model's value of a parameter per unit of the program's variable, `inertia` the typical diagonal
-    /// of M.
+    /// `scale[j]` is the model's value of a parameter per unit of the program's variable, `inertia`
+    /// the typical diagonal of M.
     pub(super) fn new(
         model: &'m dyn Hessian,
         tableau: Tableau,
@@ -77,8 +79,8 @@ impl<'m> Rule<'m> {
         }
     }
 
-    /// Takes a model with its accelerations solved for; what one evaluation of four steps solved for serves the next at the same
-    /// point.
+    /// Takes a model with its accelerations solved for. The solution of one evaluation of four
+    /// steps serves the next at the same point.
     pub(super) fn remembering(mut self, form: &'m ExplicitForm<'m>) -> Self {
         self.solved = Some(form);
         self
@@ -277,7 +279,8 @@ impl<'m> Rule<'m> {
         }
     }
 
-    /// Hess(λᵀc) at the entries of the expansion's `step_hessian`; entries between parameters are added to the scratch's.
+    /// Hess(λᵀc) at the entries of the expansion's `step_hessian`; entries between parameters are
+    /// added to the scratch's.
     #[allow(
         clippy::too_many_arguments,
         reason = "a point, its interval, and where results go"

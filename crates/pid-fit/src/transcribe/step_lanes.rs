@@ -26,9 +26,9 @@ pub(super) struct LaneScratch {
     lambda: Vec<Lane>,
     jacobian: Vec<Lane>,
     hessian: Vec<Lane>,
-    /// What becomes the values of four steps.
+    /// Values of four steps.
     values: Vec<Lane>,
-    /// Position of the four steps among those of this scratch, and what is remembered of their evaluations.
+    /// Position of the four steps among those of this scratch, and the memory of their evaluations.
     pub(super) slot: usize,
     remembered: Vec<SolvedLanes>,
     work: LaneWork,
@@ -271,8 +271,9 @@ impl Rule<'_> {
         s.values = values;
     }
 
-    /// Hess(λᵀc) of the steps, one after another, at the entries of the expansion's `step_hessian`; entries between parameters are
-    /// added to the scratch's. `lambda` has the rows of the steps one after another.
+    /// Hess(λᵀc) of the steps, one after another, at the entries of the expansion's `step_hessian`;
+    /// entries between parameters are added to the scratch's. `lambda` has the rows of the steps
+    /// one after another.
     pub(super) fn hessian_lanes(
         &self,
         steps: &Steps<'_>,

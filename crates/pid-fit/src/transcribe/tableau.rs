@@ -1,16 +1,17 @@
 //! Schemes written so that every evaluation of the residual is an affine map of a step's unknowns.
 //!
-//! Because `q' = v` is linear, any Runge-Kutta scheme of the implicit residual can take its stage accelerations K as
-//! unknowns:
+//! Because `q' = v` is linear, any Runge-Kutta scheme of the implicit residual can take its stage
+//! accelerations K as unknowns:
 //!
 //! ```text
 //! q_i = q_0 + c_i h v_0 + h² Σ_j (A²)_ij K_j,     v_i = v_0 + h Σ_j A_ij K_j,     a_i = K_i
 //! q_1 = q_0 + h v_0 + h² Σ_j (bᵀA)_j K_j,         v_1 = v_0 + h Σ_j b_j K_j
 //! ```
 //!
-//! The last line gives the last K from v_1, so that a step has the unknowns (K_1 … K_{s−1}, q_1, v_1): positions, velocities and
-//! accelerations of each evaluation are linear combinations of the blocks (q_0, v_0, K, q_1, v_1) with coefficients that are
-//! powers of the step. No mass matrix is inverted.
+//! The last line gives the last K from v_1, so that a step has the unknowns (K_1 … K_{s−1}, q_1,
+//! v_1): positions, velocities and accelerations of each evaluation are linear combinations of the
+//! blocks (q_0, v_0, K, q_1, v_1) with coefficients that are powers of the step. No mass matrix is
+//! inverted.
 
 use super::butcher::Butcher;
 use super::scheme::Scheme;
@@ -122,8 +123,8 @@ pub(super) struct Evaluation {
     pub(super) weight: f64,
 }
 
-/// A scheme's rows: `linear` ones are combinations of blocks that vanish, then groups of rows with weighted sums of residuals, in
-/// general one residual each.
+/// A scheme's rows: `linear` ones are combinations of blocks that vanish, then groups of rows with
+/// weighted sums of residuals, in general one residual each.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tableau {
     /// Number of stage blocks among the unknowns.
@@ -146,8 +147,9 @@ impl Tableau {
         tableau
     }
 
-    /// For a residual `a − a*(q, v, u, p)`. Rows are then sums of accelerations, so that those of the trapezoidal rule need no
-    /// stage: `(v_1 − v_0) / h = ½ (a*_0 + a*_1)`. The same motions, two thirds of the unknowns.
+    /// For a residual `a − a*(q, v, u, p)`. Rows are then sums of accelerations, so that those of
+    /// the trapezoidal rule need no stage: `(v_1 − v_0) / h = ½ (a*_0 + a*_1)`. The same motions,
+    /// two thirds of the unknowns.
     pub(super) fn solved(scheme: Scheme) -> Self {
         let mut tableau = Self::new(scheme);
         if scheme == Scheme::Trapezoidal {
@@ -236,8 +238,8 @@ mod tests {
         terms.iter().map(value).sum()
     }
 
-    /// A motion whose acceleration is a polynomial of degree `s − 2`, its velocity one of `s − 1`, fulfils every combination of
-    /// a collocation exactly.
+    /// A motion whose acceleration is a polynomial of degree `s − 2`, its velocity one of `s − 1`,
+    /// fulfils every combination of a collocation exactly.
     #[test]
     fn polynomial_motions_fulfil_the_combinations() {
         let h = 0.3;

@@ -1,4 +1,4 @@
-//! Files of controllers (`docs/controller-format.md`): which gains and limits closed the loop of each record.
+//! Files of controllers (`docs/controller-format.md`): gains and limits of the loop of each record.
 
 use pid_data::{Dataset, Experiment, InputQuantity};
 use pid_toml::{Place, Source, Spanned};
@@ -48,7 +48,7 @@ pub enum ControlError {
         /// The record.
         record: String,
     },
-    /// A number that cannot be meant.
+    /// A number that is not allowed there.
     #[error("{place}: record `{record}`: {key} = {value}: {demand}")]
     Value {
         /// Where the list with the value stands.
@@ -59,7 +59,7 @@ pub enum ControlError {
         key: &'static str,
         /// The value.
         value: f64,
-        /// What is needed.
+        /// The requirement.
         demand: &'static str,
     },
 }

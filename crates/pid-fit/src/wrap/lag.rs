@@ -1,12 +1,12 @@
-//! Velocities that were read late: a first-order lag between a joint's velocity and what its velocity channel says.
+//! Late velocity readings: a first-order lag between a joint's velocity and its velocity channel.
 //!
 //! ```text
 //! T ẇ = v − w          w: the reading, T: time constant, a parameter (`velocity_lag_JOINT`, s)
 //! ```
 //!
-//! The lag is one more coordinate s of the model, whose velocity is the reading: `w = ṡ`, with the equation `T s̈ − (v − ṡ) = 0` in
-//! the form of all others. Estimators, schemes and exact derivatives take it as they take a joint. Nothing depends on the value
-//! of s; it starts at zero.
+//! The lag is one more coordinate s of the model, whose velocity is the reading: `w = ṡ`, with the
+//! equation `T s̈ − (v − ṡ) = 0` in the form of all others. Estimators, schemes and exact
+//! derivatives treat it as a joint. Nothing depends on the value of s; it starts at zero.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -48,8 +48,8 @@ thread_local! {
     static SCRATCH: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
 }
 
-/// A model and the lags of its velocity channels. Coordinates, inputs (which do nothing) and parameters of the lags follow the
-/// joints', the joints' inputs and the model's parameters.
+/// A model and the lags of its velocity channels. Coordinates, inputs (which do nothing) and
+/// parameters of the lags follow the joints', the joints' inputs and the model's parameters.
 pub struct Lagging<'m> {
     inner: Box<dyn Hessian + 'm>,
     /// Joint of each lag.
@@ -63,8 +63,8 @@ pub struct Lagging<'m> {
 }
 
 impl<'m> Lagging<'m> {
-    /// Puts lags behind the velocities of the named joints (all of them for none), and the records' velocities where the
-    /// readings are.
+    /// Adds lags to the velocities of the named joints (of all joints if none is named), and puts
+    /// the records' velocities where the readings are.
     ///
     /// # Errors
     /// [`LagError`].
@@ -182,7 +182,7 @@ impl<'m> Lagging<'m> {
                     false => InputQuantity::Torque,
                 },
                 input_unit: dataset.joints[j].force_unit().to_owned(),
-                // Who asks for its lag takes it for a reading of its own.
+                // A user who asks for a lag takes the velocity for a reading of its own.
                 velocity: VelocityKind::Measured,
                 ..dataset.joints[j].clone()
             };
@@ -254,7 +254,7 @@ fn late(experiment: &mut pid_data::Experiment, lags: &[usize]) {
         .v
         .clone()
         .unwrap_or_else(|| vec![f64::NAN; experiment.len() * nq]);
-    // The position of a reading is zero where the record begins and is read nowhere else.
+    // The position of a reading is zero at the start of the record and is read nowhere else.
     let first = |i: usize, _: usize| if i == 0 { 0.0 } else { f64::NAN };
     experiment.q = wide(&experiment.q, &first);
     let mut velocities = wide(&v, &|i, j| v[i * nq + j]);

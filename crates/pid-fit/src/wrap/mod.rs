@@ -1,4 +1,5 @@
-//! Models whose inputs or parameters are taken from records: lags of inputs, parameters of one record, controllers.
+//! Models whose inputs or parameters are taken from records: lags of inputs, parameters of one
+//! record, controllers.
 
 pub mod controllers;
 pub mod lag;

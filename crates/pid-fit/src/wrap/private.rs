@@ -1,7 +1,9 @@
-//! Parameters that every record has for itself: offsets that are set anew, a payload that changes.
+//! Parameters with a value of their own in every record: offsets that are set anew, a payload that
+//! changes.
 //!
-//! The model gets one copy of each such parameter per training record, and one input more that tells the record. In a record that
-//! has no copy of its own (a test record) the mean of the copies stands in.
+//! The model gets one copy of each such parameter per training record, and one more input that
+//! names the record. A record without a copy of its own (a test record) takes the mean of the
+//! copies.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -90,7 +92,8 @@ impl Entries {
                 Target::Shared(slot) => values[*slot] += value,
                 Target::Copies(slots) => match copy {
                     Some(copy) => values[slots[copy]] += value,
-                    // The mean of the copies; second derivatives of records without a copy are asked for by nobody.
+                    // The mean of the copies. Nobody asks for second derivatives of records without
+                    // a copy.
                     None => {
                         let share = value / slots.len() as f64;
                         slots.iter().for_each(|s| values[*s] += share);

@@ -7,7 +7,7 @@ use pid_derive::model::{About, Expr, Func, Inertial, Input, Joint, JointKind, Li
 use super::general::DriveValues;
 use super::{Measurement, Nominal, Ranges, Role, Tolerance};
 
-/// A value and how far it is trusted.
+/// A value and its tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Value {
     pub(super) nominal: f64,
@@ -212,7 +212,8 @@ fn param(
     Expr::Param(robot.params.len() - 1)
 }
 
-/// Parameters of the drive of a coordinate: gain, Coulomb friction, viscous friction, sharpness of the transition at rest.
+/// Parameters of the drive of a coordinate: gain, Coulomb friction, viscous friction, sharpness of
+/// the transition at rest.
 pub(super) fn drive_params(
     robot: &mut Robot,
     tolerances: &mut Vec<Tolerance>,

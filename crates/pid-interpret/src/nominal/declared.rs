@@ -1,10 +1,11 @@
-//! The nominal description of a declared chain or tree of driven bodies: the values its bodies and drives have at the nominal parameters, tolerances
-//! from the ranges of the parameters.
+//! The nominal description of a declared chain or tree of driven bodies: the values its bodies and
+//! drives have at the nominal parameters, tolerances from the ranges of the parameters.
 //!
-//! Bodies are those of the derivation ([`Tree`]): links joined rigidly are one body, held joints stand at their value. The
-//! drive of a joint must be of the form `gain u − viscous v − coulomb s(v)` with a transition s from −1 to 1; gain and friction
-//! are read off its values, so any way of writing it will do. A value's tolerance is the sum of its changes as each parameter
-//! goes to the farther end of its range, the others nominal.
+//! Bodies are those of the derivation ([`Tree`]): links joined rigidly are one body, held joints
+//! stand at their value. The drive of a joint must have the form
+//! `gain u − viscous v − coulomb s(v)` with a transition s from −1 to 1. Gain and friction are read
+//! off its values, so it may be written in any way. A value's tolerance is the sum of its changes
+//! as each parameter goes to the farther end of its range, the others nominal.
 
 use std::path::Path;
 
@@ -22,8 +23,8 @@ use super::law::{At, Drive, Law};
 use super::measured::{self, Driven};
 
 impl Nominal {
-    /// Of a declared robot. `measurement` is a file as `docs/nominal-format.md` describes; without one, or if it does not exist,
-    /// nothing is known of the measurement.
+    /// The description of a declared robot. `measurement` is a file as `docs/nominal-format.md`
+    /// describes. Without one, or if it does not exist, nothing is known of the measurement.
     ///
     /// # Errors
     /// If the model is no declared robot, its structure is not that of a nominal description (see
@@ -173,7 +174,7 @@ impl<'a> Chain<'a> {
         })
     }
 
-    /// All outputs at zero coordinates but for what `change` writes into the variables, at given parameters.
+    /// All outputs at zero coordinates and given parameters, with the variables that `change` sets.
     fn eval(&self, p: &[f64], change: impl FnOnce(&mut [f64])) -> Vec<f64> {
         let mut vars = vec![0.0; self.vars];
         vars[self.params..self.params + p.len()].copy_from_slice(p);
@@ -233,7 +234,7 @@ impl<'a> Chain<'a> {
                 {
                     for ((c, x), y) in change.iter_mut().zip(at.list()).zip(from.list()) {
                         let d = (x - y).abs();
-                        // Where a value has no end, as far as the value itself.
+                        // Where the range is open, as far as the value itself.
                         *c = c.max(if d.is_finite() { d } else { y.abs() });
                     }
                 }
@@ -366,7 +367,7 @@ impl<'a> Chain<'a> {
         })
     }
 
-    /// Whether the drive is what `law` says, and the sharpness of its transition, infinite for a jump.
+    /// Whether the drive follows `law`, and the sharpness of its transition, infinite for a jump.
     fn check_law(&self, j: usize, p: &[f64], law: Law) -> Result<f64, DeclaredError> {
         self.drive(p, j, |drive| drive.check(law))
             .map_err(|what| DeclaredError::Law {

@@ -1,7 +1,8 @@
 //! Coupled drives: a robot in the coordinates of its drives.
 //!
-//! A drive on several joints turns by `w = Σ ratio·q + offset`. Friction and rotor act on w, so that w and not q is the
-//! coordinate in which a robot with such drives has one drive per coordinate. The joints then follow the drives.
+//! A drive on several joints turns by `w = Σ ratio·q + offset`. Friction and rotor act on w, so
+//! that w and not q is the coordinate in which a robot with such drives has one drive per
+//! coordinate. The joints then follow the drives.
 
 use pid_derive::model::{Affine, Expr, Inertial, Joint, JointKind, Link, Motor, Robot};
 

@@ -12,7 +12,7 @@ pub enum NominalError {
     Unreadable {
         /// The file.
         file: PathBuf,
-        /// What the system says.
+        /// Message of the operating system.
         error: io::Error,
     },
     /// Not TOML, or with keys that are unknown, missing or of the wrong type.
@@ -38,7 +38,7 @@ pub enum NominalError {
         key: &'static str,
         /// The value.
         found: String,
-        /// What to write instead.
+        /// The mend: text to write instead.
         mend: String,
     },
 }
@@ -62,7 +62,7 @@ pub enum DeclaredError {
     Unreadable {
         /// Name of the model.
         robot: String,
-        /// What the reader says.
+        /// Message of the reader.
         message: String,
     },
     /// A structure beyond open chains of bodies with a drive each.
@@ -72,7 +72,7 @@ pub enum DeclaredError {
     Structure {
         /// Name of the model.
         robot: String,
-        /// What it is.
+        /// The structure.
         what: String,
     },
     /// A free parameter in the geometry.
@@ -84,7 +84,7 @@ pub enum DeclaredError {
         robot: String,
         /// The parameter.
         parameter: String,
-        /// What it changes.
+        /// The quantity it changes.
         what: String,
     },
     /// A drive of another form.
@@ -96,7 +96,7 @@ pub enum DeclaredError {
         robot: String,
         /// The joint.
         joint: String,
-        /// What is different.
+        /// The difference.
         what: String,
     },
 }

@@ -117,7 +117,7 @@ pub(super) struct RawMeasuredJoint {
     pub(super) speed_scale: Option<Spanned<f64>>,
 }
 
-/// Text and name of a file: what an error needs to say where it is.
+/// Text and name of a file, from which an error finds its place.
 pub(super) struct Source<'a> {
     pub(super) file: &'a Path,
     pub(super) text: &'a str,

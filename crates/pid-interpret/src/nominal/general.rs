@@ -1,8 +1,9 @@
-//! The nominal description of declared robots that are no chain or tree of driven bodies: joints that follow others, drives on
-//! several joints, a potential, a bare Lagrangian.
+//! The nominal description of declared robots that are no chain or tree of driven bodies: joints
+//! that follow others, drives on several joints, a potential, a bare Lagrangian.
 //!
-//! Mass matrix and bias stay as declared; the unknowns of the mechanism are the declared parameters themselves. The force on each
-//! coordinate must be of the form `gain u − viscous v − coulomb s(v)`, as for a chain. A robot with drives on several joints is
+//! Mass matrix and bias stay as declared; the unknowns of the mechanism are the declared parameters
+//! themselves. The force on each coordinate must be of the form
+//! `gain u − viscous v − coulomb s(v)`, as for a chain. A robot with drives on several joints is
 //! described in the coordinates of its drives ([`Drives`]).
 
 use std::path::{Path, PathBuf};
@@ -70,7 +71,8 @@ pub(super) fn nominal(
     })
 }
 
-/// A mechanism with the drives of these values in place of its own forces, and the tolerances of all parameters.
+/// A mechanism with the drives of these values in place of its own forces, and the tolerances of
+/// all parameters.
 fn with_drives(
     mut robot: Robot,
     values: &[DriveValues],

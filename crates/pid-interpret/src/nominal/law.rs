@@ -2,9 +2,9 @@
 
 /// Speed far beyond any transition at rest, rad/s or m/s.
 const FAST: f64 = 1e6;
-/// Speeds at which a law of friction is looked at, decades around one.
+/// Speeds at which a friction law is evaluated, decades around one.
 const SPEEDS: std::ops::RangeInclusive<i32> = -5..=4;
-/// Agreement asked of a law, relative to its largest force.
+/// A law must agree to this share of its largest force.
 const AGREE: f64 = 1e-6;
 
 /// `gain u − viscous v − coulomb s(v)`.
@@ -15,7 +15,7 @@ pub(super) struct Law {
     pub(super) coulomb: f64,
 }
 
-/// The force on a joint as a function of what it may depend on.
+/// The force on a joint as a function of its possible arguments.
 pub(super) struct Drive<'a> {
     pub(super) force: &'a dyn Fn(&At) -> f64,
     pub(super) joint: usize,
@@ -39,7 +39,7 @@ impl Drive<'_> {
         };
         let viscous = (odd(2.0 * FAST) - odd(FAST)) / FAST;
         let coulomb = odd(FAST) - viscous * FAST;
-        // What rounding leaves of the viscous force at that speed.
+        // The rounding of the viscous force at that speed.
         let rounding = 1e-9 * viscous.abs() * FAST;
         Law {
             gain,
@@ -56,10 +56,10 @@ impl Drive<'_> {
         }
     }
 
-    /// Whether the drive is what `law` says, and the sharpness of its transition, infinite for a jump.
+    /// Whether the drive follows `law`, and the sharpness of its transition, infinite for a jump.
     ///
     /// # Errors
-    /// In which way it is not.
+    /// In which way it differs.
     pub(super) fn check(&self, law: Law) -> Result<f64, String> {
         let j = self.joint;
         if ![law.gain, law.viscous, law.coulomb]

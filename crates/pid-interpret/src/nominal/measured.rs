@@ -1,4 +1,5 @@
-//! How a robot is measured: from its nominal description, or from a `measurement.toml` beside the records of a declared robot.
+//! How a robot is measured: from its nominal description, or from a `measurement.toml` beside the
+//! records of a declared robot.
 
 use std::fs;
 use std::path::Path;
@@ -21,7 +22,7 @@ pub(super) fn sharpness(speed: Option<f64>) -> f64 {
     speed.map_or(SHARPNESS, |speed| 1.0 / (TRANSITION * speed))
 }
 
-/// What is stated of all joints.
+/// Statements about all joints.
 #[derive(Default)]
 struct Whole<'a> {
     tool: Option<&'a Spanned<[f64; 3]>>,
@@ -55,7 +56,7 @@ impl<'a> From<&'a RawMeasuredRobot> for Whole<'a> {
     }
 }
 
-/// What is stated of one joint.
+/// Statements about one joint.
 #[derive(Default)]
 struct One<'a> {
     velocity: Option<&'a Spanned<String>>,
@@ -114,7 +115,7 @@ pub(super) fn of_file(source: &Source<'_>, raw: &RawFile) -> Result<Measurement,
     measurement(source, &Whole::from(&raw.robot), joints)
 }
 
-/// Measurement of a declared robot: what the file says; without a file nothing is known.
+/// Measurement of a declared robot, as the file states it; without a file nothing is known.
 pub(super) fn of_declared(
     path: Option<&Path>,
     joints: Vec<Driven>,

@@ -1,6 +1,6 @@
-//! What is known of a robot before any record is looked at: structure, nominal values with their tolerances, and how it is
-//! measured. A file `nominal.toml` states it; `docs/nominal-format.md` describes the format. For a robot declared with `robot!` it
-//! is read off the declaration ([`Nominal::of_declared`]).
+//! Prior knowledge of a robot: structure, nominal values with their tolerances, and how it is
+//! measured. A file `nominal.toml` states it; `docs/nominal-format.md` describes the format. For a
+//! robot declared with `robot!` it is read off the declaration ([`Nominal::of_declared`]).
 //!
 //! The nominal structure is, per joint,
 //!
@@ -8,15 +8,16 @@
 //! gain·u = (M(q) a + b(q, v))_j + rotor·a_j + coulomb·tanh(sharp·v_j) + viscous·v_j
 //! ```
 //!
-//! with M and b of the tree of links. Parameters of each link are mass, centre of mass and inertia about the centre of mass,
-//! because that is what tolerances are stated for; those of each joint are rotor inertia, Coulomb and viscous friction,
-//! gain, and the sharpness of the transition at rest, which is held.
+//! with M and b of the tree of links. Parameters of each link are mass, centre of mass and inertia
+//! about the centre of mass, since tolerances are stated for those. Parameters of each joint are
+//! rotor inertia, Coulomb and viscous friction, gain, and the sharpness of the transition at rest,
+//! which is held.
 //!
-//! A declared robot may be more than that: joints that follow others, drives on several joints, a potential, a Lagrangian. Its
-//! parameters are then the declared ones, beside those of the drives.
+//! A declared robot may be more than that: joints that follow others, drives on several joints, a
+//! potential, a Lagrangian. Its parameters are then the declared ones, beside those of the drives.
 //!
 //! - [`Nominal::robot`]: the structure, ready for [`Model`](crate::Model), ranges as the tolerances say;
-//! - [`Nominal::tolerances`]: what each parameter is and how far it is trusted;
+//! - [`Nominal::tolerances`]: kind and tolerance of each parameter;
 //! - [`Nominal::measurement`]: noise, resolution, how velocities are read, drive noise.
 
 mod assemble;
@@ -58,23 +59,25 @@ pub struct Nominal {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Ranges {
-    /// Nominal value ± tolerance; where that leaves nothing free the parameter is fixed. Masses, rotor inertias, friction
-    /// and gains stay on their side of zero.
+    /// Nominal value ± tolerance; where that leaves nothing free the parameter is fixed. Masses,
+    /// rotor inertias, friction and gains stay on their side of zero.
     #[default]
     Tolerance,
-    /// Only what physics demands: positive masses, rotor inertias and friction that are not negative, gains of the sign
-    /// of the nominal one. Parameters that are exact (zero tolerance) stay fixed.
+    /// Only the limits of physics: positive masses, rotor inertias and friction that are not
+    /// negative, gains of the sign of the nominal one. Parameters that are exact (zero tolerance)
+    /// stay fixed.
     Physical,
 }
 
-/// How far a parameter is trusted.
+/// Kind and tolerance of a parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tolerance {
     /// Name of the parameter, as in the robot and in the same place.
     pub name: String,
-    /// Index of the joint (and of the link it carries), base to tip; `None` for a declared parameter of the whole mechanism.
+    /// Index of the joint (and of the link it carries), base to tip; `None` for a declared
+    /// parameter of the whole mechanism.
     pub joint: Option<usize>,
-    /// What it is.
+    /// Its kind.
     pub role: Role,
     /// Nominal value, SI.
     pub nominal: f64,
@@ -82,7 +85,7 @@ pub struct Tolerance {
     pub half_width: f64,
 }
 
-/// What a parameter is.
+/// Kind of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Role {
@@ -100,13 +103,14 @@ pub enum Role {
     Viscous,
     /// Force or torque at the joint per unit of the input.
     Gain,
-    /// Sharpness of the transition of Coulomb friction at rest; not a value of the robot, always held.
+    /// Sharpness of the transition of Coulomb friction at rest: no property of the robot, always
+    /// held.
     Sharpness,
     /// A parameter of the mechanism as it is declared, whatever it is.
     Declared,
 }
 
-/// What is known of the records.
+/// How the records were measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measurement {
     /// One per joint, base to tip.
@@ -139,7 +143,8 @@ pub struct Channel {
     pub position_resolution: Option<f64>,
     /// How the velocity is read.
     pub velocity: Velocity,
-    /// Standard deviation, per sample, of the noise of the applied input, in the unit of the input; `None` if it is not stated.
+    /// Standard deviation, per sample, of the noise of the applied input, in the unit of the input;
+    /// `None` if it is not stated.
     pub input_noise: Option<f64>,
     /// Typical largest torque or force at the joint.
     pub torque_peak: Option<f64>,
@@ -148,8 +153,8 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// Standard deviation of a position reading: noise and rounding to the encoder's step `δ`, whose variance is `δ²/12`;
-    /// `None` if the noise is not stated.
+    /// Standard deviation of a position reading: noise and rounding to the encoder's step `δ`,
+    /// whose variance is `δ²/12`; `None` if the noise is not stated.
     pub fn position_std(&self) -> Option<f64> {
         let step = self.position_resolution.unwrap_or(0.0);
         Some(self.position_noise?.hypot(step / 12f64.sqrt()))
@@ -177,7 +182,8 @@ impl Nominal {
     /// Reads a file.
     ///
     /// # Errors
-    /// If it cannot be read, is not of the format, or states values that no robot can have: file, line, key, value, mend.
+    /// If it cannot be read, is not of the format, or states values that no robot can have: file,
+    /// line, key, value, mend.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, NominalError> {
         let path = path.as_ref();
         let text = fs::read_to_string(path).map_err(|error| NominalError::Unreadable {
@@ -213,12 +219,13 @@ impl Nominal {
         robot
     }
 
-    /// What each parameter is and how far it is trusted, in the order of the robot's parameters.
+    /// Kind and tolerance of each parameter, in the order of the robot's parameters.
     pub fn tolerances(&self) -> &[Tolerance] {
         &self.tolerances
     }
 
-    /// The link that carries the tool: the one that the last joint with a coordinate carries, none of a bare Lagrangian.
+    /// The link that carries the tool: the one that the last joint with a coordinate carries, none
+    /// of a bare Lagrangian.
     pub fn tool_link(&self) -> Option<usize> {
         self.tool_link
     }
@@ -248,7 +255,8 @@ impl Nominal {
         &self.file
     }
 
-    /// The same robot with other values, in the order of [`Nominal::tolerances`], their half widths kept, and with effects.
+    /// The same robot with other values, in the order of [`Nominal::tolerances`], their half widths
+    /// kept, and with effects.
     ///
     /// # Panics
     /// If there are not as many values as parameters.
@@ -281,7 +289,7 @@ impl Tolerance {
     pub fn range(&self, ranges: Ranges) -> (f64, f64) {
         let (lower, upper) = match self.role {
             _ if self.half_width == 0.0 => return (self.nominal, self.nominal),
-            // A body without mass is none; a share of the nominal one keeps the mass matrix regular.
+            // A body needs a mass; a share of the nominal one keeps the mass matrix regular.
             Role::Mass => (1e-3 * self.nominal, f64::INFINITY),
             Role::RotorInertia | Role::Coulomb | Role::Viscous => (0.0, f64::INFINITY),
             Role::Gain if self.nominal > 0.0 => (1e-3 * self.nominal, f64::INFINITY),

@@ -1,7 +1,7 @@
 //! What a diagnosis adds to a description: the effects it named, and how it simulated the robot with them.
 //!
-//! This module reads places, names and numbers. Which effects there are, and what each parameter may be, is the business of the
-//! library of effects.
+//! This module reads places, names and numbers. Which effects there are, and what each parameter
+//! may be, is the business of the library of effects.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -52,7 +52,8 @@ impl<T> Written<T> {
     }
 }
 
-/// How a diagnosis simulated the robot, where the records decided: with the same figures a free run gives the same gap.
+/// How a diagnosis simulated the robot, where the records decided: with the same figures a free run
+/// gives the same gap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simulated {
     /// One per joint, base to tip.

@@ -20,8 +20,9 @@ struct Values {
 }
 
 impl Nominal {
-    /// The text of a file that states this description. Every value stands with a tolerance of its own, in `[joint.tolerance]`.
-    /// `None` for a mechanism that such a file cannot state: one with followers, drives on several joints, or a potential.
+    /// The text of a file that states this description. Every value stands with a tolerance of its
+    /// own, in `[joint.tolerance]`. `None` for a mechanism that such a file cannot state: one with
+    /// followers, drives on several joints, or a potential.
     pub fn to_toml(&self) -> Option<String> {
         let joints = self.robot.joints.len();
         let each = |role| {

@@ -11,20 +11,23 @@ pub struct PointCheck {
     pub primal_inf: f64,
     /// Largest violation of a bound.
     pub bound_violation: f64,
-    /// Natural residual of stationarity, ‖x − clamp(x − (∇f + Jᵀλ), lower, upper)‖∞ over the variables that are not fixed,
-    /// and |λ_i| of rows whose multiplier pushes towards a bound that is not there.
+    /// Natural residual of stationarity, ‖x − clamp(x − (∇f + Jᵀλ), lower, upper)‖∞ over the
+    /// variables that are not fixed, and |λ_i| of rows whose multiplier pushes towards a bound that
+    /// is not there.
     pub dual_inf: f64,
-    /// Largest |component of ∇f + Jᵀλ| · distance to the bound it pushes against, and |λ_i| · distance to the row's bound:
-    /// complementarity without the solver's z.
+    /// Largest |component of ∇f + Jᵀλ| · distance to the bound it pushes against, and |λ_i| ·
+    /// distance to the row's bound: complementarity without the solver's z.
     pub complementarity: f64,
     /// Whether every number that went into the check was finite.
     pub finite: bool,
 }
 
-/// Recomputes feasibility and stationarity at `(x, lambda)` from the problem, not from a solver's figures.
+/// Recomputes feasibility and stationarity at `(x, lambda)` from the problem, not from the solver's
+/// figures.
 ///
-/// Stationarity with bounds is measured by the natural residual `x − clamp(x − g, lower, upper)`, `g = ∇f + Jᵀλ`, which is
-/// zero exactly at first-order points (Facchinei & Pang, Finite-Dimensional Variational Inequalities, 2003, section 1.5).
+/// Stationarity with bounds is measured by the natural residual `x − clamp(x − g, lower, upper)`,
+/// `g = ∇f + Jᵀλ`, which is zero exactly at first-order points (Facchinei & Pang,
+/// Finite-Dimensional Variational Inequalities, 2003, section 1.5).
 pub fn check_point(problem: &mut dyn Nlp, x: &[f64], lambda: &[f64]) -> PointCheck {
     let (n, m) = (problem.n(), problem.m());
     let (mut lower, mut upper) = (vec![0.0; n], vec![0.0; n]);

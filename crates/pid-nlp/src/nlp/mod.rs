@@ -1,4 +1,4 @@
-//! The face of a nonlinear program.
+//! The interface of a nonlinear program.
 //!
 //! ```text
 //! minimise    f(x)
@@ -6,9 +6,10 @@
 //!             lower ≤ x ≤ upper
 //! ```
 //!
-//! with `x ∈ Rⁿ`, `c: Rⁿ → Rᵐ`; equal bounds of a row make it an equation, and c(x) = 0 is the default. The Lagrangian is
-//! `L = σ f(x) + λᵀ c(x)`: a multiplier is positive where the upper bound of its row holds c back, negative at the lower one.
-//! Hessians are the lower triangle. Patterns may repeat an entry: values of equal positions are summed.
+//! with `x ∈ Rⁿ`, `c: Rⁿ → Rᵐ`; equal bounds of a row make it an equation, and c(x) = 0 is the
+//! default. The Lagrangian is `L = σ f(x) + λᵀ c(x)`: a multiplier is positive where the upper
+//! bound of its row holds c back, negative at the lower one. Hessians are the lower triangle.
+//! Patterns may repeat an entry: values of equal positions are summed.
 
 mod check;
 
@@ -63,8 +64,9 @@ impl SparsePattern {
 
 /// A nonlinear program with exact derivatives.
 ///
-/// Evaluations write into the caller's buffers and allocate nothing; they take `&mut self` for their scratch space. A
-/// value that is not finite means that the point cannot be evaluated; the line search backs off.
+/// Evaluations write into the caller's buffers and allocate nothing; they take `&mut self` for
+/// their scratch space. A value that is not finite means that the point cannot be evaluated; the
+/// line search backs off.
 pub trait Nlp {
     /// Number of variables.
     fn n(&self) -> usize;
@@ -91,14 +93,15 @@ pub trait Nlp {
     fn hessian_pattern(&self) -> &SparsePattern;
     /// Values of ∇²(σ f + λᵀ c).
     fn hessian(&mut self, x: &[f64], sigma: f64, lambda: &[f64], values: &mut [f64]);
-    /// Told by a barrier method when its parameter changes, in units of the objective: a program that keeps to the inside of a set
-    /// by a barrier of its own weighs it anew, and leaves it out at zero. True if the objective changed with it.
+    /// A barrier method calls this when its parameter changes, in units of the objective. A program
+    /// that keeps to the inside of a set by a barrier of its own weighs that barrier anew, and
+    /// leaves it out at zero. Returns whether the objective changed.
     fn barrier_changed(&mut self, mu: f64) -> bool {
         let _ = mu;
         false
     }
-    /// Largest step length up to 1 along `d` that stays inside such a set, `share` of the way to its boundary where that is nearer
-    /// than 1.
+    /// Largest step length up to 1 along `d` that stays inside such a set: `share` of the way to
+    /// its boundary where that is nearer than 1.
     fn longest_step(&self, x: &[f64], d: &[f64], share: f64) -> f64 {
         let _ = (x, d, share);
         1.0

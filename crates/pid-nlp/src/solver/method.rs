@@ -20,7 +20,8 @@ pub enum Algorithm {
     Sqp,
 }
 
-/// Minimises a problem by a method, with the problem's own Hessian or with damped BFGS from the last steps (`Some(number)`).
+/// Minimises a problem by a method, with the problem's own Hessian or with damped BFGS from the
+/// last steps (`Some(number)`).
 ///
 /// `kkt` must have been built for the same problem.
 pub fn solve(

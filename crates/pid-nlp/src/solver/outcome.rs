@@ -1,4 +1,4 @@
-//! What a solver returns: a status, the point, and what it cost.
+//! What a solver returns: a status, the point, and the work it took.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +15,7 @@ pub enum Status {
     IterationLimit,
     /// The time limit was reached.
     TimeLimit,
-    /// The caller asked to stop.
+    /// The caller asked it to stop.
     Interrupted,
     /// The constraint violation is at a local minimum above zero: the constraints cannot be met near here.
     LocallyInfeasible,
@@ -89,8 +89,9 @@ pub struct Iteration {
     pub alpha: f64,
     /// Trial points of the line search.
     pub trials: usize,
-    /// `f` sufficient decrease, `h` filter, `s` second-order correction, `w` watchdog, `S` soft restoration, `R` restoration,
-    /// `e` below the objective's rounding, by the optimality error, `t` step too small to be judged.
+    /// `f` sufficient decrease, `h` filter, `s` second-order correction, `w` watchdog, `S` soft
+    /// restoration, `R` restoration, `e` judged by the optimality error since it changes the
+    /// objective by less than its rounding, `t` step too small to be judged.
     pub kind: char,
 }
 
@@ -190,7 +191,7 @@ pub struct Solution {
     pub seconds: Seconds,
 }
 
-/// Where the time went.
+/// Time by kind of work.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seconds {
     /// Model evaluations.

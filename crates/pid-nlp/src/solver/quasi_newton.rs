@@ -5,10 +5,11 @@
 //!                                          [ Lᵀ     −D ]
 //! ```
 //!
-//! (R. H. Byrd, J. Nocedal, R. B. Schnabel, Math. Program. 63 (1994), theorem 2.3), from the last steps s and changes y of the
-//! Lagrangian's gradient at fixed multipliers. With Powell's damping (Math. Program. 14 (1978)) B stays positive definite. The
-//! linear system keeps its structure: it is factorised with δ I in place of the Hessian, and the part of low rank follows by
-//! Sherman, Morrison and Woodbury. A memory as long as the solve makes it the full BFGS matrix.
+//! (R. H. Byrd, J. Nocedal, R. B. Schnabel, Math. Program. 63 (1994), theorem 2.3), from the last
+//! steps s and changes y of the Lagrangian's gradient at fixed multipliers. With Powell's damping
+//! (Math. Program. 14 (1978)) B stays positive definite. The linear system keeps its structure: it
+//! is factorised with δ I in place of the Hessian, and the part of low rank follows by Sherman,
+//! Morrison and Woodbury. A memory as long as the solve makes it the full BFGS matrix.
 
 use super::ip::{self, Callback};
 use super::kkt::{Kkt, KktError, KktValues, Regularisation};
@@ -24,7 +25,7 @@ const DAMPING: f64 = 0.2;
 /// Bounds on δ.
 const SMALLEST: f64 = 1e-8;
 const LARGEST: f64 = 1e8;
-/// Relative length below which a step carries no curvature.
+/// A step below this relative length carries no curvature.
 const NO_STEP: f64 = 1e-14;
 
 /// Pairs of steps and gradient changes.
@@ -163,7 +164,7 @@ impl Memory {
     }
 }
 
-/// What the program and its linear system share.
+/// Shared by the program and its linear system.
 #[derive(Debug, Clone)]
 pub(super) struct Shared(Arc<Mutex<Memory>>);
 
@@ -226,8 +227,9 @@ impl Nlp for QuasiNewton<'_> {
         self.problem.hessian_pattern()
     }
 
-    /// Updates the memory by the step since the last call and leaves zeros; their sign tells the linear system to take the
-    /// memory in. Without the objective (σ = 0, a feasibility problem) there is no curvature.
+    /// Updates the memory by the step since the last call and leaves zeros; their sign tells the
+    /// linear system to take the memory in. Without the objective (σ = 0, a feasibility problem)
+    /// there is no curvature.
     fn hessian(&mut self, x: &[f64], sigma: f64, lambda: &[f64], values: &mut [f64]) {
         if sigma == 0.0 {
             values.fill(0.0);
@@ -347,7 +349,7 @@ pub(super) fn wrap<'a>(
     kkt: &'a mut dyn Kkt,
     memory: usize,
 ) -> (QuasiNewton<'a>, QuasiNewtonKkt<'a>, Shared) {
-    // More pairs than twice the variables tell nothing new.
+    // More pairs than twice the variables add nothing new.
     let capacity = memory.min((2 * problem.n()).max(20));
     let shared = Shared(Arc::new(Mutex::new(Memory::new(capacity))));
     let system = QuasiNewtonKkt {
@@ -367,8 +369,9 @@ pub(super) fn wrap<'a>(
     (wrapped, system, shared)
 }
 
-/// Minimises a problem by the interior-point method with damped BFGS from the last `memory` steps (at least 1; 6 to 20 is usual,
-/// the number of iterations for the full matrix). The problem's [`Nlp::hessian`] is not called.
+/// Minimises a problem by the interior-point method with damped BFGS from the last `memory` steps
+/// (at least 1; 6 to 20 is usual, the number of iterations for the full matrix). The problem's
+/// [`Nlp::hessian`] is not called.
 ///
 /// `kkt` must have been built for the same problem, as for [`ip::solve`].
 pub fn solve(
@@ -441,7 +444,8 @@ mod tests {
         }
     }
 
-    /// Rosenbrock's function on the circle of radius √2: the optimum (1, 1). The exact Hessian must not be asked for.
+    /// Rosenbrock's function on the circle of radius √2: the optimum (1, 1). The exact Hessian must
+    /// not be asked for.
     struct Circle(SparsePattern, SparsePattern);
     impl Nlp for Circle {
         fn n(&self) -> usize {

@@ -10,8 +10,8 @@ use std::time::Duration;
 pub enum Barrier {
     /// Each barrier problem is solved to a share of its parameter before the next one (Fiacco-McCormick).
     Monotone,
-    /// The parameter is chosen anew every iteration while the optimality error keeps falling, monotone otherwise (J. Nocedal,
-    /// A. Wächter, R. A. Waltz, SIAM J. Optim. 19 (2009)).
+    /// The parameter is chosen anew every iteration while the optimality error keeps falling,
+    /// monotone otherwise (J. Nocedal, A. Wächter, R. A. Waltz, SIAM J. Optim. 19 (2009)).
     Adaptive(Oracle),
 }
 
@@ -23,7 +23,8 @@ pub enum Oracle {
     Loqo,
     /// From the affine step: `σ = (μ_aff / μ)³` (S. Mehrotra 1992).
     Probing,
-    /// Minimises a linear model of the optimality error along centring and affine step (Nocedal, Wächter, Waltz 2009).
+    /// Minimises a linear model of the optimality error along centring and affine step (Nocedal,
+    /// Wächter, Waltz 2009).
     Quality,
 }
 
@@ -55,7 +56,7 @@ impl PartialEq for Interrupt {
 pub struct Settings {
     /// Scaled optimality error at which the solver stops.
     pub tol: f64,
-    /// Error that is good enough where 15 iterations in a row do not halve it, or no step gets on.
+    /// Error that is good enough if 15 iterations in a row do not halve it, or if no step gets on.
     pub acceptable_tol: f64,
     /// Absolute constraint violation, ∞-norm in the problem's units, that `Solved` also needs.
     pub constraint_tol: f64,
@@ -63,33 +64,37 @@ pub struct Settings {
     pub max_iterations: usize,
     /// Time after which the solver stops.
     pub max_time: Option<Duration>,
-    /// Stops the solver from outside.
+    /// Flag that stops the solver from outside.
     pub interrupt: Option<Interrupt>,
     /// First barrier parameter, relative to the scaled objective.
     pub mu_start: f64,
     /// Strategy for the barrier parameter.
     pub barrier: Barrier,
-    /// Largest component of the scaled gradient at the start; the objective is scaled to it when it is larger.
+    /// Largest component of the scaled gradient at the start; the objective is scaled to it when it
+    /// is larger.
     pub max_gradient: f64,
     /// Whether constraint rows whose gradient exceeds `max_gradient` at the start are scaled down to it.
     pub scale_constraints: bool,
-    /// Factor on the objective before anything else; a sum of squares divided by N wants N here.
+    /// Factor on the objective before anything else. For a sum of squares divided by N it is N.
     pub objective_scale: f64,
     /// How far a start is pushed off its bounds, relative to their distance.
     pub push: f64,
-    /// How far bounds are widened, relative to max(1, |bound|): a feasible set without interior wants 1e-8 here. The point that is
-    /// returned satisfies the bounds on the variables as given.
+    /// How far bounds are widened, relative to max(1, |bound|). A feasible set without interior
+    /// needs 1e-8 here. The returned point satisfies the bounds on the variables as given.
     pub bound_relaxation: f64,
     /// Second-order corrections tried per iteration.
     pub max_corrections: usize,
-    /// Halvings of a step after which the directions that the problem hardly determines are shortened alone, where the linear
-    /// system can do so (see [`crate::solver::kkt::Kkt::limit`]); 0 for never. Has no effect beside a watchdog.
+    /// After this many halvings of a step, directions that the problem hardly determines are
+    /// shortened alone, if the linear system can do so (see [`crate::solver::kkt::Kkt::limit`]); 0
+    /// for never. Has no effect beside a watchdog.
     pub patience: usize,
-    /// Iterations with shortened steps after which full steps are tried without asking the filter; 0 for never.
+    /// After this many iterations with shortened steps, full steps are tried without asking the
+    /// filter; 0 for never.
     pub watchdog: usize,
-    /// Iterations that may reduce the optimality error instead of satisfying the filter before a restoration phase begins.
+    /// So many iterations may reduce the optimality error instead of satisfying the filter before a
+    /// restoration phase begins.
     pub soft_restoration: usize,
-    /// Iterations of a restoration phase; 0 for none: where one would begin, the run ends.
+    /// Most iterations of a restoration phase. With 0 the run ends where one would begin.
     pub max_restoration: usize,
     /// ‖x‖∞ above which the problem counts as unbounded.
     pub divergence: f64,

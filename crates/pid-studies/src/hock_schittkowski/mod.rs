@@ -1,9 +1,11 @@
-//! The Hock-Schittkowski collection of test problems, written from the formulas published in W. Hock, K. Schittkowski, *Test
-//! Examples for Nonlinear Programming Codes*, Lecture Notes in Economics and Mathematical Systems 187, Springer, 1981.
+//! The Hock-Schittkowski collection of test problems, written from the formulas published in W.
+//! Hock, K. Schittkowski, *Test Examples for Nonlinear Programming Codes*, Lecture Notes in
+//! Economics and Mathematical Systems 187, Springer, 1981.
 //!
-//! Every problem is written once, generic over dual numbers; gradients, Jacobians and Hessians are exact derivatives of that
-//! one formula. Starts and optima are the published ones. Where the book's optimum is known to be off, [`Info::optimum`] keeps
-//! the book's number and [`Info::refined`] the value the problem has.
+//! Every problem is written once, generic over dual numbers; gradients, Jacobians and Hessians are
+//! exact derivatives of that one formula. Starts and optima are the published ones. Where the
+//! book's optimum is known to be off, [`Info::optimum`] keeps the book's number and
+//! [`Info::refined`] the value the problem has.
 
 pub mod command;
 mod p001_030;
@@ -236,7 +238,8 @@ fn sum<D: Number>(terms: impl IntoIterator<Item = D>) -> D {
     terms.into_iter().fold(D::zero(), |a, b| a + b)
 }
 
-/// Declares problems: name, number, start, bounds, optimum, formula; and the function `cases` that lists them.
+/// Declares problems: name, number, start, bounds, optimum, formula; and the function `cases` that
+/// lists them.
 macro_rules! problems {
     ($($(#[$doc:meta])* $name:ident $number:literal
         from $start:expr, in $bounds:expr, to $optimum:expr $(, refined $refined:expr)?;

@@ -50,7 +50,8 @@ problems! {
         vec![ge(k::<D>(25.0) - x1 * x1 * 4.0 - x2 * x2)],
     );
 
-    /// The optimum (1, 0) is no Karush-Kuhn-Tucker point: the gradients of the active constraints are parallel there.
+    /// The optimum (1, 0) is no Karush-Kuhn-Tucker point: the gradients of the active constraints
+    /// are parallel there.
     Hs13 13 from [-2.0, -2.0], in positive(2), to 1.0;
     (x1 x2) => ((x1 - 2.0).powi(2) + x2 * x2, vec![ge((-x1 + 1.0).powi(3) - x2)]);
 

@@ -198,7 +198,8 @@ problems! {
         )
     };
 
-    /// Two rows meet at the optimum, x₁² = x₂ and x₁² + x₂² = 1: x₂ is the golden ratio less one. The book's value is rounded.
+    /// Two rows meet at the optimum, x₁² = x₂ and x₁² + x₂² = 1: x₂ is the golden ratio less one.
+    /// The book's value is rounded.
     Hs58 58 from [-2.0, 1.0], in [(-2.0, 0.5), (-INF, INF)], to 3.190_333_549_57,
         refined (1.0 + (0.5 * (5.0_f64.sqrt() - 1.0)).sqrt()).powi(2);
     (x1 x2) => (

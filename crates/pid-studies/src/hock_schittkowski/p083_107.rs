@@ -15,8 +15,8 @@ fn roots() -> [f64; 30] {
     })
 }
 
-/// Problems 88 to 92: control of a heat equation with n switching times. The square integral over the first thirty modes is
-/// written out by the orthogonality of cos(μ_i s) on [0, 1].
+/// Problems 88 to 92: control of a heat equation with n switching times. The square integral over
+/// the first thirty modes is written out by the orthogonality of cos(μ_i s) on [0, 1].
 fn heat<D: Number>(x: &[D]) -> (D, Vec<Row<D>>) {
     let n = x.len();
     let mut h = k::<D>(2.0 / 15.0);
@@ -271,8 +271,9 @@ problems! {
         (sum(HS105_Y.iter().map(term)), vec![ge(rest)])
     };
 
-    /// Heat exchanger design. The book's point is not converged: the problem has 7049.248 020 (Floudas et al., Handbook of
-    /// Test Problems in Local and Global Optimization, 1999, problem 3.1).
+    /// Heat exchanger design. The book's point is not converged: the problem has 7049.248 020
+    /// (Floudas et al., Handbook of Test Problems in Local and Global Optimization, 1999, problem
+    /// 3.1).
     Hs106 106 from [5000.0, 5000.0, 5000.0, 200.0, 350.0, 150.0, 225.0, 425.0],
         in [(100.0, 1e4), (1000.0, 1e4), (1000.0, 1e4), (10.0, 1000.0), (10.0, 1000.0), (10.0, 1000.0),
             (10.0, 1000.0), (10.0, 1000.0)],

@@ -86,8 +86,8 @@ problems! {
         (f, balances(&y))
     };
 
-    /// Chemical equilibrium in the amounts: the same problem as 111; the book prints −47.707579, the value of a point that is
-    /// not converged.
+    /// Chemical equilibrium in the amounts: the same problem as 111; the book prints −47.707579,
+    /// the value of a point that is not converged.
     Hs112 112 from [0.1; 10], in each(10, 1e-6, INF), to -47.707_579, refined -47.761_090_26;
     (slice x) => {
         let total = sum(x.iter().copied()).ln();

@@ -12,7 +12,8 @@ use std::ops::ControlFlow;
 pub enum Verdict {
     /// The published optimum to 1e-6.
     Published,
-    /// A local minimum, checked to second order, up to 1e-4 below the published value: the book's digits are not converged.
+    /// A local minimum, checked to second order, up to 1e-4 below the published value: the book's
+    /// digits are not converged.
     Lower,
     /// A local minimum, checked to second order, with another objective.
     OtherMinimum,
@@ -55,7 +56,8 @@ pub fn interior_point(problem: &mut dyn Nlp, x0: &[f64], settings: &Settings) ->
     })
 }
 
-/// Sequential quadratic programming on the sparse linear system, with damped BFGS from the last `memory` steps if stated.
+/// Sequential quadratic programming on the sparse linear system, with damped BFGS from the last
+/// `memory` steps if stated.
 pub fn sqp(
     memory: Option<usize>,
 ) -> impl FnMut(&mut dyn Nlp, &[f64], &Settings) -> Solution + 'static {
@@ -109,8 +111,9 @@ pub fn run(case: &mut Case, settings: &Settings, solver: &mut Solver<'_>) -> Out
     outcome
 }
 
-/// Whether a point is a local minimum: stationary, and the Hessian of the Lagrangian positive on the tangents of the active
-/// constraints. Curvature is asked of the inertia of `[H + σ_active, Jᵀ; J, 0]` with active bounds and rows held.
+/// Whether a point is a local minimum: stationary, and the Hessian of the Lagrangian positive on
+/// the tangents of the active constraints. Curvature is asked of the inertia of
+/// `[H + σ_active, Jᵀ; J, 0]` with active bounds and rows held.
 fn is_minimum(problem: &mut dyn Nlp, solution: &Solution, check: &PointCheck) -> bool {
     let (n, m) = (problem.n(), problem.m());
     let scale = solution.objective.abs().max(1.0);

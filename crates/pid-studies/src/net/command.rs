@@ -5,9 +5,10 @@
 //! pid-studies net compare DIR [--with DIR] [--practice FOLDER] [--only PREFIX]...
 //! ```
 //!
-//! `PREFIX` is of `PART/ITEM`: `demo`, `expansions`, `hock_schittkowski`, `draws`, `study`, `practice`, `practice/p01`. The practice
-//! set is that beside the workspace unless it is given. `compare` runs this build, or reads the folder that another build
-//! recorded (`--with`). Exit code 0: equal; 1: different, or an error.
+//! `PREFIX` is of `PART/ITEM`: `demo`, `expansions`, `hock_schittkowski`, `draws`, `study`,
+//! `practice`, `practice/p01`. The practice set is that beside the workspace unless it is given.
+//! `compare` runs this build, or reads the folder that another build recorded (`--with`). Exit code
+//! 0: equal; 1: different, or an error.
 use std::path::PathBuf;
 
 use super::{Failure, Request, compare, compare_folders, record};

@@ -50,7 +50,8 @@ fn unequal(place: String, before: Option<&str>, now: Option<&str>) -> Difference
     }
 }
 
-/// The first difference of two JSON values, digits as they are written; times are left out. `None` where they are equal.
+/// The first difference of two JSON values, digits as they are written; times are left out. `None`
+/// where they are equal.
 ///
 /// # Errors
 /// If one of them is not JSON.
@@ -135,8 +136,8 @@ pub(super) fn files(folder: &Path) -> Result<BTreeSet<String>, Failure> {
     below(folder, &|_| true)
 }
 
-/// The same of the source files of a workspace that may declare robots: folders of builds, hidden folders and the catalogue of
-/// refused declarations are left out.
+/// The same of the source files of a workspace that may declare robots: folders of builds, hidden
+/// folders and the catalogue of refused declarations are left out.
 pub(super) fn sources(root: &Path) -> Result<BTreeSet<String>, Failure> {
     let enters = |folder: &Path| {
         let name = folder.file_name().unwrap_or_default().to_string_lossy();

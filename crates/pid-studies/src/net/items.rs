@@ -200,14 +200,16 @@ fn table(settings: &Settings, solver: &mut study::Solver<'_>) -> Value {
     rows.collect()
 }
 
-/// Code, equations and operation counts of every robot that is declared in a source file of the workspace and taken by `robot!`.
+/// Code, equations and operation counts of every robot that is declared in a source file of the
+/// workspace and taken by `robot!`.
 fn expansions(place: &Path) -> Result<Vec<Item>, Failure> {
     let root = workspace()?;
     let mut items = Vec::new();
     for name in compare::sources(&root)? {
         let path = root.join(&name);
         let source = std::fs::read_to_string(&path)?;
-        // Files with strings and documentation about `robot!` hold no robot; those of the message catalogue are refused.
+        // Files with strings and documentation about `robot!` hold no robot; those of the message
+        // catalogue are refused.
         let Ok(robots) = pid_codegen::show::robots(&source) else {
             continue;
         };

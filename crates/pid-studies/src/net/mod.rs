@@ -1,7 +1,8 @@
 //! Results of a build, recorded bit for bit and compared with those of another build.
 //!
-//! A pure move of code leaves every recorded file as it is; where a step changes digits on purpose, the comparison says which
-//! results changed. A folder holds one folder for each [`Part`], in it files of JSON or text:
+//! A pure move of code leaves every recorded file as it is; where a step changes digits on purpose,
+//! the comparison says which results changed. A folder holds one folder for each [`Part`], in it
+//! files of JSON or text:
 //!
 //! ```text
 //! build.txt                    what made the folder: a hash of the program
@@ -138,7 +139,8 @@ fn claim(folder: &Path) -> Result<(), Failure> {
 /// Records what is asked for into the request's folder.
 ///
 /// # Errors
-/// If the folder is another build's, the practice set is asked for and absent, or a result cannot be made or written.
+/// If the folder is another build's, the practice set is asked for and absent, or a result cannot
+/// be made or written.
 pub fn record(request: &Request, say: &Say<'_>) -> Result<(), Failure> {
     claim(&request.folder)?;
     make(request, &request.folder, say)

@@ -1,8 +1,9 @@
-//! `pid-studies paper`: the study of K. Schäfer, M. Runge, K. Flaßkamp, C. Büskens, *Parameter Identification for Dynamical Systems
-//! Using Optimal Control Techniques*, on the idealised two-link robot.
+//! `pid-studies paper`: the study of K. Schäfer, M. Runge, K. Flaßkamp, C. Büskens, *Parameter
+//! Identification for Dynamical Systems Using Optimal Control Techniques*, on the idealised
+//! two-link robot.
 //!
-//! Everything is made here: the records by accurate simulation with the values of Table II, the starts from a seed, sizes and
-//! non-zeros by counting in the programs that are solved.
+//! Everything is made here: the records by accurate simulation with the values of Table II, the
+//! starts from a seed, sizes and non-zeros by counting in the programs that are solved.
 
 mod page;
 mod plot;

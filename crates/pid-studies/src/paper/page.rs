@@ -107,7 +107,7 @@ const ROW: [&str; 9] = [
     "seconds",
 ];
 
-/// Four significant digits; ∞ for what could not be made feasible.
+/// Four significant digits; ∞ for runs without a feasible point.
 fn number(v: f64) -> String {
     if v.is_infinite() {
         "∞".to_owned()
@@ -302,7 +302,8 @@ fn schemes(f: &Findings) -> Vec<Vec<String>> {
         .collect()
 }
 
-/// Objective, share of starts, and what accurate simulations on unseen records say, of every optimum of one scheme.
+/// Objective, share of starts, and errors of accurate simulations on unseen records, of every
+/// optimum of one scheme.
 fn optima(f: &Findings, scheme: Scheme) -> Vec<Vec<String>> {
     let group = Group::full(f, scheme, 1, Second::Exact);
     let mut found: Vec<(f64, Vec<&Outcome>)> = Vec::new();

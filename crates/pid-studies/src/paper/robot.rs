@@ -1,4 +1,5 @@
-//! The idealised robot of the paper: its records, starts, and what its motions can determine.
+//! The idealised robot of the paper: its records, starts, and the combinations that its motions can
+//! determine.
 
 use pid_data::{
     Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
@@ -62,7 +63,8 @@ pub(super) fn truth() -> Vec<f64> {
     TwoLink.params().iter().map(|p| p.nominal).collect()
 }
 
-/// Training record and two unseen ones, simulated accurately with the values of Table II, without noise as in the paper.
+/// Training record and two unseen ones, simulated accurately with the values of Table II, without
+/// noise as in the paper.
 ///
 /// # Errors
 /// That of the simulation.

@@ -1,4 +1,5 @@
-//! Sizes and sparsity of the programs, counted from the programs themselves (Table I and figure 4 of the paper).
+//! Sizes and sparsity of the programs, counted from the programs themselves (Table I and figure 4
+//! of the paper).
 
 use std::collections::BTreeSet;
 
@@ -140,7 +141,8 @@ mod tests {
     use super::*;
     use crate::paper::robot;
 
-    /// The counts that CasADi finds for the same programs: Dg by 93 an interval of several steps, DH dense in (x, p).
+    /// The counts that CasADi finds for the same programs: Dg by 93 an interval of several steps,
+    /// DH dense in (x, p).
     #[test]
     fn counts_agree_with_those_of_an_independent_tool() {
         let dataset = robot::records().unwrap();

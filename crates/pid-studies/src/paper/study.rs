@@ -50,13 +50,14 @@ pub(super) struct Job {
     pub(super) start: usize,
 }
 
-/// What became of it.
+/// Its outcome.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Outcome {
     pub(super) job: Job,
     /// J; `None` where the point is not feasible to 1e-6 or not finite.
     pub(super) objective: Option<f64>,
-    /// J of an accurate simulation with the parameters: train, then the unseen records; `None` where it diverges.
+    /// J of an accurate simulation with the parameters: train, then the unseen records; `None`
+    /// where it diverges.
     pub(super) accurate: Vec<Option<f64>>,
     pub(super) converged: bool,
     /// Whether a limit on time or iterations ended it.
@@ -131,8 +132,8 @@ fn outcome(dataset: &Dataset, job: &Job, found: Identification) -> Outcome {
     }
 }
 
-/// Makes all identifications; `limit` is the time for each solve. `news` hears how many are done, `stop` ends early and keeps
-/// what is finished.
+/// Makes all identifications; `limit` is the time for each solve. `news` is told how many are done;
+/// `stop` ends early and keeps the finished ones.
 pub(super) fn run(
     dataset: &Dataset,
     starts: &[Vec<f64>],
@@ -161,8 +162,8 @@ pub(super) fn run(
     parallel(jobs.len(), news, stop, one).into_iter().collect()
 }
 
-/// Does `count` pieces of work, as many at a time as there are cores, and returns the results in order; those not begun when
-/// `stop` says so are left out.
+/// Does `count` pieces of work, as many at a time as there are cores, and returns the results in
+/// order. If `stop` says so, it leaves out those not yet begun.
 pub(super) fn parallel<T: Send>(
     count: usize,
     news: &(dyn Fn(usize) + Sync),

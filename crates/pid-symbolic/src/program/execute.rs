@@ -171,8 +171,8 @@ impl Slot for Tiny {
     }
 }
 
-/// A slot of at most 2¹⁶. The work space has as many, whatever the program needs: no access has to be checked, and memory
-/// that is never touched costs nothing.
+/// A slot of at most 2¹⁶. The work space always has 2¹⁶ slots: no access has to be checked, and
+/// memory that is never touched costs nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Narrow(u16);
 

@@ -1,13 +1,14 @@
-//! Outputs of a graph as a program for fast repeated evaluation over any [`Element`]: `f64`, [`LANES`] points at a time, numbers
-//! with derivatives.
+//! Outputs of a graph as a program for fast repeated evaluation over any [`Element`]: `f64`,
+//! [`LANES`] points at a time, numbers with derivatives.
 //!
-//! A [`Tape`](crate::Tape) decides for every operation what to do next; on a processor that decision costs several times
-//! the operation. A program decides once per run of equal operations:
+//! A [`Tape`](crate::Tape) decides for every operation what to do next; on a processor that
+//! decision costs several times the operation. A program decides once per run of equal operations:
 //!
-//! - products that are used once are fused into the sum that uses them (`a·b + c`, `a·b − c·d`, …), with the roundings of
-//!   the separate operations;
+//! - products that are used once are fused into the sum that uses them (`a·b + c`, `a·b − c·d`, …),
+//!   with the roundings of the separate operations;
 //! - operations are sorted into runs of one kind within windows of the depth-first order (`select`);
-//! - values live in the slots of one work space, which are used again as soon as their value is dead (`slots`).
+//! - values live in the slots of one work space; a slot is used again as soon as its value is dead
+//!   (`slots`).
 //!
 //! Results equal those of [`Tape`](crate::Tape) bit by bit.
 //!
@@ -38,7 +39,7 @@ use crate::graph::Graph;
 use crate::node::{Function, Id, Node};
 use crate::schedule;
 
-/// What a run of instructions does with its operands.
+/// Operation of a run of instructions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Op {
     /// −a.
@@ -163,8 +164,8 @@ impl Program {
         }
     }
 
-    /// The same with a work space of exactly the slots it needs, each access checked: for programs that run seldom, over elements
-    /// so large that 2¹⁶ of them cost more than the evaluation.
+    /// The same with a work space of exactly the slots it needs, each access checked: for programs
+    /// that run seldom, over elements so large that 2¹⁶ of them cost more than the evaluation.
     pub fn exact(mut self) -> Self {
         if let Slots::Narrow(code) = &self.slots {
             let numbers = |slots: &[Narrow]| slots.iter().map(|s| s.number()).collect();
@@ -207,9 +208,10 @@ impl Program {
         self.size
     }
 
-    /// The outputs at one point. `fill` is given the places of the [`vars`](Self::vars) variables, which hold arbitrary
-    /// numbers, and writes those that are read. The slices of `out` take the outputs one after the other. Allocates only if
-    /// `scratch` was never used with a program of this size.
+    /// The outputs at one point. `fill` is given the places of the [`vars`](Self::vars) variables,
+    /// which hold arbitrary numbers, and writes those that are read. The slices of `out` take the
+    /// outputs one after the other. Allocates only if `scratch` was never used with a program of
+    /// this size.
     ///
     /// # Panics
     /// If the slices of `out` do not have [`outputs`](Self::outputs) places together.
@@ -264,8 +266,8 @@ impl Program {
         }
     }
 
-    /// The outputs once more: constants are those of the last [`load`](Self::load), and so are the variables that `fill` leaves.
-    /// No other program may have used `scratch` since.
+    /// The outputs once more: constants are those of the last [`load`](Self::load), and so are the
+    /// variables that `fill` leaves. No other program may have used `scratch` since.
     ///
     /// # Panics
     /// As [`eval`](Self::eval).

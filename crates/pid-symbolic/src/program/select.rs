@@ -1,4 +1,5 @@
-//! Which instructions compute a list of outputs, and in which order: fusion, then runs of one kind.
+//! Chooses the instructions that compute a list of outputs, and their order: fusion, then runs of
+//! one kind.
 
 use std::collections::BTreeMap;
 
@@ -47,7 +48,8 @@ pub(super) fn instructions(g: &Graph, order: &[Id], outputs: &[Id]) -> Vec<Instr
     sorted
 }
 
-/// Products that are used once go into the sum, difference or product that uses them; the order of the rest stays.
+/// Products that are used once go into the sum, difference or product that uses them; the order of
+/// the rest stays.
 fn fuse(g: &Graph, order: &[Id], outputs: &[Id]) -> Vec<Instruction> {
     let mut uses = vec![0_u32; g.len()];
     for id in order
@@ -104,7 +106,8 @@ fn fuse(g: &Graph, order: &[Id], outputs: &[Id]) -> Vec<Instruction> {
     instructions
 }
 
-/// Appends a window in an order with long runs: of the operations whose operands are known, always the most frequent kind.
+/// Appends a window in an order with long runs: of the operations whose operands are known, it
+/// always takes the most frequent kind.
 fn sort(window: &[Instruction], start: usize, place: &[usize], sorted: &mut Vec<Instruction>) {
     // Operations of the window that wait for each operation, and how many each waits for.
     let mut waiting: Vec<Vec<usize>> = vec![Vec::new(); window.len()];

@@ -1,4 +1,5 @@
-//! Places of values in the work space: variables, constants, then intermediate values, whose places are used again.
+//! Places of values in the work space: variables, constants, then intermediate values, whose places
+//! are used again.
 
 use super::Leaves;
 use super::select::Instruction;

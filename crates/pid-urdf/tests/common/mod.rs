@@ -129,8 +129,8 @@ fn index(random: &mut Random, len: usize) -> usize {
     (random.uniform(0.0, len as f64) as usize).min(len.saturating_sub(1))
 }
 
-/// A mutated description: one time in five as a text, else as elements with other values, so that most inputs get past the
-/// parser of XML.
+/// A mutated description: one time in five as a text, else as elements with other values, so that
+/// most inputs get past the parser of XML.
 pub(crate) fn mutated(random: &mut Random) -> String {
     let text = ROBOTS[index(random, ROBOTS.len())].1;
     if random.uniform(0.0, 1.0) < 0.2 {
@@ -200,7 +200,7 @@ fn mutated_text(random: &mut Random, text: &str) -> String {
     text.into_iter().collect()
 }
 
-/// What became of an input.
+/// The outcome of an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Outcome {
     NoXml,
@@ -208,7 +208,8 @@ pub(crate) enum Outcome {
     Robot,
 }
 
-/// Reads an input, makes the robot, writes it back and reads that again. Panics where anything promised does not hold.
+/// Reads an input, makes the robot, writes it back and reads that again. Panics where a promise
+/// does not hold.
 pub(crate) fn exercise(text: &str) -> Outcome {
     use pid_urdf::{Description, Options, UrdfError};
 

@@ -1,4 +1,5 @@
-//! The missing generalised force: what would have to act beside the model for it to follow the record.
+//! The missing generalised force: the force that must act beside the model for it to follow the
+//! record.
 //!
 //! ```text
 //! w(t) = r(q, v, a, u, p) = M(q, p) a + b(q, v, p) − f_L(q, v, p, u)
@@ -8,10 +9,11 @@
 //!           w_i = r at the middle of the interval
 //! ```
 //!
-//! the weak-constraint form of data assimilation (Y. Trémolet, Accounting for an imperfect model in 4D-Var, 2006), with the
-//! dynamic rows of the implicit midpoint rule as the weak ones. Gauss-Newton steps, each one fixed-interval smoothing of the
-//! linearised chain, alternate with expectation maximisation of the noise levels R and the drift S of the force, so that nothing
-//! has to be chosen: a record that follows the model gets a small S and a w near zero. For the band, the
+//! the weak-constraint form of data assimilation (Y. Trémolet, Accounting for an imperfect model in
+//! 4D-Var, 2006), with the dynamic rows of the implicit midpoint rule as the weak ones.
+//! Gauss-Newton steps alternate with expectation maximisation of the noise levels R and the drift S
+//! of the force; each step is one fixed-interval smoothing of the linearised chain. Nothing has to
+//! be chosen: a record that follows the model gets a small S and a w near zero. The band is the
 //! posterior variance of w.
 
 mod problem;
@@ -27,7 +29,7 @@ use smoother::smooth;
 
 /// Most Gauss-Newton steps.
 const STEPS: usize = 40;
-/// The noise levels have settled when none moves by more than this share.
+/// The noise levels have settled when none changes by more than this share in one round.
 const SETTLED: f64 = 0.02;
 
 /// Missing force of one experiment, at the middle of each of its N − 1 intervals; (N − 1) × nq, row by row.
@@ -45,9 +47,9 @@ pub struct MissingForceEstimate {
     pub band: Vec<f64>,
     /// Total generalised force of drives and friction, f_L + w = M a + b.
     pub total: Vec<f64>,
-    /// Noise levels that went with it.
+    /// The noise levels behind it.
     pub noise: NoiseLevels,
-    /// Whether the noise levels settled; if not, w is that of the last ones.
+    /// Whether the noise levels settled. If not, w belongs to the last ones.
     pub settled: bool,
 }
 
@@ -62,7 +64,7 @@ pub struct NoiseLevels {
     pub drift: Vec<f64>,
 }
 
-/// A missing force that cannot be estimated.
+/// Why a missing force cannot be estimated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MissingForceError {
@@ -85,7 +87,7 @@ pub enum MissingForceError {
     },
 }
 
-/// Numbers in a message.
+/// Formats numbers for a message.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Values(pub Vec<f64>);
 
@@ -101,9 +103,10 @@ impl fmt::Display for Values {
 
 /// Estimates w on one experiment.
 ///
-/// A velocity channel counts where it is a measurement of its own ([`Measured`](pid_data::VelocityKind::Measured)). Missing samples of q and v count
-/// as not measured; missing inputs are bridged by straight lines. Inputs that are held from sample to sample act as
-/// they are on each interval, others with their mean.
+/// A velocity channel counts where it is a measurement of its own
+/// ([`Measured`](pid_data::VelocityKind::Measured)). Missing samples of q and v count as not
+/// measured; missing inputs are bridged by straight lines. Inputs that are held from sample to
+/// sample act as they are on each interval, others with their mean.
 ///
 /// # Errors
 /// [`MissingForceError`] for records too short or empty, and where the model cannot be evaluated.
@@ -117,7 +120,7 @@ pub fn missing_force(
     let (n, nq) = (experiment.len(), experiment.nq);
     let mut problem = Problem::new(model, p, dataset, experiment);
 
-    // The filtered record is not a trajectory of the chain; the first step makes one of it.
+    // The filtered record is no trajectory of the chain; the first step makes one of it.
     let mut path = Path {
         q: start.q,
         v: start.v,

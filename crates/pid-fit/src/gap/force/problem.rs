@@ -1,4 +1,5 @@
-//! The weak-constraint problem on one record: trajectories, their objective, its linearisation, the noise levels.
+//! The weak-constraint problem on one record: trajectories, their objective, its linearisation, the
+//! noise levels.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -10,12 +11,14 @@ use pid_runtime::dynamics::{At, Jacobian};
 
 /// Shortest step of the line search.
 const SHORTEST: f64 = 1.0 / 64.0;
-/// Noise is never taken as smaller than this share of a channel's spread: records without noise leave rounding only.
+/// The noise of a channel is at least this share of its spread, since records without noise leave
+/// rounding errors only.
 const QUIETEST: f64 = 1e-8;
-/// A force that drifts by less than this share of the total force over the whole record is none.
+/// A drift of the force below this share of the total force over the whole record counts as none.
 const STEADIEST: f64 = 1e-3;
-/// Expectation maximisation multiplies a level by the ratio it found, to a power that grows by this factor while the ratios
-/// keep their direction, and starts again from 1 when they turn.
+/// Expectation maximisation multiplies a level by the ratio it found, raised to a power. The power
+/// grows by this factor while the ratios keep their direction, and starts again from 1 when they
+/// turn.
 const HURRY: f64 = 2.0;
 /// Largest such power.
 const FASTEST: f64 = 1000.0;
@@ -200,7 +203,7 @@ impl<'a> Problem<'a> {
         Ok(out)
     }
 
-    /// The path of smoothed means; its w is that of the linearised model.
+    /// The path of smoothed means, with w of the linearised model.
     pub(super) fn path(&self, steps: &[Step], s: &Smoothed) -> Path {
         let nq = self.nq;
         let part = |i: usize, k: usize| &s.mean[(3 * i + k) * nq..(3 * i + k + 1) * nq];
@@ -253,7 +256,8 @@ impl<'a> Problem<'a> {
         sum
     }
 
-    /// Goes from `path` towards `next` as far as the objective falls. Whether the whole way was possible and short.
+    /// Goes from `path` towards `next` as far as the objective falls. Returns whether it went the
+    /// whole way and whether that way was short.
     pub(super) fn search(
         &mut self,
         path: &mut Path,
@@ -356,7 +360,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Wide enough to leave the first state to the record.
+    /// Variance of the first state: wide enough to leave it to the record.
     pub(super) fn prior(&self, path: &Path, noise: &Variances) -> Prior {
         let nq = self.nq;
         let spread = |x: &[f64], j: usize| {
@@ -450,7 +454,8 @@ impl Pace {
         }
     }
 
-    /// Moves the noise levels towards what the smoothing bore out; the largest logarithmic change.
+    /// Moves the noise levels towards those that the smoothing found. Returns the largest
+    /// logarithmic change.
     pub(super) fn hurry(
         &mut self,
         noise: &mut Variances,

@@ -7,10 +7,11 @@
 //! y_i     = (q_i, v_i) + e_i,         e_i ~ N(0, R)              what was measured
 //! ```
 //!
-//! A Kalman filter with one scalar update per measurement, and the backward recursion of A. Bryson and M. Frazier, Smoothing
-//! for Linear and Nonlinear Dynamic Systems, 1963, in the form that inverts no covariance (adjoint λ and its variance Λ). The
-//! moments of n and e it returns are those of the E-step of R. Shumway and D. Stoffer, An Approach to Time Series
-//! Smoothing and Forecasting Using the EM Algorithm, 1982.
+//! A Kalman filter with one scalar update per measurement, and the backward recursion of A. Bryson
+//! and M. Frazier, Smoothing for Linear and Nonlinear Dynamic Systems, 1963, in the form that
+//! inverts no covariance (adjoint λ and its variance Λ). The moments of n and e it returns are
+//! those of the E-step of R. Shumway and D. Stoffer, An Approach to Time Series Smoothing and
+//! Forecasting Using the EM Algorithm, 1982.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -71,19 +72,19 @@ pub(super) struct Prior {
     pub(super) variance: DVector<f64>,
 }
 
-/// What the measurements say of the states; all N × 3 nq row by row, (q, v, w).
+/// Posterior of the states; all N × 3 nq row by row, (q, v, w).
 #[derive(Debug, Clone)]
 pub(super) struct Smoothed {
     /// Means.
     pub(super) mean: Vec<f64>,
     /// Variances.
     pub(super) variance: Vec<f64>,
-    /// Mean squares of e and n that the record bears out: the next R and S of expectation maximisation. A joint without
-    /// samples keeps what it had.
+    /// Posterior mean squares of e and n: the next R and S of expectation maximisation. A joint
+    /// without samples keeps its last ones.
     pub(super) moments: Variances,
 }
 
-/// One scalar update, kept for the way back.
+/// One scalar update, kept for the backward pass.
 struct Update {
     channel: usize,
     innovation: f64,
@@ -224,7 +225,7 @@ pub(super) fn smooth(steps: &[Step], y: &[f64], noise: &Variances, prior: &Prior
     out
 }
 
-/// Takes the mean of both triangles: rounding must not make them drift apart.
+/// Takes the mean of both triangles, so that rounding does not drive them apart.
 fn symmetrise(p: &mut DMatrix<f64>) {
     for c in 0..p.ncols() {
         for r in c + 1..p.nrows() {
@@ -294,7 +295,8 @@ mod tests {
         (steps, y, noise, prior)
     }
 
-    /// The same posterior from the normal equations of all noises at once: x = G ξ + g with ξ = (x_0, n_0 …), dense.
+    /// The same posterior from the normal equations of all noises at once: x = G ξ + g with ξ =
+    /// (x_0, n_0 …), dense.
     #[test]
     fn means_variances_and_moments_equal_those_of_dense_least_squares() {
         let (steps, y, noise, prior) = chain();

@@ -8,8 +8,8 @@
 //! Hessian     Σ_k [S_k; T_k; E]ᵀ ∇²(ν_kᵀ c) [S_k; T_k; E]  +  Σ_k [S_k; E]ᵀ ∇²ℓ_k [S_k; E],     E = ∂p/∂z
 //! ```
 //!
-//! (H. G. Bock 1981 for the sensitivities; the second-order sweep is the adjoint of the tangent of the same recursion.) The work
-//! is linear in the number of steps.
+//! (H. G. Bock 1981 for the sensitivities; the second-order sweep is the adjoint of the tangent of
+//! the same recursion.) The work is linear in the number of steps.
 
 use super::super::fit::{Fit, FitScratch};
 use super::super::step::{Interval, Rule};
@@ -123,7 +123,8 @@ impl<'m> Arc<'m> {
         }
     }
 
-    /// Samples that count in this interval: the one at its node and those its pieces end at, not that of the next node.
+    /// Samples that count in this interval: the one at its node and those its pieces end at, not
+    /// that of the next node.
     fn counts(&self, sample: usize) -> bool {
         self.next.is_none() || sample < self.first + self.intervals
     }
@@ -338,7 +339,8 @@ impl<'m> Arc<'m> {
         self.gradient = out;
     }
 
-    /// Lower triangle of the Hessian of `σ Σ ℓ + λᵀ end` over z, dense; only its part of first order if `gauss_newton`.
+    /// Lower triangle of the Hessian of `σ Σ ℓ + λᵀ end` over z, dense; only its part of first
+    /// order if `gauss_newton`.
     #[allow(
         clippy::too_many_arguments,
         reason = "a point, multipliers, and what to compute"

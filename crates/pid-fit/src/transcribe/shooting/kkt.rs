@@ -1,8 +1,8 @@
 //! The KKT system of a shooting program on the structured form of a discretization.
 //!
-//! An interval is a step whose unknown is the state at the next node. The last interval of a window has no next node; here it
-//! gets one that nothing depends on, so that its Hessian has a place: its row is `−e = 0`, its cost `½ e²`. Elimination and
-//! inertia of the rest are untouched.
+//! An interval is a step whose unknown is the state at the next node. The last interval of a window
+//! has no next node; here it gets one that nothing depends on, so that its Hessian has a place: its
+//! row is `−e = 0`, its cost `½ e²`. Elimination and inertia of the rest are untouched.
 
 use super::Shooting;
 use faer::Mat;
@@ -11,7 +11,7 @@ use pid_nlp::solver::kkt::layout::Layout;
 use pid_nlp::solver::kkt::structured::StructuredKkt;
 use pid_nlp::solver::kkt::{Condensing, Kkt, KktError, KktValues, Regularisation};
 
-/// Steps of the integration that are condensed together, about.
+/// About so many steps of the integration are condensed together.
 const STEPS: usize = 10;
 
 /// Structured system for [`Shooting`].

@@ -6,16 +6,19 @@
 //!             p in its bounds
 //! ```
 //!
-//! (K. Schäfer et al., equations (4) and (5).) The M nodes of a window of N samples stand at the samples ⌊jN/M⌋, j = 0 … M − 1:
-//! M = 1 is single shooting, M = N with explicit Euler has the variables of full discretization. Integration takes any
-//! [`Scheme`] with equal steps between samples, or Dormand-Prince with controlled steps.
+//! (K. Schäfer et al., equations (4) and (5).) The M nodes of a window of N samples stand at the
+//! samples ⌊jN/M⌋, j = 0 … M − 1: M = 1 is single shooting, M = N with explicit Euler has the
+//! variables of full discretization. Integration takes any [`Scheme`] with equal steps between
+//! samples, or Dormand-Prince with controlled steps.
 //!
-//! **Derivatives** are those of the steps taken, by forward and adjoint recursion over them (see the module `arc`), exact to
-//! rounding. With controlled steps the sequence is chosen anew in every evaluation and then differentiated as it is (internal
-//! numerical differentiation, H. G. Bock 1981): the program's functions then jump by the tolerated error where the sequence
-//! changes, so tolerances of the solver below those of the integration mean nothing.
+//! **Derivatives** are those of the steps taken, by forward and adjoint recursion over them (see
+//! the module `arc`), exact to rounding. With controlled steps the sequence is chosen anew in every
+//! evaluation and then differentiated as it is (internal numerical differentiation, H. G. Bock
+//! 1981): the program's functions then jump by the tolerated error where the sequence changes, so
+//! tolerances of the solver below those of the integration mean nothing.
 //!
-//! A motion that cannot be integrated (it explodes, an implicit step has no solution) gives values that are not finite.
+//! A motion that cannot be integrated (it explodes, an implicit step has no solution) gives values
+//! that are not finite.
 
 mod arc;
 mod kkt;
@@ -83,7 +86,7 @@ struct Chain {
     first_sample: usize,
 }
 
-/// What the values belong to.
+/// The point and level of the values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Level {
     Nothing,
@@ -121,8 +124,8 @@ pub struct Shooting<'m> {
 const PARALLEL_INTERVALS: usize = 1500;
 
 impl<'m> Shooting<'m> {
-    /// Builds the program; every window gets `nodes` nodes, or as many as it has samples. `setup.substeps` counts where
-    /// `stepping` is `None`.
+    /// Builds the program; every window gets `nodes` nodes, or as many as it has samples.
+    /// `setup.substeps` counts where `stepping` is `None`.
     ///
     /// # Panics
     /// If lengths disagree with the model's dimensions, or `nodes` is zero.
@@ -257,7 +260,7 @@ impl<'m> Shooting<'m> {
         &self.setup
     }
 
-    /// What the bodies' barrier adds to the objective at a point.
+    /// Value of the bodies' barrier in the objective at a point.
     pub fn barrier(&self, x: &[f64]) -> f64 {
         let p = &x[self.n - self.np..];
         let p: Vec<f64> = p
@@ -327,8 +330,8 @@ impl<'m> Shooting<'m> {
             .collect()
     }
 
-    /// The motion at the samples, windows one after another, 2 nq each: every sample as its own interval reaches it; `None` if
-    /// an interval cannot be integrated.
+    /// The motion at the samples, windows one after another, 2 nq each: every sample as its own
+    /// interval reaches it; `None` if an interval cannot be integrated.
     pub fn states(&mut self, x: &[f64]) -> Option<Vec<f64>> {
         self.evaluate(x, Level::Motion);
         let mut out = vec![f64::NAN; self.samples * self.nx];
@@ -343,8 +346,8 @@ impl<'m> Shooting<'m> {
         Some(out)
     }
 
-    /// Weighted residuals `√w (y − d)` sample by sample, and the number of channels; NaN where nothing was measured and in a
-    /// row between two windows.
+    /// Weighted residuals `√w (y − d)` sample by sample, and the number of channels; NaN where
+    /// nothing was measured and in a row between two windows.
     pub fn residuals(&mut self, x: &[f64]) -> (Vec<f64>, usize) {
         let channels = self.fit.channels();
         let mut out = Vec::new();
@@ -368,8 +371,9 @@ impl<'m> Shooting<'m> {
         (out, channels)
     }
 
-    /// Gradient of each window's part of the objective by the parameters' variables, its node states eliminated: `np` values a
-    /// window, at a solution with the multipliers `lambda`. Priors belong to no window.
+    /// Gradient of each window's part of the objective by the parameters' variables, its node
+    /// states eliminated: `np` values a window, at a solution with the multipliers `lambda`. Priors
+    /// belong to no window.
     pub fn window_scores(&mut self, x: &[f64], lambda: &[f64]) -> Vec<f64> {
         self.evaluate(x, Level::Derivatives);
         let scale = std::mem::take(&mut self.setup.scale);
@@ -395,7 +399,7 @@ impl<'m> Shooting<'m> {
         scores
     }
 
-    /// Changes the second derivatives that are given to the solver.
+    /// Chooses the second derivatives for the solver.
     pub fn set_curvature(&mut self, curvature: Curvature) {
         self.setup.curvature = curvature;
     }
@@ -418,7 +422,7 @@ impl<'m> Shooting<'m> {
         }
     }
 
-    /// Brings the arcs to a point and a level; a point evaluated before costs nothing.
+    /// Moves the arcs to a point and a level; a point that was evaluated before costs nothing.
     fn evaluate(&mut self, x: &[f64], level: Level) {
         if self.at != x {
             self.at.clear();

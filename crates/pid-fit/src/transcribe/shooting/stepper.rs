@@ -1,4 +1,4 @@
-//! Solving the rows of a step for its unknowns: what an integrator does.
+//! Solves the rows of a step for its unknowns, as an integrator does.
 
 use super::super::butcher::Butcher;
 use super::super::step::{Interval, Rule, Scratch};
@@ -6,7 +6,7 @@ use super::Adaptive;
 use super::lu;
 use crate::integrate::ForwardDynamics;
 
-/// Size of a relative Newton correction after which the next one is below rounding.
+/// After a relative Newton correction of this size the next one is below rounding.
 const SETTLED: f64 = 1e-9;
 /// Newton corrections of a step.
 const CORRECTIONS: usize = 25;
@@ -212,8 +212,9 @@ impl<'m> Stepper<'m> {
         false
     }
 
-    /// Lengths of adaptive Dormand-Prince steps over one sampling interval from `x`, which is moved to its end; `false` if
-    /// it cannot be crossed. `h` is the length proposed, and then that for the next interval.
+    /// Lengths of adaptive Dormand-Prince steps over one sampling interval from `x`, which is moved
+    /// to its end; `false` if it cannot be crossed. `h` is the length proposed, and then that for
+    /// the next interval.
     #[allow(
         clippy::too_many_arguments,
         reason = "a point, its interval, and where results go"

@@ -1,8 +1,8 @@
-//! The barrier parameter: monotone, or chosen anew every iteration while that helps.
+//! The barrier parameter: monotone, or chosen anew in every iteration while that helps.
 //!
-//! Free and monotone mode alternate as in J. Nocedal, A. Wächter, R. A. Waltz, Adaptive barrier update strategies for nonlinear
-//! interior methods, SIAM J. Optim. 19 (2009), sections 3 to 5: free mode lasts while the optimality error falls below that of
-//! the last few iterates.
+//! Free and monotone mode alternate as in J. Nocedal, A. Wächter, R. A. Waltz, Adaptive barrier
+//! update strategies for nonlinear interior methods, SIAM J. Optim. 19 (2009), sections 3 to 5:
+//! free mode lasts while the optimality error falls below that of the last few iterates.
 
 use super::{Solver, Status};
 use crate::solver::settings::{Barrier, Oracle};
@@ -13,10 +13,10 @@ const KAPPA_MU: f64 = 0.2;
 const THETA_MU: f64 = 1.5;
 /// A barrier problem is solved to this multiple of μ.
 const KAPPA_EPS: f64 = 10.0;
-/// Number of earlier errors the error of a free iteration must fall below, and by which factor.
+/// The error of a free iteration must fall below 0.9999 times the largest of the last four.
 const REFERENCES: usize = 4;
 const PROGRESS: f64 = 0.9999;
-/// Share of the mean complementarity with which monotone mode begins.
+/// Monotone mode begins with this share of the mean complementarity.
 const MONOTONE_START: f64 = 0.8;
 
 /// State of the barrier parameter's strategy.
@@ -113,11 +113,12 @@ impl Solver<'_> {
         mean(dual, self.n) + mean(primal, self.m) + mean(complementarity, self.bounds.count)
     }
 
-    /// Monotone updates, and the change between the modes. Tiny steps force an update; an error if none is left.
+    /// Monotone updates, and the change between the modes. Tiny steps force an update, and end the
+    /// solve if no update is left.
     pub(super) fn update_barrier(&mut self) -> Result<(), Status> {
         let stuck = self.tiny >= 2;
         if stuck && self.mu <= self.smallest_mu() {
-            // Steps that are small only beside the size of x lead on without end.
+            // Steps that are small only beside the size of x go on.
             let largest = self.current.x.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
             return Err(if largest >= self.settings.divergence.sqrt() {
                 Status::Unbounded
@@ -154,7 +155,7 @@ impl Solver<'_> {
         Ok(())
     }
 
-    /// In free mode, asks the oracle; the system is factorised.
+    /// In free mode, asks the oracle for the next parameter; the system is factorised.
     pub(super) fn choose_barrier(&mut self) {
         let (Some(oracle), true) = (self.schedule.oracle, self.schedule.free) else {
             return;
@@ -214,7 +215,8 @@ impl Solver<'_> {
         )
     }
 
-    /// The centring parameter that minimises the linear model of the optimality error, by golden section over log σ.
+    /// The centring parameter that minimises the linear model of the optimality error, by golden
+    /// section over log σ.
     fn quality(&mut self, mean: f64) -> f64 {
         // The step is affine in σ: affine part at σ = 0, centring part the difference to σ = 1.
         self.step_for(mean);

@@ -1,4 +1,4 @@
-//! Bounds on the variables and what a barrier method asks of them.
+//! Bounds on the variables and their barrier terms.
 
 /// Bounds; variables whose bounds are equal are held.
 #[derive(Debug, Clone)]

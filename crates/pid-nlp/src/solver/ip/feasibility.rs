@@ -4,8 +4,8 @@
 //! min  ρ Σ (p + n) + ζ/2 ‖D (x − x_R)‖²   s.t.  c(x) − p + n = 0,  p, n ≥ 0,  x in its bounds
 //! ```
 //!
-//! (A. Wächter, L. T. Biegler 2006, section 3.3; ζ = √μ.) p and n are eliminated before the linear system: they relax the rows
-//! by `Σ_p⁻¹ + Σ_n⁻¹`.
+//! (A. Wächter, L. T. Biegler 2006, section 3.3; ζ = √μ.) p and n are eliminated before the linear
+//! system: they relax the rows by `Σ_p⁻¹ + Σ_n⁻¹`.
 
 use super::iterate::Iterate;
 use super::program::Program;
@@ -164,7 +164,7 @@ impl Program for Feasibility<'_> {
     }
 }
 
-/// The linear system of a [`Feasibility`] problem by that of the problem behind it.
+/// The linear system of a [`Feasibility`] problem, by that of the original problem.
 pub(super) struct FeasibilityKkt<'a> {
     inner: &'a mut dyn Kkt,
     n: usize,

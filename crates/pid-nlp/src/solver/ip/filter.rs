@@ -1,7 +1,7 @@
 //! The filter: pairs of constraint violation and barrier objective that later points must improve on.
 //!
-//! A. Wächter, L. T. Biegler, On the implementation of an interior-point filter line-search algorithm for large-scale
-//! nonlinear programming, Math. Program. 106 (2006), section 2.3.
+//! A. Wächter, L. T. Biegler, On the implementation of an interior-point filter line-search
+//! algorithm for large-scale nonlinear programming, Math. Program. 106 (2006), section 2.3.
 
 /// Margins by which a point must improve on an entry.
 pub(in crate::solver) const GAMMA_THETA: f64 = 1e-5;

@@ -15,9 +15,10 @@ const GAMMA_ALPHA: f64 = 0.05;
 /// A second-order correction must shrink θ by this factor to be repeated.
 const KAPPA_SOC: f64 = 0.99;
 
-/// Relative change of the barrier objective that may be an error of its evaluation where integrations are solved by iteration.
+/// Where integrations are solved by iteration, the barrier objective carries an evaluation error up
+/// to this share of it.
 const NOISE: f64 = 1e-10;
-/// Factor by which a step too short for the objective to judge must reduce the primal-dual error.
+/// A step too short for the objective to judge must reduce the primal-dual error by this factor.
 pub(super) const UNSEEN_REDUCTION: f64 = 0.5;
 
 /// An accepted trial point; it stands in `Solver::trial`.
@@ -28,20 +29,21 @@ pub(super) struct Accepted {
     pub(super) kind: char,
 }
 
-/// By how much the radius shrinks, and by how much it grows after a full step at its limit.
+/// The radius shrinks to a quarter, and grows fourfold after a full step at its limit.
 pub(super) const SHRINKAGE: f64 = 0.25;
 pub(super) const GROWTH: f64 = 4.0;
-/// Share of the radius from which on a step is at its limit.
+/// A step is at its limit from this share of the radius on.
 pub(super) const AT_LIMIT: f64 = 0.8;
-/// A smaller radius that leaves more of the step than this is of no use.
+/// A smaller radius that leaves more than this share of the step is not tried.
 const SHORTER: f64 = 0.9;
 
 /// Trial iterations of a watchdog.
 const WATCHDOG_TRIALS: usize = 3;
-/// Orders of magnitude by which the barrier objective may rise above its own in one step.
+/// In one step the barrier objective may rise by at most this many orders of magnitude above its
+/// size.
 const MAX_RISE: f64 = 5.0;
 
-/// What a watchdog needs to judge later points and to come back.
+/// State that a watchdog needs to judge later points and to return.
 pub(super) struct Watchdog {
     point: Iterate,
     lambda: Vec<f64>,
@@ -83,7 +85,8 @@ impl Solver<'_> {
         })
     }
 
-    /// Whether the trial point is acceptable; `Some(true)` if the step decreased the objective (no filter entry needed).
+    /// Whether the trial point is acceptable; `Some(true)` if the step decreased the objective (no
+    /// filter entry needed).
     fn judge(&self, alpha: f64, slope: f64, phi: f64) -> Option<bool> {
         self.judge_from(self.current.theta, alpha, slope, phi)
     }
@@ -116,8 +119,8 @@ impl Solver<'_> {
         }
     }
 
-    /// The trial point with its slacks moved to their rows' values: a correction of the curvature of the rows that costs no
-    /// evaluation. A trial point that is refused stays as it was.
+    /// Moves the slacks of the trial point to the values of their rows, which corrects the
+    /// curvature of the rows without an evaluation. A trial point that is refused stays as it was.
     fn judge_reset(&mut self, alpha: f64, slope: f64, phi: f64) -> Option<bool> {
         if self.n == self.problem.visible() || !self.trial.is_finite() {
             return None;
@@ -151,8 +154,8 @@ impl Solver<'_> {
         GAMMA_ALPHA * alpha
     }
 
-    /// Searches along `dx`. Where the linear system can limit the step in directions that the problem hardly determines, these are
-    /// shortened before the step as a whole is.
+    /// Searches along `dx`. Where the linear system can limit the step in directions that the
+    /// problem hardly determines, it shortens these first and the whole step only then.
     pub(super) fn search_within(
         &mut self,
         regularisation: &mut Regularisation,
@@ -265,7 +268,7 @@ impl Solver<'_> {
         let phi = self.barrier_objective(&self.current);
         let full = self.fraction(&self.dx, self.tau());
         let largest = self.turns.share() * full;
-        // Below relative rounding of x a step cannot be told from none.
+        // A step below the relative rounding of x cannot be told from none.
         let rounding = 10.0 * f64::EPSILON;
         let smallest = self.smallest_step(slope).max(rounding * 1e-3);
         let mut alpha = largest;
@@ -289,7 +292,7 @@ impl Solver<'_> {
                     kind: 'e',
                 });
             }
-            // After a watchdog the linear system is that of another point.
+            // After a watchdog the linear system belongs to another point.
             if trials == 1
                 && !returned
                 && self.trial.is_finite()
@@ -308,8 +311,9 @@ impl Solver<'_> {
         None
     }
 
-    /// Whether the trial point is one that only the primal-dual error can judge, and better by that: feasible like the current one,
-    /// and the step changes the barrier objective, to first order, by less than its rounding.
+    /// Whether only the primal-dual error can judge the trial point, and calls it better: the point
+    /// is as feasible as the current one, and the step changes the barrier objective by less than
+    /// its rounding, to first order.
     fn unseen(&mut self, alpha: f64, slope: f64, phi: f64) -> bool {
         (alpha * slope).abs() <= f64::EPSILON * phi.abs()
             && self.feasible_trial()
@@ -317,7 +321,7 @@ impl Solver<'_> {
             && self.error_falls(alpha, UNSEEN_REDUCTION)
     }
 
-    /// Whether the constraints hold, to the tolerance, at the current point and at the trial point.
+    /// Whether the constraints hold to the tolerance at the current point and at the trial point.
     pub(super) fn feasible_trial(&self) -> bool {
         let holds =
             |point: &Iterate| self.problem.violation(&point.c) <= self.settings.constraint_tol;

@@ -1,11 +1,13 @@
 //! A primal-dual interior-point method with a filter line search.
 //!
 //! Follows A. Wächter, L. T. Biegler, Math. Program. 106 (2006): barrier problems
-//! `min f(x) − μ Σ ln(x − l) − μ Σ ln(u − x)` subject to `c(x) = 0`, Newton steps on their primal-dual conditions,
-//! fraction-to-the-boundary rule, filter, second-order corrections, watchdog, feasibility restoration. Inequalities get
-//! slacks and rows are scaled before the method sees them; the restoration phase is the same method on a feasibility problem.
-//! What differs: the linear system comes from the caller ([`Kkt`]), which also decides how the Hessian is made convex on the
-//! null space of the constraints; systems that cannot be relaxed first restore by projected Newton steps on the constraints.
+//! `min f(x) − μ Σ ln(x − l) − μ Σ ln(u − x)` subject to `c(x) = 0`, Newton steps on their
+//! primal-dual conditions, fraction-to-the-boundary rule, filter, second-order corrections,
+//! watchdog, feasibility restoration. Inequalities get slacks, and rows are scaled, before the
+//! method sees them; the restoration phase is the same method on a feasibility problem. Two things
+//! differ. The caller gives the linear system ([`Kkt`]), which also decides how the Hessian is made
+//! convex on the null space of the constraints. Systems that cannot be relaxed first restore by
+//! projected Newton steps on the constraints.
 
 mod barrier;
 mod bounds;
@@ -44,7 +46,8 @@ use valley::Valley;
 const TAU_MIN: f64 = 0.99;
 /// Scaling of the optimality error for large multipliers.
 const S_MAX: f64 = 100.0;
-/// Iterations at the acceptable level after which the solver stops, unless they halved the optimality error.
+/// The solver stops after this many iterations at the acceptable level that did not halve the
+/// optimality error.
 const ACCEPTABLE_ITERATIONS: usize = 15;
 const WORTHWHILE: f64 = 0.5;
 
@@ -64,7 +67,8 @@ pub fn solve(
 
 /// Minimises a problem from a start that may know multipliers (warm start).
 ///
-/// Inequality rows need a linear system that can be relaxed ([`Kkt::relaxable`]); if `kkt` cannot, [`SparseKkt`] takes its place.
+/// Inequality rows need a linear system that can be relaxed ([`Kkt::relaxable`]); if `kkt` cannot,
+/// [`SparseKkt`] takes its place.
 pub fn solve_from(
     problem: &mut dyn Nlp,
     kkt: &mut dyn Kkt,
@@ -115,7 +119,8 @@ struct Solver<'a> {
     jacobian: Vec<f64>,
     hessian: Vec<f64>,
     sigma: Vec<f64>,
-    /// ∇f + Jᵀλ where errors are computed; not the right-hand side, which second-order corrections use again.
+    /// ∇f + Jᵀλ for the errors. It is kept apart from the right-hand side, which second-order
+    /// corrections use again.
     slopes: Vec<f64>,
     rx: Vec<f64>,
     rc: Vec<f64>,
@@ -127,7 +132,8 @@ struct Solver<'a> {
     correction_lambda: Vec<f64>,
     filter: Filter,
     theta_min: f64,
-    /// Limit of the step where the linear system has one, and the norm it limits in the step at hand.
+    /// Limit of the step, if the linear system has one, and the norm in the current step that it
+    /// limits.
     radius: f64,
     length: Option<f64>,
     /// Successive iterations with shortened steps.
@@ -139,15 +145,16 @@ struct Solver<'a> {
     tiny: usize,
     /// Whether the last accepted step was too short to change x.
     unmoved: bool,
-    /// Points that go to and fro.
+    /// Detects iterates that alternate.
     turns: Turns,
-    /// The last step, where it led along a valley.
+    /// The last step, if it led along a valley.
     valley: Valley,
     /// Depth of restoration.
     nested: bool,
-    /// Restorations whose point was feasible and yet refused by the filter.
+    /// Restorations that ended at a feasible point which the filter refuses.
     forgiven: usize,
-    /// Successive iterations at the acceptable level since its optimality error was last halved, and that error.
+    /// Successive iterations at the acceptable level since the optimality error was last halved,
+    /// and that error.
     acceptable: usize,
     accepted: f64,
     iteration: usize,
@@ -366,7 +373,8 @@ impl<'a> Solver<'a> {
         TAU_MIN.max(1.0 - self.mu)
     }
 
-    /// Largest step length up to 1 along `d` that keeps to the inside of the bounds, and of what the program keeps to by itself.
+    /// Largest step length up to 1 along `d` that stays inside the bounds and inside the program's
+    /// own set.
     fn fraction(&self, d: &[f64], tau: f64) -> f64 {
         let within = self.bounds.fraction(&self.current.x, d, tau);
         within.min(self.problem.longest_step(&self.current.x, d, tau))
@@ -445,7 +453,7 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// The outcome in the standard form; the best point where the solve did not converge.
+    /// The outcome in the standard form: the best point if the solve did not converge.
     fn finish(mut self, status: Status) -> Solution {
         if !status.converged()
             && let Some(best) = self.best.take()

@@ -3,7 +3,7 @@
 use super::iterate::Iterate;
 use crate::nlp::Nlp;
 
-/// A problem with equations only, and what the method asks of it beyond [`Nlp`].
+/// A problem with equations only, with the functions that the method needs beyond [`Nlp`].
 pub(super) trait Program: Nlp {
     /// Factor from the user's objective to this one.
     fn scale(&self) -> f64 {
@@ -20,14 +20,16 @@ pub(super) trait Program: Nlp {
         self.n()
     }
 
-    /// Moves the slacks of a trial point to the values of their rows, as far as the bounds and the current point allow, and
-    /// corrects c and θ. False if there are none or nothing changed.
+    /// Moves the slacks of a trial point to the values of their rows, as far as the bounds and the
+    /// current point allow, and corrects c and θ. Returns false if there are none or nothing
+    /// changed.
     fn reset_slacks(&mut self, trial: &mut Iterate, current: &[f64], tau: f64) -> bool {
         let _ = (trial, current, tau);
         false
     }
 
-    /// A point without constraint violation that differs from `x` in auxiliary variables only, if there is such a thing.
+    /// A point without constraint violation that differs from `x` in auxiliary variables only, if
+    /// one exists.
     fn close(&mut self, x: &mut [f64], c: &[f64], mu: f64) -> bool {
         let _ = (x, c, mu);
         false

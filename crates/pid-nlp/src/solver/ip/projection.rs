@@ -5,14 +5,14 @@
 
 use super::{Iterate, Solver};
 
-/// Share of the entering violation at which the restoration ends.
+/// The restoration ends at this share of the entering violation.
 pub(super) const REDUCTION: f64 = 0.9;
-/// Step length below which the Newton steps count as stuck.
+/// The Newton steps count as stuck below this step length.
 const SHORTEST: f64 = 1e-8;
 
 impl Solver<'_> {
-    /// Steps until the violation is below its share and the filter accepts; the last step length, or `None` if that is not
-    /// reached. The current point moves in either case.
+    /// Takes steps until the violation is below its share and the filter accepts. Returns the last
+    /// step length, or `None` if that is not reached. The current point moves in either case.
     pub(super) fn project(&mut self, entering: &Iterate, trials: &mut usize) -> Option<f64> {
         let zeta = self.mu.sqrt().max(1e-6);
         for _ in 0..self.settings.max_restoration {

@@ -9,13 +9,14 @@ use crate::solver::kkt::{Kkt, Regularisation};
 use crate::solver::outcome::Iteration;
 use crate::solver::settings::{Barrier, Settings};
 
-/// Factor by which a soft step must reduce the primal-dual error.
+/// A soft step must reduce the primal-dual error by this factor.
 const SOFT_REDUCTION: f64 = 0.9999;
-/// Largest bound multiplier that survives a restoration.
+/// Bound multipliers above this are reset after a restoration.
 const LARGEST_BOUND_MULTIPLIER: f64 = 1e3;
-/// Restored points that are feasible, refused by the filter and yet taken, with a new filter.
+/// So many restored points that are feasible but refused by the filter are taken nevertheless, with
+/// a new filter.
 const FORGIVEN: usize = 3;
-/// Optimality error of a feasibility problem below which its violation counts as minimal.
+/// The violation counts as minimal if the feasibility problem has an optimality error below this.
 const STATIONARY: f64 = 1e-4;
 
 /// How the feasibility problem ended.
@@ -45,8 +46,8 @@ impl Solver<'_> {
         error
     }
 
-    /// One step of a soft restoration: equal primal and dual step lengths, accepted if the filter accepts the point or the
-    /// primal-dual error falls. The point stands in `trial`.
+    /// One step of a soft restoration: equal primal and dual step lengths, accepted if the filter
+    /// accepts the point or the primal-dual error falls. The point stands in `trial`.
     pub(super) fn soft_step(&mut self) -> Option<Accepted> {
         if self.soft > self.settings.soft_restoration {
             self.soft = 0;
@@ -81,7 +82,8 @@ impl Solver<'_> {
         None
     }
 
-    /// The full step where the constraints hold before and behind it and the primal-dual error falls by much. It stands in `trial`.
+    /// Takes the full step if the constraints hold before and after it and the primal-dual error
+    /// falls by much. The point stands in `trial`.
     fn step_by_error(&mut self) -> Option<Accepted> {
         let alpha = self
             .fraction(&self.dx, self.tau())
@@ -95,8 +97,9 @@ impl Solver<'_> {
         })
     }
 
-    /// Whether the primal-dual error at the trial point, the multipliers moved by the same share of their steps, is at most
-    /// `factor` times that at the current one. Derivatives are those of the current point afterwards unless it is.
+    /// Whether the primal-dual error at the trial point, with multipliers moved by the same share
+    /// of their steps, is at most `factor` times the current one. If not, the derivatives are again
+    /// those of the current point.
     pub(super) fn error_falls(&mut self, alpha: f64, factor: f64) -> bool {
         let before = self.primal_dual_error();
         let kept = (
@@ -121,7 +124,8 @@ impl Solver<'_> {
         falls
     }
 
-    /// Takes over when the line search finds nothing; the filter gets the point that is left.
+    /// Takes over when the line search finds nothing; the filter gets the point that the iteration
+    /// leaves.
     pub(super) fn restore(&mut self, regularisation: Regularisation) -> Result<Iteration, Status> {
         if self.nested {
             return self.close();
@@ -141,7 +145,7 @@ impl Solver<'_> {
         }
         self.soft = 0;
         if self.acceptable > 0 {
-            // The constraints hold; what the filter refuses are rounding errors.
+            // The constraints hold: what the filter refuses are rounding errors.
             return Err(Status::NoProgress);
         }
         if self.settings.max_restoration == 0 {

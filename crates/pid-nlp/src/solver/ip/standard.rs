@@ -5,8 +5,8 @@
 //!                                d_i c_i(x) − s_i = 0,  s_i bounded   elsewhere
 //! ```
 //!
-//! The slacks are eliminated again before the linear system: `Σ_s ds − dλ = r_s` leaves the row `J dx − Σ_s⁻¹ dλ`, so that
-//! the system keeps the size and the structure of the problem.
+//! The slacks are eliminated again before the linear system: `Σ_s ds − dλ = r_s` leaves the row
+//! `J dx − Σ_s⁻¹ dλ`, so that the system keeps the size and the structure of the problem.
 
 use super::bounds::{Bounds, interior};
 use super::iterate::Iterate;
@@ -63,7 +63,7 @@ impl<'a> Standard<'a> {
             .collect();
 
         let mut gradient = vec![0.0; n];
-        // A barrier of the program's own is no part of what is scaled.
+        // A program's own barrier does not enter the scaling.
         inner.barrier_changed(0.0);
         inner.gradient(&x, &mut gradient);
         let steepest = (0..n)
@@ -236,7 +236,7 @@ impl Program for Standard<'_> {
             let (lower, upper) = (self.bounds.lower[at], self.bounds.upper[at]);
             let least = lower + (1.0 - tau) * (current[at] - lower);
             let most = upper - (1.0 - tau) * (upper - current[at]);
-            // Infinite bounds leave infinite limits.
+            // Infinite bounds give infinite limits.
             let slack = value.max(least).min(most);
             if slack.is_finite() && slack != trial.x[at] {
                 trial.x[at] = slack;

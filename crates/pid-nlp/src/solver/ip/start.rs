@@ -6,7 +6,7 @@ use crate::nlp::Nlp;
 use crate::solver::outcome::{Solution, Status};
 use crate::solver::settings::Settings;
 
-/// Least-squares multipliers above this are replaced by zero.
+/// Least-squares multipliers above this are set to zero.
 const LARGEST_MULTIPLIER: f64 = 1e3;
 
 /// Where a solve begins. Multipliers are in the user's units and signs, as in [`Solution`].
@@ -14,9 +14,11 @@ const LARGEST_MULTIPLIER: f64 = 1e3;
 pub struct Start<'a> {
     /// Variables.
     pub x: &'a [f64],
-    /// Multipliers of the constraints and of the lower and upper bounds, if known: a warm start, hardly pushed off the bounds.
+    /// Multipliers of the constraints and of the lower and upper bounds, if known: a warm start,
+    /// hardly pushed off the bounds.
     pub multipliers: Option<(&'a [f64], &'a [f64], &'a [f64])>,
-    /// First barrier parameter; the settings' for a cold start, the mean complementarity for a warm one if absent.
+    /// First barrier parameter; the settings' for a cold start, the mean complementarity for a warm
+    /// one if absent.
     pub mu: Option<f64>,
 }
 

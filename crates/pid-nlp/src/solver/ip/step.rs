@@ -5,11 +5,11 @@ use crate::solver::kkt::{KktError, KktValues, Regularisation};
 use crate::solver::outcome::Iteration;
 use std::time::Instant;
 
-/// Safeguard of the primal-dual Hessian of the barrier.
+/// Bound multipliers stay within this factor of μ / gap.
 const KAPPA_SIGMA: f64 = 1e10;
-/// Relative residual of the linear system above which its rows are relaxed.
+/// Above this relative residual of the linear system its rows are relaxed.
 const POOR: f64 = 1e-6;
-/// Steps below this share of |x| + 1 cannot be judged by function values.
+/// Function values cannot judge steps below this share of |x| + 1.
 const TINY: f64 = 10.0 * f64::EPSILON;
 
 impl Solver<'_> {
@@ -159,7 +159,7 @@ impl Solver<'_> {
             }
             return self.restore(regularisation);
         };
-        // A watchdog that gave up goes back to the step it began with.
+        // A watchdog that gives up returns to the step it began with.
         let alpha_dual = self.dual_fraction();
         self.unmoved = self.trial.x == self.current.x;
         std::mem::swap(&mut self.current, &mut self.trial);

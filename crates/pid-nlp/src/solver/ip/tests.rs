@@ -1,5 +1,5 @@
-//! Known problems with published optima (W. Hock, K. Schittkowski, Test Examples for Nonlinear Programming Codes, 1981),
-//! exact derivatives by hyper-dual numbers.
+//! Known problems with published optima (W. Hock, K. Schittkowski, Test Examples for Nonlinear
+//! Programming Codes, 1981), exact derivatives by hyper-dual numbers.
 
 use super::*;
 use crate::nlp::{SparsePattern, check_point};
@@ -546,7 +546,8 @@ fn errors_of_the_objective_do_not_keep_from_the_optimum() {
     }
 }
 
-/// What the filter refuses at an acceptable point are errors of evaluation: no feasibility problem is solved there.
+/// What the filter refuses at an acceptable point are errors of evaluation: no feasibility problem
+/// is solved there.
 #[test]
 fn errors_of_a_row_are_not_restored() {
     let settings = Settings {
@@ -566,7 +567,8 @@ fn errors_of_a_row_are_not_restored() {
     }
 }
 
-/// Second-order corrections solve again with the right-hand side of the step, after errors were computed to judge it.
+/// Second-order corrections solve again with the right-hand side of the step, after errors were
+/// computed to judge it.
 #[test]
 fn errors_leave_the_right_hand_side_of_the_step() {
     let mut problem = Dense::<Hs71>::new();

@@ -1,15 +1,18 @@
-//! Iterates that go to and fro.
+//! Detects iterates that alternate between two points.
 //!
-//! About a kink (friction that changes its sign at one sample of a long record) whole Newton steps may lead from one side to the other
-//! and back without end: the filter's margins are small, and the objective falls by them. Half of such a step ends it.
+//! About a kink, such as friction that changes its sign at one sample of a long record, whole
+//! Newton steps may lead from one side to the other and back without end: the filter's margins are
+//! small, and the objective falls by them. Half of such a step ends it.
 
-/// Relative differences of violations that are the same, and that are not.
+/// Two violations are the same if they differ by less than 2 %, and different if they differ by
+/// more than 10 %.
 const SAME: f64 = 0.02;
 const OTHER: f64 = 0.1;
-/// Turns in a row after which a step is halved.
+/// The step is halved after this many turns in a row.
 const TURNS: usize = 4;
 
-/// Violations of the last two points, and how often in a row one came back to that before the last.
+/// Violations of the last two points, and how often in a row a point came back to the violation
+/// before the last one.
 #[derive(Debug)]
 pub(super) struct Turns {
     before: f64,
@@ -26,7 +29,7 @@ impl Turns {
         }
     }
 
-    /// Tells the violation of the next point.
+    /// Records the violation of the next point.
     pub(super) fn record(&mut self, theta: f64) {
         let same = (theta - self.before).abs() <= SAME * self.before;
         let back = same && (theta - self.last).abs() > OTHER * self.last.max(theta);
@@ -34,7 +37,7 @@ impl Turns {
         (self.before, self.last) = (self.last, theta);
     }
 
-    /// Share of the longest step that the next one begins with.
+    /// The next step begins with this share of its longest length.
     pub(super) fn share(&self) -> f64 {
         if self.count >= TURNS { 0.5 } else { 1.0 }
     }

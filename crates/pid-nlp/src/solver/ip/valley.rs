@@ -1,22 +1,26 @@
-//! Steps along curved valleys.
+//! Shorter steps along curved valleys.
 //!
-//! Near the solution steps may lead along directions that the problem hardly determines, and change the objective by little more than
-//! its rounding. If such a valley is curved, the optimality error behind a step has the square of its length; the next step takes that
-//! back and brings its own: 30 000 samples of two links crept for 440 iterations at a hundred times the error they could have had.
-//! Part of the error is the pull along the valley, the slope by the length of a step. What the pull does not explain asks for a
-//! shorter step in these directions.
+//! Near the solution a step may lead along directions that the problem hardly determines and change
+//! the objective by little more than its rounding. If such a valley is curved, the optimality error
+//! after the step grows with the square of its length. The next step takes that back and brings its
+//! own, so the iterates creep. The slope along the valley, at the length of the step, explains part
+//! of the error (the pull). An error that the pull does not explain asks for a shorter step in
+//! these directions.
 
 use super::Solver;
 use super::line_search::{AT_LIMIT, GROWTH, SHRINKAGE};
 
-/// Relative change of the barrier objective, to first order, below which a step leads along a valley.
+/// A step leads along a valley if it changes the barrier objective by less than this share, to
+/// first order.
 const UNTOLD: f64 = 1e-8;
-/// Share of the error before that a step is expected to leave.
+/// A step is expected to leave at most this share of the error before it.
 const EXPECTED: f64 = 0.5;
-/// Multiples of the pull above which an error has another cause, and up to which it has none.
+/// If the optimality error after a step exceeds 3 times the pull, the valley's curvature caused it:
+/// shorten. Up to 2 times the pull, the slope alone explains it: lengthen.
 const FOREIGN: f64 = 3.0;
 const OWN: f64 = 2.0;
-/// Share of a step that was too long which later ones of the same barrier problem may have.
+/// After a step of length s proved too long, later steps of this barrier problem have at most
+/// length s/2.
 const LESS: f64 = 0.5;
 
 /// A step that the objective could not judge.
@@ -26,11 +30,11 @@ struct Step {
     /// Optimality error before it.
     error: f64,
     length: f64,
-    /// Its slope by its length.
+    /// Slope of the Lagrangian along the step, at the length of the step.
     pull: f64,
 }
 
-/// The last step, if it led along a valley, and what was learnt from those before.
+/// The last step, if it led along a valley, and the shortest step that was too long.
 #[derive(Debug, Default)]
 pub(super) struct Valley {
     last: Option<Step>,
@@ -44,7 +48,7 @@ impl Valley {
         self.last.is_some()
     }
 
-    /// The radius of the next step, from that of the last and the error behind it.
+    /// The radius of the next step, from the radius of the last one and the error after it.
     fn radius(&mut self, mu: f64, error: f64, radius: f64) -> f64 {
         let Some(step) = self.last.filter(|s| s.mu == mu) else {
             return radius;
@@ -63,7 +67,7 @@ impl Valley {
 }
 
 impl Solver<'_> {
-    /// Adapts the radius to what the last step along a valley did.
+    /// Adapts the radius to the effect of the last step along a valley.
     pub(super) fn heed_valley(&mut self) {
         if self.valley.inside() {
             let error = self.errors(self.mu).total;
@@ -71,8 +75,8 @@ impl Solver<'_> {
         }
     }
 
-    /// Notes whether the step at hand leads along a valley. Its slope is that of the Lagrangian: the objective's own has the rounding
-    /// of the constraints times their multipliers.
+    /// Notes whether the current step leads along a valley. The slope is that of the Lagrangian,
+    /// since the objective's own has the rounding of the constraints times their multipliers.
     pub(super) fn enter_valley(&mut self) {
         self.valley.last = None;
         let steers = self.settings.patience > 0 && self.settings.watchdog == 0 && self.soft == 0;
@@ -98,7 +102,8 @@ impl Solver<'_> {
 mod tests {
     use super::*;
 
-    /// Steps as long as the radius allows, at most 1, in a valley whose curvature makes an error of 20 times their square.
+    /// Takes steps as long as the radius allows, at most 1, in a valley whose curvature makes an
+    /// error of 20 times their square.
     fn walk(valley: &mut Valley, mu: f64, pull: f64, steps: usize) -> Vec<(f64, f64)> {
         let (mut radius, mut error) = (f64::INFINITY, pull);
         let mut path = Vec::new();
@@ -124,7 +129,7 @@ mod tests {
             let settled = &path[path.len() - 20..];
             let limit = FOREIGN * pull;
             assert!(settled.iter().all(|(_, e)| *e <= limit), "{pull}: {path:?}");
-            // Nor shorter than need be.
+            // Nor are they shorter than need be.
             let longest = (limit / 20.0).sqrt();
             let short = settled.iter().any(|(s, _)| *s < longest / 16.0);
             assert!(!short, "{pull}: {path:?}");

@@ -21,9 +21,10 @@ pub struct Window {
 
 /// The repeated structure of a full discretization.
 ///
-/// Step k of a window has the unknowns `y_k = (s_k, x_{k+1})`: stage variables first, then the next state, `ny ≥ nx` in all,
-/// and `ny` constraint rows `c_k(x_k, y_k, p) = 0` whose Jacobian with respect to `y_k` is square and regular. Local
-/// positions of a step count x_k (nx), y_k (ny) and p (np) in this order. Variables: windows one after another, then p.
+/// Step k of a window has the unknowns `y_k = (s_k, x_{k+1})`: stage variables first, then the next
+/// state, `ny ≥ nx` in all, and `ny` constraint rows `c_k(x_k, y_k, p) = 0` whose Jacobian with
+/// respect to `y_k` is square and regular. Local positions of a step count x_k (nx), y_k (ny) and p
+/// (np) in this order. Variables: windows one after another, then p.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {
     /// Length of a state.
@@ -142,7 +143,8 @@ impl Layout {
         pattern
     }
 
-    /// Pattern of the Lagrangian's Hessian: the steps' entries, the diagonal of the states, the parameters' entries.
+    /// Pattern of the Lagrangian's Hessian: the steps' entries, the diagonal of the states, the
+    /// parameters' entries.
     pub fn hessian_pattern(&self) -> SparsePattern {
         let mut pattern = SparsePattern::default();
         for window in &self.windows {

@@ -1,7 +1,8 @@
 //! Sparse LDLᵀ of a symmetric matrix given by summed triplets, with its inertia.
 //!
-//! A thin layer over faer's simplicial LDLᵀ (AMD ordering): symbolic once, numeric per call, D read off the factor because
-//! faer reports no inertia. There is no pivoting: callers regularise zero diagonals and refine.
+//! A thin layer over faer's simplicial LDLᵀ (AMD ordering): symbolic once, numeric per call, D read
+//! off the factor because faer reports no inertia. There is no pivoting: callers regularise zero
+//! diagonals and refine.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
@@ -40,7 +41,8 @@ pub struct SparseLdl {
 }
 
 impl SparseLdl {
-    /// Analyses the pattern of the lower triangle (`row ≥ col`); repeated triplets are summed. Every diagonal entry is stored.
+    /// Analyses the pattern of the lower triangle (`row ≥ col`); repeated triplets are summed.
+    /// Every diagonal entry is stored.
     pub fn new(n: usize, triplets: &[(u32, u32)]) -> Self {
         let mut entries: Vec<(u32, u32)> = triplets.iter().map(|&(r, c)| (c, r)).collect();
         debug_assert!(
@@ -71,7 +73,8 @@ impl SparseLdl {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SIMPLICIAL,
             ..Default::default()
         };
-        // Fails only when an index type overflows or memory runs out, neither of which a usize pattern of this size meets.
+        // Fails only when an index type overflows or memory runs out, neither of which a usize
+        // pattern of this size meets.
         let symbolic =
             factorize_symbolic_cholesky(pattern, Side::Lower, SymmetricOrdering::Amd, params)
                 .expect("symbolic factorization of a valid pattern");
@@ -173,8 +176,8 @@ impl SparseLdl {
         }
     }
 
-    /// Solves in place for `width` right-hand sides stored row by row (n × width): every entry of the factor meets a
-    /// contiguous row.
+    /// Solves in place for `width` right-hand sides stored row by row (n × width): every entry of
+    /// the factor meets a contiguous row.
     pub fn solve_rows(&mut self, rhs: &mut [f64], width: usize) {
         let n = self.n;
         self.rows.clear();
@@ -259,7 +262,8 @@ mod tests {
 
     #[test]
     fn factors_solve_and_inertia_of_a_saddle_point() {
-        // [4 1 1; 1 3 1; 1 1 -0.1], eigenvalues two positive and one negative; the triplet (0,0) is given in two parts.
+        // [4 1 1; 1 3 1; 1 1 -0.1], eigenvalues two positive and one negative; the triplet (0,0) is
+        // given in two parts.
         let triplets = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2), (0, 0)];
         let mut ldl = SparseLdl::new(3, &triplets);
         for (k, v) in [3.0, 1.0, 3.0, 1.0, 1.0, -0.1, 1.0].into_iter().enumerate() {

@@ -5,10 +5,11 @@
 //! [ J          −δ_c I ] [ dλ ] = [ rc ]
 //! ```
 //!
-//! `H` is the Hessian of the Lagrangian, `Σ` the diagonal of the barrier, `R ⪰ 0` a regularisation that makes the matrix have
-//! exactly m negative eigenvalues, so that dx is a descent direction on the null space of J. Two implementations stand behind
-//! one trait: [`sparse::SparseKkt`] factorises the whole matrix, [`structured::StructuredKkt`] uses that a full
-//! discretization repeats one step.
+//! `H` is the Hessian of the Lagrangian, `Σ` the diagonal of the barrier. `R ⪰ 0` is a
+//! regularisation that gives the matrix exactly m negative eigenvalues, so that dx is a descent
+//! direction on the null space of J. Two implementations stand behind one trait:
+//! [`sparse::SparseKkt`] factorises the whole matrix, [`structured::StructuredKkt`] uses that a
+//! full discretization repeats one step.
 
 pub mod layout;
 pub mod ldl;
@@ -17,7 +18,8 @@ pub mod structured;
 
 use faer::Mat;
 
-/// Values of the system at one iterate. Patterns belong to the implementation and were given when it was built.
+/// Values of the system at one iterate. Patterns belong to the implementation and were given when
+/// it was built.
 #[derive(Debug, Clone, Copy)]
 pub struct KktValues<'a> {
     /// Lower triangle of the Hessian of the Lagrangian, at the problem's pattern.
@@ -28,7 +30,7 @@ pub struct KktValues<'a> {
     pub sigma: &'a [f64],
 }
 
-/// What was added to the matrix so that it has the right inertia.
+/// Regularisation that gave the matrix the right inertia.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Regularisation {
     /// Multiple of the identity added to the Hessian (to the initial states, for the structured form).
@@ -68,8 +70,8 @@ pub enum KktError {
 
 /// A linear system that condenses its program to the parameters.
 pub trait Condensing: Kkt {
-    /// Reduced Hessian in the free parameters as computed at the last factorization, before it was made convex, and the positions of
-    /// the free parameters.
+    /// Reduced Hessian in the free parameters as computed at the last factorization, before it was
+    /// made convex, and the positions of the free parameters.
     fn reduced_hessian(&self) -> (&Mat<f64>, Vec<usize>);
 }
 
@@ -90,41 +92,46 @@ pub trait Kkt: Send {
         false
     }
 
-    /// Sets a diagonal D ≥ 0, one entry per row, for the factorizations that follow: the constraint block becomes −D, rows
-    /// `J dx − D dλ = rc`. Slacks of inequalities and of a feasibility problem are eliminated into it. Empty for D = 0.
-    /// Implementations that are not [`Kkt::relaxable`] ignore it.
+    /// Sets a diagonal D ≥ 0, one entry per row, for the factorizations that follow: the constraint
+    /// block becomes −D, rows `J dx − D dλ = rc`. Slacks of inequalities and of a feasibility
+    /// problem are eliminated into it. Empty for D = 0. Implementations that are not
+    /// [`Kkt::relaxable`] ignore it.
     fn relax(&mut self, diagonal: &[f64]) {
         let _ = diagonal;
     }
 
-    /// Tells the optimality error of the iterate ahead of its factorization, ∞ for unknown. What an implementation adds without
-    /// need, to directions that hardly matter, shrinks with the error, so that convergence stays fast (D. Li, M. Fukushima, L.
-    /// Qi, N. Yamashita, Regularized Newton methods for convex minimization problems with singular solutions, Comput. Optim.
-    /// Appl. 28 (2004)). No effect by default.
+    /// Announces the optimality error of the iterate before its factorization, ∞ if unknown.
+    /// Regularisation of directions that hardly matter shrinks with the error, so that convergence
+    /// stays fast (D. Li, M. Fukushima, L. Qi, N. Yamashita, Regularized Newton methods for convex
+    /// minimization problems with singular solutions, Comput. Optim. Appl. 28 (2004)). No effect by
+    /// default.
     fn expect_error(&mut self, error: f64) {
         let _ = error;
     }
 
-    /// Limits the Euclidean norm of the parameters' part of the next solution to `radius`, by raising the smallest eigenvalues of
-    /// the reduced Hessian; solves after it keep the matrix until the next factorization or limit. Returns that norm for the
-    /// solution at hand, `None` where there is no such part, or none yet: then the call takes no effect.
+    /// Limits the Euclidean norm of the parameters' part of the next solution to `radius` by
+    /// raising the smallest eigenvalues of the reduced Hessian. Solves after it keep the matrix
+    /// until the next factorization or limit. Returns that norm for the current solution, or `None`
+    /// where there is no such part or no solution yet; then the call has no effect.
     ///
-    /// In directions that the data hardly determine, Newton's step is as long as it is meaningless, and a line search shortens
-    /// the determined directions with it. Raising eigenvalues shortens these directions alone (J. J. Moré, D. C. Sorensen,
-    /// Computing a trust region step, SIAM J. Sci. Stat. Comput. 4 (1983)), and costs no factorization.
+    /// In directions that the data hardly determine, Newton's step is long and means nothing, and a
+    /// line search shortens the determined directions with it. Raising eigenvalues shortens these
+    /// directions alone (J. J. Moré, D. C. Sorensen, Computing a trust region step, SIAM J. Sci.
+    /// Stat. Comput. 4 (1983)) and costs no factorization.
     fn limit(&mut self, radius: f64) -> Option<f64> {
         let _ = radius;
         None
     }
 
-    /// Tells the solution that the next [`Kkt::limit`] speaks of, where it is not that of the last solve: of several solves with the
-    /// last factorization that make up one. No effect by default.
+    /// Names the solution to which the next [`Kkt::limit`] applies, if it is not that of the last
+    /// solve: one of several solves with the last factorization that make up one step. No effect by
+    /// default.
     fn remember(&mut self, dx: &[f64]) {
         let _ = dx;
     }
 
-    /// Covariance-like inverse of the reduced Hessian in the given variables: the block of the inverse KKT matrix, row-major
-    /// `vars.len()²`. Uses the last factorization.
+    /// Covariance-like inverse of the reduced Hessian in the given variables: the block of the
+    /// inverse KKT matrix, row-major `vars.len()²`. Uses the last factorization.
     fn inverse_block(&mut self, vars: &[usize], n: usize, m: usize) -> Vec<f64> {
         let k = vars.len();
         let mut out = vec![0.0; k * k];

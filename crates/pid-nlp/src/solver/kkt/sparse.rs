@@ -9,7 +9,8 @@ const STATIC: f64 = 1e-9;
 /// Most steps of iterative refinement.
 const REFINEMENTS: usize = 10;
 
-/// Sparse LDLᵀ of the full matrix with inertia correction by multiples of the identity (Wächter & Biegler 2006, algorithm IC).
+/// Sparse LDLᵀ of the full matrix with inertia correction by multiples of the identity (Wächter &
+/// Biegler 2006, algorithm IC).
 pub struct SparseKkt {
     n: usize,
     m: usize,
@@ -201,7 +202,7 @@ impl Kkt for SparseKkt {
             let size = largest(dx).max(largest(dlambda)).min(1e6 * scale);
             let next = largest(&self.residual) / (scale + size);
             if pass > 0 && (next >= relative || next.is_nan()) {
-                // The last correction made it worse: take it back.
+                // The last correction made it worse: undo it.
                 for i in 0..n {
                     dx[i] -= self.solution[i];
                 }

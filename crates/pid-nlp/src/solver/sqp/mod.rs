@@ -1,15 +1,18 @@
 //! Sequential quadratic programming with a filter line search.
 //!
-//! A step d minimises the quadratic model of the Lagrangian subject to the linearised constraints and the bounds; the filter
-//! of A. Wächter, L. T. Biegler (Line search filter methods for nonlinear programming: motivation and global convergence, SIAM
-//! J. Optim. 16 (2005), which covers this method beside the interior point) decides on its length, with a second-order
-//! correction of the full step. The quadratic program is solved by the interior point of [`super::ip`] on the linear system
-//! of the problem, so that its structure serves here too; H gets δ I, as much as the system needs for the right inertia on
-//! the null space of the equations. Where the linearised constraints contradict each other or no step length is accepted,
-//! the nearest point that satisfies the constraints takes the filter's point of view as restoration.
+//! A step d minimises the quadratic model of the Lagrangian subject to the linearised constraints
+//! and the bounds; the filter of A. Wächter, L. T. Biegler (Line search filter methods for
+//! nonlinear programming: motivation and global convergence, SIAM J. Optim. 16 (2005), which covers
+//! this method beside the interior point) decides on its length, with a second-order correction of
+//! the full step. The quadratic program is solved by the interior point of [`super::ip`] on the
+//! linear system of the problem, so that its structure serves here too; H gets δ I, as much as the
+//! system needs for the right inertia on the null space of the equations. Where the linearised
+//! constraints contradict each other or no step length is accepted, the nearest point that
+//! satisfies the constraints takes the filter's point of view as restoration.
 //!
-//! Near a solution the multipliers come from the quadratic program and convergence is quadratic with the exact Hessian,
-//! superlinear with damped BFGS (J. Nocedal, S. J. Wright, Numerical Optimization, 2nd ed. 2006, chapter 18).
+//! Near a solution the multipliers come from the quadratic program and convergence is quadratic
+//! with the exact Hessian, superlinear with damped BFGS (J. Nocedal, S. J. Wright, Numerical
+//! Optimization, 2nd ed. 2006, chapter 18).
 
 mod quadratic;
 #[cfg(test)]
@@ -30,7 +33,7 @@ use std::time::{Duration, Instant};
 const S_THETA: f64 = 1.1;
 const S_PHI: f64 = 2.3;
 const ETA: f64 = 1e-4;
-/// Shortest step length before a restoration.
+/// A restoration begins below this step length.
 const SHORTEST: f64 = 1e-8;
 /// Scaling of the optimality error for large multipliers.
 const S_MAX: f64 = 100.0;
@@ -38,19 +41,21 @@ const S_MAX: f64 = 100.0;
 const INNER: usize = 200;
 /// Weight of the distance in a restoration.
 const ZETA: f64 = 1e-3;
-/// Share by which a restoration must reduce the violation.
+/// A restoration must reduce the violation by this share.
 const RESTORED: f64 = 0.9;
-/// Iterations at the acceptable level after which the method stops.
+/// The method stops after this many iterations at the acceptable level.
 const ACCEPTABLE_ITERATIONS: usize = 15;
 /// Largest stiffness of an active bound or row.
 const STIFF: f64 = 1e10;
 /// Relaxation of rows that are not equations when the null space is asked for.
 const FREE: f64 = 1e20;
 
-/// Minimises a problem from `x0`, with damped BFGS from the last `memory` steps or with the problem's Hessian.
+/// Minimises a problem from `x0`, with damped BFGS from the last `memory` steps or with the
+/// problem's Hessian.
 ///
-/// Multipliers of constraints and bounds have the signs of [`ip::solve`]. `kkt` must have been built for the same problem;
-/// inequality rows need one that can be relaxed, otherwise the quadratic programs fall back to the sparse one.
+/// Multipliers of constraints and bounds have the signs of [`ip::solve`]. `kkt` must have been
+/// built for the same problem; inequality rows need one that can be relaxed, otherwise the
+/// quadratic programs fall back to the sparse one.
 pub fn solve(
     problem: &mut dyn Nlp,
     kkt: &mut dyn Kkt,
@@ -334,7 +339,7 @@ impl<'a> Solver<'a> {
             self.keep_best();
             let interrupted = callback(&line, &self.model.x).is_break();
             let feasible = primal <= self.settings.constraint_tol;
-            // The first multipliers are zero: only a step tells.
+            // The first multipliers are zero: only a step tells their size.
             if iteration > 0 && error <= self.settings.tol && feasible {
                 return Status::Solved;
             }
@@ -359,7 +364,7 @@ impl<'a> Solver<'a> {
                 Ok(line) => line,
                 Err(status) if status.is_limit() => return status,
                 Err(_) if acceptable > 0 => return Status::Acceptable,
-                // Far out, what rounding leaves of a step is too little to judge it by.
+                // Far out, the rounding of a step is larger than the step.
                 Err(Status::NoProgress) if feasible && largest.max(-line.objective) >= far => {
                     return Status::Unbounded;
                 }
@@ -374,7 +379,8 @@ impl<'a> Solver<'a> {
         self.hessian();
         let constant = self.model.c.clone();
         let mut found = None;
-        // A model that is convex on what seems active only may have no minimiser, or one that leads uphill.
+        // A model that is convex only on the rows that seem active may have no minimiser, or one
+        // that leads uphill.
         for equations_only in [false, true] {
             let before = self.model.shift;
             self.convexify(equations_only)?;
@@ -419,8 +425,9 @@ impl<'a> Solver<'a> {
         })
     }
 
-    /// δ that makes H + δ I positive definite on the null space of the equations and of what else is active: bounds and rows
-    /// count by the stiffness z / gap and λ / gap that the interior point gives them, or not at all if `equations_only`.
+    /// δ that makes H + δ I positive definite on the null space of the equations and of what else
+    /// is active: bounds and rows count by the stiffness z / gap and λ / gap that the interior
+    /// point gives them, or not at all if `equations_only`.
     fn convexify(&mut self, equations_only: bool) -> Result<(), Status> {
         self.model.shift = 0.0;
         let model = &self.model;
@@ -469,7 +476,8 @@ impl<'a> Solver<'a> {
         self.kkt.relax(&[]);
         self.seconds.linear += begun.elapsed().as_secs_f64();
         self.counts.factorizations += done.map_or(1, |d| d.factorizations);
-        // A matrix that stays singular, as with rows that depend on each other, is left to the quadratic program.
+        // A matrix that stays singular, as with rows that depend on each other, is left to the
+        // quadratic program.
         self.model.shift = done.map_or(0.0, |d| d.delta_x);
         Ok(())
     }
@@ -551,7 +559,8 @@ impl<'a> Solver<'a> {
             .collect()
     }
 
-    /// Backtracks along the step, with a second-order correction of the full one, whose multipliers then replace the step's.
+    /// Backtracks along the step, with a second-order correction of the full one, whose multipliers
+    /// then replace the step's.
     fn search(&mut self, step: &mut Step) -> Option<Accepted> {
         let current = self.theta(&self.model.c);
         let (mut alpha, mut trials) = (1.0, 0);

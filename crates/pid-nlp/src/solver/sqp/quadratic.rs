@@ -24,7 +24,7 @@ pub(super) struct Model {
 pub(super) struct Quadratic<'a> {
     pub(super) problem: &'a dyn Nlp,
     pub(super) model: &'a Model,
-    /// Constants of the rows: c, or what a second-order correction puts there.
+    /// Constants of the rows: c, or those of a second-order correction.
     pub(super) constant: &'a [f64],
     /// B in place of the stored Hessian.
     pub(super) memory: Option<&'a Shared>,

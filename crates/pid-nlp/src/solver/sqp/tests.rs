@@ -2,7 +2,8 @@ use super::*;
 use crate::nlp::SparsePattern;
 use crate::solver::kkt::sparse::SparseKkt;
 
-/// Rosenbrock's function on or inside a circle of radius √r, in a box; first points where it is not a number if `broken`.
+/// Rosenbrock's function on or inside a circle of radius √r, in a box; first points where it is not
+/// a number if `broken`.
 struct Circle {
     jacobian: SparsePattern,
     hessian: SparsePattern,

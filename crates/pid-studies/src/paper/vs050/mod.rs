@@ -1,8 +1,9 @@
 //! The job of figures 6 and 7: the DENSO VS-050 with axes 3 to 6 fixed.
 //!
-//! The records come from the arm with all its six axes; the model that is fitted holds axes 3 to 6 fixed. As in the paper: joint
-//! angles and velocities with equal weights, one window, trapezoidal rule. Beyond it: the exact Hessian beside BFGS, and
-//! the fit with one record of the other kind added.
+//! The records come from the arm with all its six axes; the model that is fitted holds axes 3 to 6
+//! fixed. As in the paper: joint angles and velocities with equal weights, one window, trapezoidal
+//! rule. Beyond it: the exact Hessian beside BFGS, and the fit with one record of the other kind
+//! added.
 
 mod page;
 mod records;
@@ -27,7 +28,8 @@ use crate::Failure;
 
 pub(super) use page::{html, row, text};
 
-/// Steps that BFGS remembers: a limited memory of the usual size, since 68 parameters make every one of them dear.
+/// Steps that BFGS remembers: a limited memory of the usual size, since each step costs much with
+/// 68 parameters.
 const MEMORY: usize = 10;
 
 /// Seconds after which a simulation is restarted from the record in the second of the two scores.
@@ -37,7 +39,7 @@ const HORIZON: f64 = 1.0;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Fit {
     pub(super) hessian: Second,
-    /// Whether a record of the other kind was fitted too.
+    /// Whether a record of the other kind is fitted too.
     pub(super) both_kinds: bool,
     pub(super) start: usize,
     pub(super) objective: f64,
@@ -91,8 +93,8 @@ const KINDS: [(Second, bool); 3] = [
     (Second::Exact, true),
 ];
 
-/// Starts: each body as a whole by a factor 10^U(−0.3, 0.3), so that it stays one that can exist, and the same for every
-/// constant of drive and friction.
+/// Starts: each body as a whole by a factor 10^U(−0.3, 0.3), so that it stays one that can exist,
+/// and the same for every constant of drive and friction.
 fn starts(count: usize, seed: u64) -> Vec<Vec<f64>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x0074_776f);
     let infos = Vs050TwoAxis.params();
@@ -187,7 +189,8 @@ fn judged(
     }
 }
 
-/// Simulates the arm and makes all fits; `news` hears how many are done, `stop` ends early and keeps what is finished.
+/// Simulates the arm and makes all fits. `news` is told how many are done; `stop` ends early and
+/// keeps the finished ones.
 ///
 /// # Errors
 /// That of the simulation, and of an identification that cannot begin.

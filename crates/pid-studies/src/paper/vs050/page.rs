@@ -10,7 +10,7 @@ use super::super::plot::{curve, joint_chart};
 use super::super::study::{FEASIBLE, HESSIANS, Second};
 use super::{Arm, Fit, HORIZON, KINDS, MEMORY, records};
 
-/// What a kind of fit is called.
+/// Name of a kind of fit.
 fn label(hessian: Second, both_kinds: bool) -> (String, String) {
     let hessian = HESSIANS.iter().find(|(h, _)| *h == hessian);
     let data = if both_kinds {
@@ -56,7 +56,7 @@ fn fits(arm: &Arm) -> Vec<Vec<String>> {
             let group = arm.group(hessian, both);
             let n = group.len();
             let count = |f: &dyn Fn(&Fit) -> bool| group.iter().filter(|g| f(g)).count();
-            // Both Hessians solve the same program: its lowest J is that of either.
+            // Both Hessians solve the same program, so its lowest J may come from either.
             let same = KINDS.iter().filter(|(_, b)| *b == both);
             let lowest = same
                 .filter_map(|&(h, b)| Some(arm.best(h, b)?.objective))
@@ -131,7 +131,7 @@ fn plots(arm: &Arm, record: usize) -> Vec<Markup> {
         .collect()
 }
 
-/// The row of "paper says, we find": what the paper says, and what is found here.
+/// The row of "paper says, we find": the paper's statement, and the figure found here.
 pub(in super::super) fn row(arm: &Arm) -> (String, String) {
     let paper = "fit with the trapezoidal rule; a second record is predicted well, a qualitatively different one is not, perhaps for lack of information in the data";
     let of = |best: Option<&Fit>| {

@@ -1,7 +1,9 @@
-//! Records of the six-joint arm: axes 1 and 2 follow references under position control, axes 3 to 6 are held by it.
+//! Records of the six-joint arm: axes 1 and 2 follow references under position control, axes 3 to 6
+//! are held by it.
 //!
-//! A controller at every sample, as in a robot's cabinet; between samples its currents are held and the arm is simulated with
-//! controlled error. What is kept is what a cabinet would record: positions, velocities and currents of axes 1 and 2, with noise.
+//! A controller acts at every sample, as in a robot's cabinet; between samples its currents are
+//! held and the arm is simulated with controlled error. The records hold what a cabinet would
+//! record: positions, velocities and currents of axes 1 and 2, with noise.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -26,11 +28,12 @@ const NOISE_U: f64 = 5e-3;
 /// Axes of the arm, and those that move.
 const AXES: usize = 6;
 const MOVED: usize = 2;
-/// Inertia that each axis is controlled for, kg·m², and natural frequency of the loops, rad/s; critically damped.
+/// Inertia that each axis is controlled for, kg·m², and natural frequency of the loops, rad/s;
+/// critically damped.
 const INERTIA: [f64; AXES] = [0.7, 1.8, 0.4, 0.1, 0.1, 0.03];
 const BANDWIDTH: f64 = 40.0;
 
-/// What the two axes shall do at a time: positions and velocities.
+/// Reference of the two axes at a time: positions and velocities.
 type Reference = fn(f64) -> [[f64; MOVED]; 2];
 
 /// Amplitude in rad, frequency in Hz, phase.
@@ -111,7 +114,7 @@ fn travels_again(t: f64) -> [[f64; MOVED]; 2] {
     travel(t, &POINTS, 1.0, 1.5)
 }
 
-/// Name, what it is, and reference of each record.
+/// Name, description and reference of each record.
 const RECORDS: [(&str, &str, Reference); 4] = [
     ("sway", "sums of sines about the horizontal", sway),
     ("sway_again", "the same kind of motion", sway_again),
@@ -233,7 +236,8 @@ fn value(p: &[f64], name: &str) -> f64 {
 mod tests {
     use super::*;
 
-    /// The records are what the loops make of the references: close to them, noisy, and with finite currents.
+    /// The loops follow the references: the records are close to them, noisy, and have finite
+    /// currents.
     #[test]
     fn the_arm_follows_its_references() {
         let data = dataset(0).unwrap();

@@ -1,8 +1,8 @@
-//! Conjugate residuals, where refinement hardly contracts.
+//! Conjugate residuals, for systems in which refinement hardly contracts.
 
 use super::StructuredKkt;
 
-/// Directions that are kept at most.
+/// Most directions that are kept.
 const DIRECTIONS: usize = 12;
 
 /// A direction and its product with the matrix, of unit length.
@@ -12,10 +12,11 @@ struct Direction {
 }
 
 impl StructuredKkt {
-    /// Goes on from a refined solution by generalised conjugate residuals with the factorization as preconditioner (S. C. Eisenstat,
-    /// H. C. Elman, M. H. Schultz, SIAM J. Numer. Anal. 20 (1983)): entries of the reduced Hessian carry rounding errors of more than
-    /// its smallest eigenvalues, in as many directions as parameters are hardly determined, and as many passes remove their effect.
-    /// Returns the relative residual that is left.
+    /// Improves a refined solution by generalised conjugate residuals with the factorization as
+    /// preconditioner (S. C. Eisenstat, H. C. Elman, M. H. Schultz, SIAM J. Numer. Anal. 20
+    /// (1983)). Entries of the reduced Hessian carry rounding errors above its smallest
+    /// eigenvalues, in as many directions as parameters are hardly determined; as many passes
+    /// remove their effect. Returns the relative residual that is left.
     pub(super) fn conjugate(
         &mut self,
         rx: &[f64],

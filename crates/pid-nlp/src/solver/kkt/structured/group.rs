@@ -1,12 +1,14 @@
 //! Condensing of runs of steps onto their first states and the parameters, four runs (segments) at a time.
 //!
-//! Within a segment the pairs (y_k, λ_k) are eliminated from the last step to the first. Kinematic rows are substituted
-//! ([`super::plan`]); of the rest, `B z + A x + P p = …` with B regular, follow `z = T (x, p) + t` with `T = −B⁻¹ [A P]`.
-//! Every pair has inertia (ny, ny, 0) whatever the Hessian is. What is left of the segment is a quadratic in (x_start, p) and
-//! the affine map to its end state. Growth of rounding errors is bounded by that of the dynamics over one segment.
+//! Within a segment the pairs (y_k, λ_k) are eliminated from the last step to the first. Kinematic
+//! rows are substituted ([`super::plan`]); of the rest, `B z + A x + P p = …` with B regular,
+//! follow `z = T (x, p) + t` with `T = −B⁻¹ [A P]`. Every pair has inertia (ny, ny, 0) whatever the
+//! Hessian is. What is left of the segment is a quadratic in (x_start, p) and the affine map to its
+//! end state. Growth of rounding errors is bounded by that of the dynamics over one segment.
 //!
-//! With the next state `x' = E x + S z + e`, `W` the Hessian of the cost-to-go with respect to x' (the step's own part included) and
-//! `F` that of the step between x' and the rest, one step of the recursion is
+//! With the next state `x' = E x + S z + e`, `W` the Hessian of the cost-to-go with respect to x'
+//! (the step's own part included) and `F` that of the step between x' and the rest, one step of the
+//! recursion is
 //!
 //! ```text
 //! M = H_zz + Sᵀ F_z + F_zᵀ S + Sᵀ W S          N = [H_zx + Sᵀ F_x + F_zᵀ E + Sᵀ W E,  H_zp + Sᵀ W_p]
@@ -14,8 +16,8 @@
 //! V = Q + Tᵀ N + Nᵀ T + Tᵀ M T
 //! ```
 //!
-//! The same operations serve four segments in the lanes of one vector; shorter ones, and the empty places of the last group, go on with
-//! steps `x' = x` without cost.
+//! The same operations serve four segments in the lanes of one vector; shorter ones, and the empty
+//! places of the last group, go on with steps `x' = x` without cost.
 
 use super::super::layout::{Layout, Window};
 use super::super::{KktError, KktValues};
@@ -66,7 +68,7 @@ pub(super) struct Group {
     small: Vec<Lane>,
 }
 
-/// What a solve needs of one step.
+/// Matrices that a solve needs of one step.
 struct Step {
     /// `T`, nz × w.
     t: Vec<Lane>,
@@ -181,7 +183,8 @@ fn scatter<S: Simd>(simd: S, targets: &[Target], values: &[Lane], work: &mut [La
     }
 }
 
-/// `Σ a_i b_i` over rows of `a` and columns of `b` that begin at the given places and go on with the given strides.
+/// `Σ a_i b_i` over rows of `a` and columns of `b` that begin at the given places and go on with
+/// the given strides.
 #[inline(always)]
 fn dot<S: Simd>(simd: S, n: usize, (a, da): (&[Lane], usize), (b, db): (&[Lane], usize)) -> Lane {
     let mut sum = all(simd, 0.0);
@@ -239,7 +242,8 @@ impl Group {
         }
     }
 
-    /// Eliminates the segments' pairs. The steps' values are those of the last [`Group::load`]; `values` gives the rest.
+    /// Eliminates the segments' pairs. The steps' values are those of the last [`Group::load`];
+    /// `values` gives the rest.
     pub(super) fn condense(
         &mut self,
         plan: &Plan,
@@ -607,8 +611,8 @@ impl Group {
         }
     }
 
-    /// Recovers the unknowns and multipliers of the segments' steps from `x` (first states, overwritten), `p` and the multipliers
-    /// `nu` of the end states (zero for last segments).
+    /// Recovers the unknowns and multipliers of the segments' steps from `x` (first states,
+    /// overwritten), `p` and the multipliers `nu` of the end states (zero for last segments).
     pub(super) fn expand(
         &mut self,
         sizes: Sizes,

@@ -1,14 +1,18 @@
 //! The KKT system of a full discretization by segmented condensing.
 //!
-//! 1. Every segment of some twenty steps is condensed onto its first state and the parameters, in parallel.
-//! 2. The coarse system over the segment starts x_s and the multipliers ν_s of the links `x_{s+1} = end(x_s, p)` goes to
-//!    sparse LDLᵀ; its Schur complement S in the free parameters is dense.
-//! 3. Inertia: eliminated pairs are right by construction; the coarse part must have one negative eigenvalue a link, else
-//!    the initial states are regularised (the condensing is not repeated); S is made positive definite by reflecting its
-//!    negative eigenvalues and lifting the ones near zero.
+//! 1. Every segment of some ten steps is condensed onto its first state and the parameters, in
+//!    parallel.
+//! 2. The coarse system over the segment starts x_s and the multipliers ν_s of the links
+//!    `x_{s+1} = end(x_s, p)` goes to sparse LDLᵀ; its Schur complement S in the free parameters is
+//!    dense.
+//! 3. Inertia. Eliminated pairs are right by construction. The coarse part must have one negative
+//!    eigenvalue a link, else the initial states are regularised (the condensing is not repeated).
+//!    S becomes positive definite: its negative eigenvalues change sign, those near zero are
+//!    lifted.
 //!
-//! The last step replaces repeated trial factorizations by one symmetric eigenvalue problem of the size of p and moves only
-//! directions of wrong curvature (reflection: Y. Dauphin et al. 2014, "saddle-free Newton"; here on the reduced Hessian).
+//! The last step replaces repeated trial factorizations by one symmetric eigenvalue problem of the
+//! size of p and moves only directions of wrong curvature (reflection: Y. Dauphin et al. 2014,
+//! "saddle-free Newton"; here on the reduced Hessian).
 
 mod conjugate;
 mod group;
@@ -26,24 +30,27 @@ use plan::{Plan, Sizes};
 use rayon::prelude::*;
 use reduced::Reduced;
 
-/// Static regularisation of the links in the coarse factorization; refinement removes its effect. A link's compliance is the reciprocal
-/// of the curvature of the state behind it; beside a regularisation of its own size refinement removes only tenths, and a defect
-/// that is costly to close is closed in part. Far from the solution that is welcome: with whole steps two links took 70 instead of
-/// 51 iterations on 100 000 samples (68 since the preparing fit is scaled by its samples). Near it Newton's method then converges linearly, and a single stiff place holds up the whole
-/// of a long record (67 iterations): on those it is divided by a curvature above one there.
+/// Continuity rows get −1e-9 I for a stable factorization, which refinement removes. Where the
+/// curvature of the next state is large, this is not small: refinement removes only tenths of it,
+/// and a defect that is costly to close is closed in part. Far from the solution that saves
+/// iterations. Near the solution of a long record we divide it by that curvature, so that Newton's
+/// method stays quadratic (docs/experiments.md, Solver).
 const STATIC: f64 = 1e-9;
-/// Optimality error below which the solution is near, and steps from which a record is long. On short ones whole steps gain nothing,
-/// and lose where motions grow (an arm with indefinite inertias at 400 samples, shooting from 5 nodes).
+/// The solution is near below this optimality error, and a record is long from so many steps on. On
+/// shorter records the smaller regularisation gains nothing, and loses where motions grow (an arm
+/// with indefinite inertias at 400 samples, shooting from 5 nodes).
 const NEAR: f64 = 0.1;
 const LONG: usize = 30_000;
 /// Relative residual at which refinement ends.
 const REFINED: f64 = 1e-11;
-/// Relative residual of a refined solution above which conjugate residuals go on with it, on long records near the optimum.
+/// On long records near the optimum, conjugate residuals improve a refined solution whose relative
+/// residual exceeds this.
 const CRUDE: f64 = 1e-9;
-/// Growth of a state over a segment above which segments are cut into shorter ones, growth they are then cut to, and growth over one
-/// of the length asked for below which they have it again. The condensed cost has the square of the growth, and with it the rounding
-/// errors; where a mass matrix is not positive definite, as iterates may have it, states grow by 30 a step and more. With a limit
-/// of 1e9 the six-axis arm under noise wandered for hundreds of iterations, with 1e4 it converged in 65.
+/// Segments are cut where a state grows by more than 1e4 over one; they then have a growth of at
+/// most 1e2, and their full length again once it would grow by less than 1e3. The condensed cost
+/// has the square of the growth, and so have its rounding errors. Where an iterate has an
+/// indefinite mass matrix, states grow by 30 a step and more. With a limit of 1e9 such a model does
+/// not converge (docs/experiments.md, Solver).
 const GROWTH: f64 = 1e4;
 const AIM: f64 = 1e2;
 const LITTLE: f64 = 1e3;
@@ -58,15 +65,17 @@ pub struct StructuredKkt {
     /// Position of each parameter among the free ones.
     columns: Vec<Option<u32>>,
     groups: Vec<Group>,
-    /// Coarse position of each segment's start state (`None` if held) and of the link after it (`None` at window ends).
+    /// Coarse position of each segment's start state (`None` if held) and of the link after it
+    /// (`None` at window ends).
     start_at: Vec<Option<usize>>,
     link_at: Vec<Option<usize>>,
     links: usize,
     ldl: SparseLdl,
-    /// Static regularisation of the coarse rows, zero but for links, and whether it shrinks with stiff links.
+    /// Static regularisation of the coarse rows, zero except for links, and whether it shrinks with
+    /// stiff links.
     shifts: Vec<f64>,
     whole: bool,
-    /// K_xx⁻¹ K_xp and K_xp, row by row, coarse_n × wp; and what refinement works on.
+    /// K_xx⁻¹ K_xp and K_xp, row by row, coarse_n × wp; and the work space of refinement.
     z: Vec<f64>,
     kxp: Vec<f64>,
     correction: Vec<f64>,
@@ -94,8 +103,8 @@ pub struct StructuredKkt {
     residual_c: Vec<f64>,
     step_x: Vec<f64>,
     step_c: Vec<f64>,
-    /// Per solve: parameters' right-hand side and step, coarse right-hand side, states and multipliers of four
-    /// segments, and one step's part of a product.
+    /// Per solve: parameters' right-hand side and step, coarse right-hand side, states and
+    /// multipliers of four segments, and one step's part of a product.
     rp: Vec<f64>,
     dp: Vec<f64>,
     rhs: Vec<f64>,
@@ -106,8 +115,9 @@ pub struct StructuredKkt {
 }
 
 impl StructuredKkt {
-    /// Plans the condensing. `fixed_parameters` has one entry per parameter; `segment_steps` is the length aimed at (10 to 20
-    /// serves; shorter for plants that are very unstable over one segment).
+    /// Plans the condensing. `fixed_parameters` has one entry per parameter; `segment_steps` is the
+    /// length aimed at (10 to 20 serves; shorter for plants that are very unstable over one
+    /// segment).
     pub fn new(layout: Layout, fixed_parameters: &[bool], segment_steps: usize) -> Self {
         let mut columns = Vec::with_capacity(layout.np);
         let mut np = 0u32;
@@ -189,13 +199,13 @@ impl StructuredKkt {
         kkt
     }
 
-    /// Allows states to grow by another factor than 1e4 over a segment before segments are made shorter.
+    /// Sets the growth of states over a segment from which segments become shorter (default 1e4).
     pub fn growing_to(mut self, factor: f64) -> Self {
         self.limit = factor;
         self
     }
 
-    /// Refines solutions to a relative residual other than 1e-11.
+    /// Sets the relative residual to which solutions are refined (default 1e-11).
     pub fn refined_to(mut self, residual: f64) -> Self {
         self.refined = residual;
         self
@@ -253,7 +263,7 @@ impl StructuredKkt {
             match self.factorise_coarse() {
                 Err(_) if self.steps > 1 => self.cut(shorter),
                 outcome => {
-                    // Next time: this factorization is still needed.
+                    // Takes effect the next time, since this factorization is still in use.
                     if rate.powf(self.asked as f64) < LITTLE {
                         self.next = self.asked;
                     }
@@ -330,7 +340,8 @@ impl StructuredKkt {
         self.ldl = ldl;
     }
 
-    /// Factorises the coarse matrix, regularising the segment starts until it has one negative eigenvalue a link.
+    /// Factorises the coarse matrix, regularising the segment starts until it has one negative
+    /// eigenvalue a link.
     fn factorise_coarse(&mut self) -> Result<(f64, usize), KktError> {
         let mut delta = 0.0;
         let mut tried = 0;
@@ -356,8 +367,8 @@ impl StructuredKkt {
         Ok((delta, tried))
     }
 
-    /// Solves with the coarse matrix without its static regularisation, for `width` right-hand sides row by row: one step of
-    /// refinement, the solution as a whole is refined later.
+    /// Solves with the coarse matrix without its static regularisation, for `width` right-hand
+    /// sides row by row: one step of refinement, the solution as a whole is refined later.
     fn coarse_solve(
         ldl: &mut SparseLdl,
         shifts: &[f64],
@@ -530,7 +541,7 @@ impl StructuredKkt {
             let to = (self.step_x.as_mut_slice(), self.step_c.as_mut_slice());
             group.expand(sizes, layout, (x, dp, nu), to);
         }
-        // Ends of segments are the starts of those behind them, as the coarse system has them.
+        // The end of a segment is the start of the next one, as the coarse system has it.
         let segments = self.groups.iter().flat_map(|g| &g.segments);
         for (segment, start) in segments.zip(&self.start_at) {
             let at = layout.state(&segment.window, segment.start);

@@ -1,7 +1,8 @@
 //! Where the values of a step go in the condensing.
 //!
-//! A step's unknowns are `y = (s, x')`. Leading rows without parameters that fix one component of x' each (the kinematics
-//! `q' = q + h v …`) are substituted before anything is factorised: they leave the core unknowns `z`, the rest of y, and
+//! A step's unknowns are `y = (s, x')`. Leading rows without parameters that fix one component of
+//! x' each (the kinematics `q' = q + h v …`) are substituted before anything is factorised: they
+//! leave the core unknowns `z`, the rest of y, and
 //!
 //! ```text
 //! x'_e = E x + S z + e
@@ -85,7 +86,7 @@ pub(super) struct Plan {
     pub(super) hessian: Vec<Target>,
 }
 
-/// Leading rows free of parameters, each with a component of x' of its own.
+/// Counts the leading rows without parameters that have a component of x' of their own each.
 fn substituted_rows(layout: &Layout) -> usize {
     // The next state follows x and the stages.
     let (nx, first) = (layout.nx, layout.ny);
@@ -218,7 +219,7 @@ impl Plan {
     }
 }
 
-/// What a local position of a step is in the condensing.
+/// Role of a local position of a step in the condensing.
 #[derive(Debug, Clone, Copy)]
 enum Variable {
     Start(usize),

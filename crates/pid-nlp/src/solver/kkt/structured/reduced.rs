@@ -1,15 +1,17 @@
-//! The Hessian in the free parameters: made positive definite by its eigenvalues, its steps shortened where it says little.
+//! The Hessian in the free parameters: its eigenvalues are made positive, and its steps are
+//! shortened where it says little.
 
 use crate::eigen::Eigen;
 use crate::solver::kkt::KktError;
 use faer::Mat;
 
-/// Eigenvalues of the reduced Hessian below this share of the largest one are rounding errors and are lifted to it. Active
-/// bounds make the largest one as large as 1e8, so that a share of 1e-9 would already slow down the identifiable directions.
+/// Eigenvalues of the reduced Hessian below this share of the largest one are rounding errors and
+/// are lifted to it. Active bounds make the largest one as large as 1e8; a share of 1e-9 would
+/// already slow down identifiable directions.
 const FLOOR: f64 = 1e-14;
-/// The smallest eigenvalue that is kept, in the scaled problem: this far from the solution, a share of the optimality error near
-/// it, where lifted directions would converge linearly, and never less than the last: at 1e-9 rounding in redundant directions
-/// cost 616 instead of 69 iterations on 1001 samples.
+/// Smallest eigenvalue that is kept, in the scaled problem: 1e-5 far from the solution, 1e-3 of the
+/// optimality error near it (a constant one would make lifted directions converge linearly), and
+/// never below 1e-7, since rounding in redundant directions then costs hundreds of iterations.
 const SMALLEST: f64 = 1e-5;
 const SHARE: f64 = 1e-3;
 const LEAST: f64 = 1e-7;
@@ -18,15 +20,15 @@ const LEAST: f64 = 1e-7;
 pub(super) struct Reduced {
     /// As computed.
     pub(super) hessian: Mat<f64>,
-    /// What makes it positive definite.
+    /// The matrix whose addition makes it positive definite.
     pub(super) modification: Mat<f64>,
     vectors: Mat<f64>,
     /// Eigenvalues as computed, and as used.
     computed: Vec<f64>,
     eigenvalues: Vec<f64>,
-    /// Share of the right-hand side along each eigenvector in the first pass of a solve.
+    /// Part of the right-hand side along each eigenvector in the first pass of a solve.
     along: Vec<f64>,
-    /// Limit of the next solution's norm; its value in the last one, NaN before the first.
+    /// Limit of the next solution's norm; that norm in the last solution, NaN before the first.
     radius: Option<f64>,
     norm: f64,
     /// Eigenvalues below this are lifted to it.
@@ -48,7 +50,8 @@ impl Reduced {
         }
     }
 
-    /// Adapts the smallest eigenvalue that is kept to the optimality error; NaN: to none.
+    /// Adapts the smallest eigenvalue that is kept to the optimality error. NaN removes the
+    /// adaptation.
     pub(super) fn expect_error(&mut self, error: f64) {
         self.smallest = match error.is_nan() {
             true => SMALLEST,
@@ -65,12 +68,12 @@ impl Reduced {
         Some(self.norm)
     }
 
-    /// Takes a limit back.
+    /// Removes the limit.
     pub(super) fn unlimited(&mut self) {
         self.radius = None;
     }
 
-    /// Keeps the norm of a solution.
+    /// Stores the norm of a solution.
     pub(super) fn remember(&mut self, step: &[f64]) {
         self.norm = step.iter().map(|d| d * d).sum::<f64>().sqrt();
     }
@@ -134,7 +137,8 @@ impl Reduced {
         shift
     }
 
-    /// The smallest lift of the eigenvalues with which the step along the eigenvectors is no longer than `radius`.
+    /// The smallest lift of the eigenvalues with which the step along the eigenvectors is no longer
+    /// than `radius`.
     fn floor_within(&self, radius: f64) -> f64 {
         let norm = |floor: f64| {
             let terms = self.along.iter().zip(&self.eigenvalues);
@@ -149,7 +153,7 @@ impl Reduced {
         if !high.is_finite() {
             return low;
         }
-        // `high` shortens every component; nine tenths of the radius are near enough.
+        // `high` shortens every component; nine tenths of the radius are close enough.
         for _ in 0..60 {
             let middle = if low > 0.0 {
                 (low * high).sqrt()

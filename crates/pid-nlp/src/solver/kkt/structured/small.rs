@@ -6,7 +6,8 @@ use pid_lanes::{LANES, Lane};
 /// Ratio of a pivot to its row below which a step Jacobian counts as singular.
 pub(super) const SINGULAR: f64 = 1e-13;
 
-/// Factorises in place, the inverse of the pivots on the diagonal. Gives the lane and the relative pivot where one is singular.
+/// Factorises in place, the inverse of the pivots on the diagonal. Gives the lane and the relative
+/// pivot where one is singular.
 #[inline(always)]
 pub(super) fn lu_factor<S: Simd>(
     simd: S,

@@ -19,7 +19,8 @@ impl Numbers {
     }
 }
 
-/// Dense steps, but for `kinematic` leading rows without parameters that have one component of the next state each.
+/// Dense steps, but for `kinematic` leading rows without parameters that have one component of the
+/// next state each.
 fn layout(
     (nx, ny, np): (usize, usize, usize),
     kinematic: usize,
@@ -50,7 +51,8 @@ fn layout(
     }
 }
 
-/// `‖b − K s‖∞ / (‖K‖∞ ‖s‖∞ + ‖b‖∞)` for a solution s of the system with right-hand side b (J. L. Rigal, J. Gaches, J. ACM 14 (1967)).
+/// `‖b − K s‖∞ / (‖K‖∞ ‖s‖∞ + ‖b‖∞)` for a solution s of the system with right-hand side b (J. L.
+/// Rigal, J. Gaches, J. ACM 14 (1967)).
 fn backward_error(
     (hessian, jacobian): &(SparsePattern, SparsePattern),
     values: KktValues<'_>,
@@ -107,9 +109,9 @@ fn check(
     for _ in 0..layout.steps() {
         for &(r, c) in &layout.step_jacobian {
             let (r, c) = (r as usize, c as usize);
-            // y = growth * x + small coupling
-            // The rows of a step are rotated, so that its factorization has to pivot; kinematic ones stand first and meet
-            // the first components of the next state.
+            // y = growth * x + small coupling The rows of a step are rotated, so that its
+            // factorization has to pivot; kinematic ones stand first and meet the first components
+            // of the next state.
             let ns = ny - nx;
             let r = match r.checked_sub(kinematic) {
                 Some(rest) => match (rest + 2) % (ny - kinematic) {
@@ -261,7 +263,8 @@ fn unstable_plant_over_a_long_horizon() {
     check((2, 2, 3), 0, &[600], false, 1.1, 1e-6);
 }
 
-/// 60⁷ = 3e12: over a segment of seven steps no digit of the condensed cost is left, over four enough of them.
+/// 60⁷ = 3e12: over a segment of seven steps no digit of the condensed cost is left, over four
+/// enough of them.
 #[test]
 fn states_that_grow_much_over_a_step_make_segments_short() {
     let kkt = check((2, 2, 3), 0, &[60, 5], false, 60.0, 1e-6);
@@ -292,8 +295,9 @@ fn segments_are_long_again_once_states_grow_little() {
     }
 }
 
-/// States of curvature 1e10 leave links a compliance below the static regularisation: near the solution of a long record it shrinks
-/// with it, and the defects are closed; far from it they are closed in part.
+/// States of curvature 1e10 give links a compliance below the static regularisation. Near the
+/// solution of a long record it shrinks with the compliance, and the defects are closed; far from
+/// it they are closed in part.
 #[test]
 fn stiff_links_close_their_defects_near_the_solution() {
     let layout = layout((1, 1, 0), 0, &[LONG], false);
@@ -325,8 +329,8 @@ fn stiff_links_close_their_defects_near_the_solution() {
     assert!(far > 1e-3, "{far:e} left open");
 }
 
-/// Errors of the reduced Hessian of thrice its size in two directions: refinement makes the solution worse, conjugate residuals need
-/// as many directions as there are errors, and one.
+/// The reduced Hessian carries errors of three times its size in two directions. Refinement makes
+/// the solution worse; conjugate residuals need one direction more than there are errors.
 #[test]
 fn conjugate_residuals_get_over_errors_of_the_reduced_hessian() {
     let (layout, fixed) = (layout((2, 2, 5), 0, &[30], false), [false; 5]);
@@ -355,7 +359,7 @@ fn conjugate_residuals_get_over_errors_of_the_reduced_hessian() {
     };
     let mut kkt = StructuredKkt::new(layout.clone(), &fixed, 10);
     kkt.factorise(values).expect("factorises");
-    // What is solved changes, the factorization does not.
+    // The right-hand side changes, the factorization does not.
     let mut other = hessian.clone();
     let own = layout.node_values() + layout.nodes() * 2;
     for (i, v) in [(0, 4.0), (3, -0.5)] {
@@ -444,7 +448,8 @@ fn negative_curvature_in_a_parameter_is_reflected() {
     );
 }
 
-/// The limit holds for the norm in the parameters; the solution is that of the matrix with raised eigenvalues, and descends.
+/// The limit holds for the norm in the parameters; the solution is that of the matrix with raised
+/// eigenvalues, and descends.
 #[test]
 fn limited_steps_solve_the_lifted_system() {
     let layout = layout((2, 2, 3), 0, &[30, 7], false);
