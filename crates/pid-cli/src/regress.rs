@@ -10,7 +10,6 @@ use pid_fit::regress::solution::JointWeights;
 use pid_fit::regress::{Options, Regression, regress};
 use pid_runtime::dynamics::Hessian;
 use pid_runtime::extend::Extended;
-use pid_runtime::term::Request;
 use serde_json::{Value, json};
 
 use crate::args::{CutoffArg, JointWeightsArg, RegressArgs, RegressMethodArg};

@@ -130,13 +130,16 @@ fn term(
     Ok((Term { effect, joint }, e))
 }
 
+/// Makes the error at an effect: place, key, what was found, mend.
+type AtEffect<'a> = dyn Fn(&Option<Place>, &'static str, String, String) -> Fault + 'a;
+
 /// The value of a parameter, its unit and range checked.
 fn value(
     nominal: &description::Nominal,
     joint: usize,
     p: &Parameter,
     own: &EffectParameter,
-    fault: &dyn Fn(&Option<Place>, &'static str, String, String) -> Fault,
+    fault: &AtEffect<'_>,
 ) -> Result<f64, Fault> {
     let unit = unit(nominal, joint, p);
     if let Some(stated) = &own.unit

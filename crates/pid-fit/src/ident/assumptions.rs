@@ -9,6 +9,9 @@ use pid_runtime::dynamics::{Dynamics, ParamInfo};
 use pid_toml::{Place, Source, Spanned};
 use serde::Deserialize;
 
+/// Priors, and the values that parameters start from.
+type PriorsAndStarts = (Vec<Prior>, Vec<(usize, f64)>);
+
 /// A file of assumptions that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -233,7 +236,7 @@ impl Reader<'_> {
     fn priors(
         &self,
         tables: &BTreeMap<Spanned<String>, PriorTable>,
-    ) -> Result<(Vec<Prior>, Vec<(usize, f64)>), AssumptionsError> {
+    ) -> Result<PriorsAndStarts, AssumptionsError> {
         let mut priors = Vec::new();
         let mut values = Vec::new();
         for (at, table) in tables {
