@@ -17,7 +17,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 /// What decides a verdict.
 ///
 /// "Gain" is twice the gain in log-likelihood over train and test records, less ln N per parameter
-/// and twice the logarithm of the number of candidates (see [`gain`]). "Gap" is the normalised
+/// and twice the logarithm of the number of candidates (see `gain`). "Gap" is the normalised
 /// free-run error of [`crate::gap`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Criteria {

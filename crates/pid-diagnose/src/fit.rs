@@ -426,7 +426,7 @@ impl Quadratic {
 
     /// Minimiser within `low ≤ x ≤ high`, by an active set on Cholesky factorizations; and whether
     /// it is one: otherwise the curvature is not positive, or the active set has not settled within
-    /// [`ROUNDS`], and x is a point within the bounds.
+    /// `ROUNDS`, and x is a point within the bounds.
     pub fn minimise(&self, low: &DVector<f64>, high: &DVector<f64>) -> (DVector<f64>, bool) {
         let m = self.g.len();
         let mut x = DVector::zeros(m);

@@ -129,7 +129,7 @@ pub struct Machine<'h, D: Pick> {
     scratch: Vec<D>,
     value_x: Vec<f64>,
     value_scratch: Vec<f64>,
-    /// Steps whose dry friction did not settle within [`ROUNDS`].
+    /// Steps whose dry friction did not settle within `ROUNDS`.
     pub unsettled: usize,
 }
 

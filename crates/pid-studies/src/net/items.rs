@@ -63,7 +63,7 @@ fn one(
 /// Environment variable by which this program runs as the command.
 const AS_COMMAND: &str = "PID_NET_AS_COMMAND";
 
-/// Runs this process as the command line, if [`demo`] started it.
+/// Runs this process as the command line, if `demo` started it.
 pub fn as_command() -> Option<ExitCode> {
     std::env::var_os(AS_COMMAND)?;
     Some(pid_cli::main(&[]))
