@@ -31,9 +31,9 @@ enum Command {
     /// Measure how time and memory of an identification grow with the record.
     Scaling(Words),
     /// Identify the two-link robot from every start of a table.
-    Seed(Words),
+    SeedStudy(Words),
     /// Compare numbers of shooting nodes over the starts of a table.
-    Shooting(Words),
+    ShootingStudy(Words),
     /// Measure what constraints of the user cost.
     Constrained(Words),
     /// Measure the time of one evaluation of the six-axis arm.
@@ -63,8 +63,8 @@ fn main() -> ExitCode {
         Command::Coverage(args) => coverage::run(&args),
         Command::HockSchittkowski(args) => done(hock_schittkowski::command::run(&args.words)),
         Command::Scaling(args) => done(scaling::run(&args.words)),
-        Command::Seed(args) => done(seed_study::run(&args.words)),
-        Command::Shooting(args) => done(shooting_study::run(&args.words)),
+        Command::SeedStudy(args) => done(seed_study::run(&args.words)),
+        Command::ShootingStudy(args) => done(shooting_study::run(&args.words)),
         Command::Constrained(args) => done(constrained::run(&args.words)),
         Command::DynamicsSpeed(args) => {
             dynamics_speed::run(&args.words);
