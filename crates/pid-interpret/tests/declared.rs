@@ -291,7 +291,7 @@ fn what_is_known_of_the_measurement() {
         .to_string();
     std::fs::remove_dir_all(&folder).unwrap();
     let expected = format!(
-        "{}:2: joint: `name` is \"elbow\"\n  help: the joints of the robot are swing, turn",
+        "{}:2:8: joint: `name` is \"elbow\"\n  help: the joints of the robot are swing, turn",
         file.display()
     );
     assert_eq!(text, expected);

@@ -118,16 +118,23 @@ fn same_map(truth: &Truth, cause: &Cause, effect: &str, joint: Option<usize>) ->
     let (Some(own), Some(other)) = (effects::by_id(cause.kind.id()), effects::by_id(effect)) else {
         return false;
     };
+    // A cause of the whole robot is at the joint that is said.
+    let stated = joint.and_then(|j| j.checked_sub(1));
+    let at_joint = if own.info().has_joint {
+        cause.joint
+    } else {
+        stated.unwrap_or(0)
+    };
     // Every robot of the study has viscous friction, and gravity counts as one that acts: its
     // direction is no part of the truth.
     let at = Circumstances {
         joints: truth.joints,
-        joint: cause.joint,
+        joint: at_joint,
         gravity: true,
         vertical_plane: truth.one_axis,
         viscous: true,
     };
-    let there = !other.info().has_joint || joint == Some(cause.joint + 1);
+    let there = !other.info().has_joint || stated == Some(at_joint);
     there && own.info().equal_to(&at).any(|id| id == effect)
 }
 

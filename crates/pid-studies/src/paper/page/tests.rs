@@ -79,7 +79,7 @@ fn the_page_is_in_order() {
     for part in [
         "objective J, dimensionless</text>",
         "θ1, rad</text>",
-        "<dd>pid paper --quick</dd>",
+        "<dd>pid-studies paper --quick</dd>",
     ] {
         assert!(html.contains(part), "{part}");
     }
