@@ -37,7 +37,7 @@ fn findings() -> Findings {
     };
     let mut f = Findings {
         program: "pid 0".to_owned(),
-        command: "simtrue paper --quick".to_owned(),
+        command: "pid-studies paper --quick".to_owned(),
         seed: 1,
         plan: Plan {
             nodes: vec![1, 5],
