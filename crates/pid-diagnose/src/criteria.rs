@@ -96,6 +96,10 @@ pub struct Criteria {
     /// 2: not derived.
     pub together: usize,
 
+    /// Share of the squared gap beyond the floor below which an effect beside others is none. 0.03:
+    /// not derived.
+    pub least_share: f64,
+
     /// Mismatch of a derived velocity and its positions, share of the motion, that rounding of
     /// files and drives explains. 0.005: not derived.
     pub reading_mismatch: f64,
@@ -152,6 +156,7 @@ impl Default for Criteria {
             majority: 0.7,
             majority_of_all: 0.8,
             together: 2,
+            least_share: 0.03,
             reading_mismatch: 5e-3,
             lag_leaves: 0.5,
             rival: 0.01,
@@ -241,6 +246,10 @@ pub struct Budget {
     pub refits: usize,
     /// Candidates refitted in each round where the library explains a part.
     pub partial_refits: usize,
+    /// Most effects taken together where the library explains a part.
+    pub most_in_part: usize,
+    /// Rounds in which they are taken at most: effects taken may be dropped again.
+    pub rounds: usize,
     /// Candidates refitted to settle noise levels that are not stated.
     pub sketched: usize,
     /// Candidates that the first round is left to after that.
@@ -291,6 +300,8 @@ impl Default for Budget {
             most: 2,
             refits: 7,
             partial_refits: 9,
+            most_in_part: 4,
+            rounds: 6,
             sketched: 4,
             shortlist: 12,
             steps: 14,

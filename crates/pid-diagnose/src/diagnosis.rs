@@ -32,6 +32,9 @@ pub enum Verdict {
         /// The first joint concerned, from 1.
         joint: usize,
     },
+    /// Several effects together explain most of what the gap has beyond its floor, and none of them
+    /// leads by itself; all stand in [`Diagnosis::effects`], the largest first. Word: `several`.
+    Several,
     /// Something is missing that no effect of the library explains. Word: `unknown`.
     Unknown,
 }
@@ -41,6 +44,8 @@ impl Verdict {
     pub const NOTHING: &'static str = "none";
     /// Word of [`Verdict::OutsideTolerance`].
     pub const FRICTION: &'static str = "friction";
+    /// Word of [`Verdict::Several`].
+    pub const SEVERAL: &'static str = "several";
     /// Word of [`Verdict::Unknown`].
     pub const UNKNOWN: &'static str = "unknown";
 
@@ -50,6 +55,7 @@ impl Verdict {
             Verdict::Nothing => Self::NOTHING,
             Verdict::Effect { id, .. } => id,
             Verdict::OutsideTolerance { .. } => Self::FRICTION,
+            Verdict::Several => Self::SEVERAL,
             Verdict::Unknown => Self::UNKNOWN,
         }
     }
@@ -59,7 +65,7 @@ impl Verdict {
         match self {
             Verdict::Effect { joint, .. } => *joint,
             Verdict::OutsideTolerance { joint } => Some(*joint),
-            Verdict::Nothing | Verdict::Unknown => None,
+            Verdict::Nothing | Verdict::Several | Verdict::Unknown => None,
         }
     }
 }
@@ -84,6 +90,7 @@ impl From<Words> for Verdict {
     fn from(Words { effect, joint }: Words) -> Self {
         match (effect.as_str(), joint) {
             (Self::NOTHING, _) => Verdict::Nothing,
+            (Self::SEVERAL, _) => Verdict::Several,
             (Self::UNKNOWN, _) => Verdict::Unknown,
             (Self::FRICTION, Some(joint)) => Verdict::OutsideTolerance { joint },
             _ => Verdict::Effect { id: effect, joint },
@@ -113,6 +120,11 @@ pub struct Named {
     pub parameters: Vec<Magnitude>,
     /// Where it shows.
     pub regime: String,
+    /// Its share of the squared gap beyond the floor on the test records: the mean of what is lost
+    /// without it and of what it explains alone, in proportion to what all named effects explain
+    /// together. `None` where no free run tells.
+    #[serde(default)]
+    pub share: Option<f64>,
 }
 
 /// A line of the ranking.
@@ -134,6 +146,33 @@ impl Ranked {
         self.joint
             .map_or(self.effect.clone(), |j| format!("{}:{j}", self.effect))
     }
+}
+
+/// A round of the search: what was tried beside the effects taken before.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Round {
+    /// Labels of the effects that were there already.
+    pub beside: Vec<String>,
+    /// Refitted candidates, best first.
+    pub candidates: Vec<Tried>,
+    /// Labels of the effects that the one taken made superfluous.
+    #[serde(default)]
+    pub dropped: Vec<String>,
+}
+
+/// A candidate of a round.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Tried {
+    /// Label: `effect` or `effect:joint`.
+    pub label: String,
+    /// Twice the gain in log-likelihood, less the penalty.
+    pub score: f64,
+    /// Gain on records never fitted.
+    pub held_out: f64,
+    /// Gap on the test records with it.
+    pub gap: f64,
+    /// The rule that refused it; `None` for the one taken.
+    pub refused: Option<String>,
 }
 
 /// What is left beside the named effects where no verdict explains the records down to their noise.
@@ -356,6 +395,9 @@ pub struct Diagnosis {
     pub beyond_tolerance: Vec<Beyond>,
     /// Candidates, best first.
     pub ranking: Vec<Ranked>,
+    /// The rounds of the search that the named effects come from; empty where one round decided.
+    #[serde(default)]
+    pub rounds: Vec<Round>,
     /// Stated probability that the verdict is right.
     pub confidence: f64,
     /// Effects that the records cannot tell from the named one.
@@ -393,6 +435,7 @@ mod tests {
         };
         for (verdict, json) in [
             (Verdict::Nothing, r#"{"effect":"none","joint":null}"#),
+            (Verdict::Several, r#"{"effect":"several","joint":null}"#),
             (Verdict::Unknown, r#"{"effect":"unknown","joint":null}"#),
             (
                 Verdict::OutsideTolerance { joint: 2 },

@@ -35,6 +35,8 @@ pub struct Gap {
     pub joints: Vec<(f64, Option<f64>)>,
     /// Squared normalised error of each window, all joints and channels: what an interval is drawn from.
     pub windows: Vec<f64>,
+    /// The same joint by joint, `[joint][window]`: what an effect of one joint is judged by.
+    pub joint_windows: Vec<Vec<f64>>,
 }
 
 /// The windows of one record: its number of samples and the states the predictor has at their starts.
@@ -140,6 +142,7 @@ struct Sums {
     joints: Vec<(f64, f64)>,
     records: f64,
     windows: Vec<f64>,
+    joint_windows: Vec<Vec<f64>>,
 }
 
 /// Squares and numbers of one record, per joint: position, velocity.
@@ -151,12 +154,13 @@ impl Sums {
             joints: vec![(0.0, 0.0); n],
             records: 0.0,
             windows: Vec::new(),
+            joint_windows: vec![Vec::new(); n],
         }
     }
 
     fn window(&mut self, squares: &mut Squares, errors: &[(f64, f64)], size: &[(f64, f64)]) {
         let n = size.len();
-        let (mut own, mut count) = (0.0, 0.0);
+        let mut own = vec![(0.0, 0.0); n];
         for (i, (eq, ev)) in errors.iter().enumerate() {
             let j = i % n;
             for (c, e) in [eq / size[j].0, ev / size[j].1].into_iter().enumerate() {
@@ -164,12 +168,19 @@ impl Sums {
                 if e.is_finite() {
                     squares[j][c].0 += e * e;
                     squares[j][c].1 += 1.0;
-                    own += e * e;
-                    count += 1.0;
+                    own[j].0 += e * e;
+                    own[j].1 += 1.0;
                 }
             }
         }
-        self.windows.push(own / f64::max(count, 1.0));
+        let mean = |(square, count): (f64, f64)| square / f64::max(count, 1.0);
+        let all = own
+            .iter()
+            .fold((0.0, 0.0), |sum, own| (sum.0 + own.0, sum.1 + own.1));
+        self.windows.push(mean(all));
+        for (windows, own) in self.joint_windows.iter_mut().zip(own) {
+            windows.push(mean(own));
+        }
     }
 
     fn record(&mut self, squares: &Squares) {
@@ -207,6 +218,7 @@ impl Sums {
             total: (all.iter().map(|x| x * x).sum::<f64>() / all.len() as f64).sqrt(),
             joints,
             windows: self.windows,
+            joint_windows: self.joint_windows,
         }
     }
 }

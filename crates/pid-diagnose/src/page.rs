@@ -270,7 +270,7 @@ fn verdict(d: &Diagnosis) -> String {
                 .map_or_else(String::new, |r| format!("{:.0} %", 100.0 * r.explained)),
             all(d)
         ),
-        Verdict::Effect { .. } => match &d.remainder {
+        Verdict::Effect { .. } | Verdict::Several => match &d.remainder {
             Some(r) => format!(
                 "{}: {:.0} % of the squared gap; the rest is unknown.",
                 all(d),

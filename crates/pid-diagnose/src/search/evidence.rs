@@ -10,8 +10,8 @@ use crate::case::Case;
 use crate::circumstances::equal_to;
 use crate::criteria::Criteria;
 use crate::diagnosis::{
-    Beyond, Diagnosis, Magnitude, Named, Next, Ranked, Remainder, Residue, SCHEMA_VERSION, Share,
-    Signals, Verdict,
+    Beyond, Diagnosis, Magnitude, Named, Next, Ranked, Remainder, Residue, Round, SCHEMA_VERSION,
+    Share, Signals, Verdict,
 };
 use crate::effect::Term;
 use crate::effects::by_id;
@@ -41,6 +41,8 @@ pub struct Evidence {
     pub effects: Vec<Named>,
     /// Candidates with their odds, best first.
     pub ranking: Vec<Ranked>,
+    /// Rounds in which effects were taken in part.
+    pub rounds: Vec<Round>,
     /// Mean squared innovation of the nominal structure and of the effects accepted.
     pub misfit: (f64, f64),
     /// Whether the innovations of the effects accepted are white.
@@ -49,6 +51,9 @@ pub struct Evidence {
     pub unexplained: bool,
     /// What effects explain that were taken although something is left.
     pub(super) part: Option<Part>,
+    /// Whether free runs leave no more than noise although innovations are no white noise, and no
+    /// effect pays.
+    pub coloured: bool,
     /// What is left beside the effects, if something is.
     pub remainder: Option<Remainder>,
     /// Friction outside its stated tolerance.
@@ -84,6 +89,14 @@ impl Part {
         let most = leads(criteria, self.first, probability) && self.all > criteria.majority_of_all;
         let nothing_left = self.left < criteria.near && probability > 0.5;
         effects <= criteria.together && !self.nameless && (most || nothing_left)
+    }
+
+    /// Whether several effects together are the verdict: they explain most, and little is left.
+    fn are_a_verdict(&self, criteria: &Criteria, effects: usize) -> bool {
+        effects > 1
+            && !self.nameless
+            && self.all > criteria.majority_of_all
+            && self.left < criteria.unexplained
     }
 }
 
@@ -155,6 +168,8 @@ impl Evidence {
             after: selection.after,
             floor,
             effects: selection.effects,
+            rounds: Vec::new(),
+            coloured: false,
             misfit: selection.misfit,
             residue: selection.residue,
             unexplained: selection.unexplained,
@@ -201,8 +216,16 @@ impl Evidence {
             if part.is_a_verdict(criteria, self.effects.len(), probability) {
                 return named(first, probability.min(criteria.right_unknown));
             }
+            if part.are_a_verdict(criteria, self.effects.len()) {
+                let regimes: Vec<&str> = self.effects.iter().map(|e| &*e.regime).collect();
+                return Stated {
+                    verdict: Verdict::Several,
+                    confidence: criteria.right_unknown,
+                    regime: regimes.join("; "),
+                };
+            }
         }
-        if self.unexplained {
+        if self.unexplained && !self.coloured {
             let law = self.remainder.as_ref().and_then(|r| r.nameless.as_ref());
             return Stated {
                 verdict: Verdict::Unknown,
@@ -233,11 +256,18 @@ impl Evidence {
                 Verdict::OutsideTolerance { joint: b.joint },
                 FRICTION_REGIME,
             ),
+            None if self.coloured => (
+                Verdict::Nothing,
+                "all records; what is left is no white noise, but free runs do not show it",
+            ),
             None => (Verdict::Nothing, "all records"),
         };
         Stated {
             verdict,
-            confidence: criteria.right_estimated,
+            confidence: match self.coloured {
+                true => criteria.right_unknown,
+                false => criteria.right_estimated,
+            },
             regime: regime.to_owned(),
         }
     }
@@ -316,6 +346,7 @@ impl Evidence {
             remainder,
             beyond_tolerance: self.beyond.clone(),
             ranking: self.ranking.clone(),
+            rounds: self.rounds.clone(),
             confidence,
             confusion_set: self.confusion_set(),
             regime,
@@ -346,6 +377,7 @@ fn friction(beyond: &[Beyond]) -> Vec<Named> {
                 joint: Some(b.joint),
                 parameters: vec![parameter],
                 regime: FRICTION_REGIME.to_owned(),
+                share: None,
             }),
         }
     }

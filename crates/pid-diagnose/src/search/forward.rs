@@ -463,6 +463,7 @@ impl Lagging {
             joint: self.term.shown_joint(),
             parameters: vec![self.constant.clone()],
             regime: info.regime.to_owned(),
+            share: None,
         }
     }
 }

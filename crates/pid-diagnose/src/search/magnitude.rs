@@ -278,6 +278,7 @@ pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
                 joint: term.shown_joint(),
                 parameters,
                 regime: info.regime.to_owned(),
+                share: None,
             }
         })
         .collect()

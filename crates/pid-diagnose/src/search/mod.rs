@@ -22,6 +22,7 @@ mod odds;
 mod partial;
 mod refit;
 mod settings;
+mod shares;
 mod tolerance;
 mod whiteness;
 
@@ -72,7 +73,7 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
     match wider {
         Some(wider) => {
             let refits = stated.refits + wider.refits;
-            tolerance::beyond(stated, part(Evidence { refits, ..wider }))
+            tolerance::beyond(stated, part(Evidence { refits, ..wider }), settings)
         }
         None => part(stated),
     }

@@ -54,37 +54,42 @@ pub(super) fn tempered(
     lag.into_iter().chain(candidates).collect()
 }
 
-/// The ranking of effects that explain a part, of which the first `taken` are taken: those of the
-/// first round among each other, the later ones in their own.
-pub(super) fn plain(ranking: &[Refit], taken: usize) -> Vec<Ranked> {
-    let own = |i: usize| i == 0 || i >= taken;
-    // A candidate that scored more but did not pay on motions never fitted counts as an equal, not as better.
-    let most = if taken > 0 {
-        ranking[0].score
-    } else {
-        f64::INFINITY
-    };
-    let score = |i: usize| ranking[i].score.min(most);
-    let best = (0..ranking.len())
-        .filter(|&i| own(i))
-        .map(score)
-        .fold(0.0, f64::max);
-    let weight = |score: f64| (0.5 * (score - best)).exp();
-    let sum: f64 = weight(0.0)
-        + (0..ranking.len())
-            .filter(|&i| own(i))
-            .map(|i| weight(score(i)))
-            .sum::<f64>();
-    ranking
+/// Probabilities of the candidates of one round among each other and what was there before them, by
+/// their scores. A candidate that scored more than the one taken, but was refused, counts as an
+/// equal, not as better.
+pub(super) fn within_round(scores: &[f64], taken: Option<usize>) -> Vec<f64> {
+    let most = taken.map_or(f64::INFINITY, |i| scores[i]);
+    let best = scores.iter().map(|s| s.min(most)).fold(0.0, f64::max);
+    let weights: Vec<f64> = scores
         .iter()
-        .enumerate()
-        .map(|(i, r)| {
-            let probability = if own(i) {
-                weight(score(i)) / sum
-            } else {
-                1.0 - weight(0.0).min(1.0)
-            };
-            line(&r.term, r.score, probability)
-        })
+        .map(|s| (0.5 * (s.min(most) - best)).exp())
+        .collect();
+    let sum = weights.iter().sum::<f64>() + (-0.5 * best).exp();
+    weights.iter().map(|w| w / sum).collect()
+}
+
+/// The ranking of refits with their probabilities.
+pub(super) fn plain(refits: &[(Refit, f64)]) -> Vec<Ranked> {
+    refits
+        .iter()
+        .map(|(r, probability)| line(&r.term, r.score, *probability))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::within_round;
+
+    #[test]
+    fn a_refused_candidate_counts_as_an_equal_of_the_one_taken() {
+        let [refused, taken, faint] =
+            within_round(&[300.0, 100.0, 100.0 - 2.0 * 3f64.ln()], Some(1))[..]
+        else {
+            panic!("three");
+        };
+        assert!((refused - 3.0 / 7.0).abs() < 1e-12 && (taken - 3.0 / 7.0).abs() < 1e-12);
+        assert!((faint - 1.0 / 7.0).abs() < 1e-12);
+        // Nothing gains: what was there before is as likely as each.
+        assert!((within_round(&[0.0], None)[0] - 0.5).abs() < 1e-12);
+    }
 }

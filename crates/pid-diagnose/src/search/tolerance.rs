@@ -10,6 +10,7 @@ use pid_interpret::nominal::Role;
 use super::evidence::Evidence;
 use super::magnitude::deviations;
 use super::measure::share;
+use super::partial::tuned_within;
 use super::settings::Settings;
 use crate::case::Case;
 use crate::diagnosis::{Beyond, Remainder};
@@ -24,20 +25,23 @@ const HELD: f64 = 0.999;
 
 /// The evidence of a search with wider ranges, with what lies outside the stated ones; what was
 /// before is the nominal structure within them.
-pub(super) fn beyond(stated: Evidence, wider: Evidence) -> Evidence {
+pub(super) fn beyond(stated: Evidence, wider: Evidence, settings: &Settings) -> Evidence {
     let beyond = outside(&stated.case, &wider);
-    let mut base = wider.base;
-    let theta = &mut base.point.theta;
-    theta.clone_from(&stated.base.point.theta);
-    let values = stated.case.nominal.values.iter();
-    for (k, (old, own)) in values.zip(&wider.case.nominal.values).enumerate() {
-        if FRICTION.contains(&own.role) && own.half_width > 0.0 {
-            let value = old.nominal + old.half_width * theta[k];
-            theta[k] = (value - own.nominal) / own.half_width;
-        }
-    }
+    let mut base = wider.base.clone();
+    base.point.theta = within(&stated.case, &wider.case, &stated.base.point.theta);
     base.gains = all_gains(&wider.case, &base.hypothesis, &base.point);
-    let (before, floor) = (stated.before, wider.floor);
+    let floor = wider.floor;
+    // Where effects explain a part, what was before is judged as they are: by slow predictions. Without
+    // a value outside its tolerance the wider ranges were not used.
+    let (own, before) = match (&wider.part, beyond.is_empty()) {
+        (None, _) => (base, stated.before),
+        (Some(_), true) => (wider.base.clone(), wider.before.clone()),
+        (Some(_), false) => {
+            let (fit, gap) = tuned_within(&stated, settings);
+            base.point.theta = within(&stated.case, &wider.case, &fit.point.theta);
+            (base, gap)
+        }
+    };
     let after = wider.after.total;
     let remainder = wider.remainder.map(|left| Remainder {
         explained: if before.total > floor {
@@ -49,12 +53,26 @@ pub(super) fn beyond(stated: Evidence, wider: Evidence) -> Evidence {
     });
     Evidence {
         misfit: (stated.misfit.0, wider.misfit.1),
-        base,
+        base: own,
         before,
         remainder,
         beyond,
         ..wider
     }
+}
+
+/// Deviations θ within the stated tolerances as deviations within the wider ones.
+fn within(stated: &Case, wider: &Case, theta: &[f64]) -> Vec<f64> {
+    let ranges = stated.nominal.values.iter().zip(&wider.nominal.values);
+    let both = ranges.zip(theta);
+    both.map(|((old, own), theta)| {
+        if FRICTION.contains(&own.role) && own.half_width > 0.0 {
+            (old.nominal + old.half_width * theta - own.nominal) / own.half_width
+        } else {
+            *theta
+        }
+    })
+    .collect()
 }
 
 /// The case with wider ranges of the friction values that a tolerance holds, as wide as the nominal

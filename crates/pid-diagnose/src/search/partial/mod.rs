@@ -1,0 +1,477 @@
+//! Effects that pay although something is left that none of them explains.
+//!
+//! Where the verdict is `unknown`, the innovations are the model's errors and no measure of noise.
+//! The nominal parameters are then fitted again to slow predictions (see
+//! [`levels`](crate::levels)), and effects are taken one after the other, each judged by
+//!
+//! ```text
+//! score = Σ over joints, channels, roles  N′ ln(S₀/S₁)  −  k ln N′  −  2 ln(candidates)
+//! ```
+//!
+//! with the sums of squares S without and with it and the number N′ of independent samples of what
+//! it leaves: twice the gain in profile likelihood with the level unknown (L. Ljung, System
+//! Identification, 1999, section 7.4). It must also shrink the free-run gap on motions never fitted
+//! by more than the scatter between their windows, over all joints or at its own. After each effect
+//! taken those before it are judged again beside it, and the whole list is scored again.
+
+mod judge;
+
+use rayon::prelude::*;
+
+use super::candidates::{directions, listed};
+use super::evidence::{Evidence, Part};
+use super::magnitude::{name, sizes};
+use super::measure::{measured, noise_alone, share};
+use super::nameless::{described, free_laws, imitated_in_part};
+use super::odds::{plain, within_round};
+use super::refit::{Refit, refit};
+use super::settings::Settings;
+use super::shares::{Parts, parts, shares, without};
+use crate::case::Case;
+use crate::criteria::Budget;
+use crate::diagnosis::{Remainder, Round, Tried};
+use crate::fit::{Basis, Effort, Fit, basis, fit};
+use crate::gap::Gap;
+use crate::levels::{follow_slowly, settle};
+use crate::noise;
+use crate::screen::screen;
+use crate::simulate::Run;
+use judge::{Gained, at_an_end, gained, judge, shrinks, sums_of};
+
+/// What the library explains, and what it is judged against.
+struct Partial {
+    /// The nominal structure, tuned, and its gap.
+    base: Fit,
+    before: Gap,
+    /// With the effects that pay.
+    now: Stand,
+    /// The refits they were taken as, in the order of [`Stand::fit`], each with its probability among
+    /// those of its round.
+    taken: Vec<(Refit, f64)>,
+    /// Candidates of the first round that were not taken, best first, alike.
+    others: Vec<(Refit, f64)>,
+    rounds: Vec<Round>,
+    /// Gaps with and without each effect, and its share.
+    shares: Vec<(Parts, f64)>,
+    /// Refits made.
+    refits: usize,
+    /// A free law in place of the effects that describes the records better, and its gap.
+    law: Option<(Refit, f64)>,
+}
+
+/// Where the taking of effects stands.
+struct Stand {
+    /// With the levels of the errors of the model at hand.
+    case: Case,
+    directions: Basis,
+    /// The model at hand and its gap.
+    fit: Fit,
+    gap: Gap,
+}
+
+/// The nominal structure under the levels of its own errors; `sensors` has those of the readings: free runs start from what these tell.
+fn tuned(case: &Case, settings: &Settings, nominal: &Fit, sensors: &Case) -> Stand {
+    let mut case = case.clone();
+    follow_slowly(&mut case);
+    let mut fitted = nominal.clone();
+    fitted.hypothesis.run = Run::default();
+    let mut directions = basis(&case);
+    for _ in 0..settings.budget.turns {
+        fitted = fit(
+            &case,
+            &directions,
+            &fitted.hypothesis,
+            fitted.point.clone(),
+            Effort::full(settings.budget.steps),
+        );
+        (fitted, directions) = renewed(&mut case, settings, &fitted, sensors);
+    }
+    Stand {
+        gap: measured(sensors, &fitted),
+        case,
+        directions,
+        fit: fitted,
+    }
+}
+
+/// The nominal structure of a search, tuned, and its gap.
+pub(super) fn tuned_within(evidence: &Evidence, settings: &Settings) -> (Fit, Gap) {
+    let case = &evidence.case;
+    let stand = tuned(case, settings, &evidence.base, case);
+    (stand.fit, stand.gap)
+}
+
+/// One round: the candidates on top of what is taken, best first, what became of each, and the
+/// first of them that pays with where it leads.
+fn round(
+    now: &Stand,
+    settings: &Settings,
+    sensors: &Case,
+    known: &[Fit],
+) -> (Vec<Refit>, Round, Option<(usize, Stand)>) {
+    let mut list = listed(&now.case, &now.directions, settings, &now.fit);
+    for (term, starts) in &mut list {
+        starts.extend(known.iter().filter_map(|fit| last_of(fit, &term.label())));
+    }
+    let (best, slopes) = screen(
+        &now.case,
+        &now.directions,
+        &now.fit,
+        &list,
+        &settings.budget,
+    );
+    let many = Settings {
+        budget: Budget {
+            refits: settings.budget.partial_refits,
+            ..settings.budget.clone()
+        },
+        ..settings.clone()
+    };
+    let mut tried = refit(
+        &now.case,
+        &now.directions,
+        &many,
+        &now.fit,
+        (&best, &slopes),
+        list.len(),
+    );
+    let held_out = judge(&now.case, &now.fit, &mut tried, list.len());
+    let gaps: Vec<Gap> = tried
+        .par_iter()
+        .map(|r| measured(sensors, &r.fit))
+        .collect();
+    let mut candidates: Vec<Tried> = Vec::with_capacity(tried.len());
+    let mut taken = None;
+    for (i, r) in tried.iter().enumerate() {
+        let refused = match &taken {
+            Some(_) => Some(LATER.to_owned()),
+            None => match refused(settings, now, r, held_out[i], &gaps[i]) {
+                Some(rule) => Some(rule.to_owned()),
+                None => match led_to(settings, now, r, sensors) {
+                    Ok(next) => {
+                        taken = Some((i, next));
+                        None
+                    }
+                    Err(rule) => Some(rule.to_owned()),
+                },
+            },
+        };
+        candidates.push(Tried {
+            label: r.term.label(),
+            score: r.score,
+            held_out: held_out[i],
+            gap: gaps[i].total,
+            refused,
+        });
+    }
+    let beside = now
+        .fit
+        .hypothesis
+        .terms
+        .iter()
+        .map(crate::effect::Term::label);
+    let round = Round {
+        beside: beside.collect(),
+        candidates,
+        dropped: Vec::new(),
+    };
+    (tried, round, taken)
+}
+
+/// Parameters of the last effect of a fit, if it has this label.
+fn last_of(fit: &Fit, label: &str) -> Option<Vec<f64>> {
+    let term = fit.hypothesis.terms.last()?;
+    let own = fit.point.e.len() - term.effect.info().parameters.len();
+    (term.label() == label).then(|| fit.point.e[own..].to_vec())
+}
+
+/// What is said of candidates behind the one taken.
+const LATER: &str = "another one came first";
+
+/// The rule that refuses a candidate, if one does.
+fn refused(
+    settings: &Settings,
+    now: &Stand,
+    tried: &Refit,
+    held_out: f64,
+    own: &Gap,
+) -> Option<&'static str> {
+    let criteria = &settings.criteria;
+    // What few windows or another joint hide: the slow predictions of motions never fitted are
+    // beyond doubt.
+    let beyond_doubt =
+        held_out > criteria.beyond_doubt * criteria.margin && own.total < now.gap.total;
+    if tried.score <= criteria.margin {
+        Some("its score is that of chance")
+    } else if held_out <= 0.0 {
+        Some("it does not predict records never fitted better")
+    } else if !(shrinks(criteria, &tried.term, &now.gap, own) || beyond_doubt) {
+        Some("free runs do not shrink beyond their scatter")
+    } else {
+        None
+    }
+}
+
+/// Where a candidate leads under the levels that it leaves.
+fn led_to(
+    settings: &Settings,
+    now: &Stand,
+    tried: &Refit,
+    sensors: &Case,
+) -> Result<Stand, &'static str> {
+    let mut case = now.case.clone();
+    let (fit, directions) = renewed(&mut case, settings, &tried.fit, sensors);
+    let gap = measured(sensors, &fit);
+    if gap.total >= now.gap.total {
+        return Err("free runs grow under the levels it leaves");
+    }
+    if at_an_end(&case, &fit) {
+        return Err("its amplitude ends at the end of its range");
+    }
+    let own = sizes(&case, &settings.criteria, &fit);
+    if own.iter().any(|s| *s <= 1.0) {
+        return Err("beside it an effect is smaller than its deviation");
+    }
+    Ok(Stand {
+        case,
+        directions,
+        fit,
+        gap,
+    })
+}
+
+/// Drops the effects that the last one has made superfluous, one after the other: beside the others
+/// they gain no more than chance, or free runs are better without. Their places, in the order of
+/// dropping.
+fn pruned(now: &mut Stand, settings: &Settings, sensors: &Case) -> Vec<usize> {
+    let criteria = &settings.criteria;
+    let mut dropped = Vec::new();
+    loop {
+        let terms = &now.fit.hypothesis.terms;
+        let rest: Vec<(f64, f64, Fit)> = (0..terms.len().saturating_sub(1))
+            .into_par_iter()
+            .map(|i| {
+                let less = without(&now.case, &now.directions, settings, &now.fit, i);
+                let parameters = terms[i].effect.info().parameters.len();
+                let gained = gained(&now.case, &sums_of(&now.case, &less), &now.fit);
+                let gap = measured(sensors, &less).total;
+                (gained.score(parameters, 1), gap, less)
+            })
+            .collect();
+        let superfluous = rest
+            .into_iter()
+            .enumerate()
+            .filter(|(_, (score, gap, _))| *score < criteria.replaces() || *gap < now.gap.total)
+            .min_by(|a, b| a.1.0.total_cmp(&b.1.0));
+        let Some((i, (_, _, less))) = superfluous else {
+            return dropped;
+        };
+        (now.fit, now.directions) = renewed(&mut now.case, settings, &less, sensors);
+        now.gap = measured(sensors, &now.fit);
+        dropped.push(i);
+    }
+}
+
+/// Tunes the nominal structure of a search that explains nothing and takes the effects that pay.
+fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
+    let (case, nominal, floor) = (&evidence.case, &evidence.base, evidence.floor);
+    let sensors = case;
+    let mut now = tuned(case, settings, nominal, sensors);
+    let (base, before) = (now.fit.clone(), now.gap.clone());
+    let (mut taken, mut others) = (Vec::new(), Vec::new());
+    let mut rounds: Vec<Round> = Vec::new();
+    let mut refits = 0;
+    while taken.len() < settings.budget.most_in_part && rounds.len() < settings.budget.rounds {
+        let (tried, mut round, pays) = round(&now, settings, sensors, &evidence.rivals);
+        refits += tried.len();
+        let scores: Vec<f64> = tried.iter().map(|r| r.score).collect();
+        let odds = within_round(&scores, pays.as_ref().map(|(i, _)| *i));
+        let mut tried: Vec<(Refit, f64)> = tried.into_iter().zip(odds).collect();
+        let Some((i, next)) = pays else {
+            if rounds.is_empty() {
+                others = tried;
+            }
+            rounds.push(round);
+            break;
+        };
+        let before = now.gap.total;
+        now = next;
+        taken.push(tried.remove(i));
+        if rounds.is_empty() {
+            others = tried;
+        }
+        for place in pruned(&mut now, settings, sensors) {
+            round.dropped.push(taken.remove(place).0.term.label());
+        }
+        rounds.push(round);
+        // Nothing is left, or one effect went in circles with another.
+        if now.gap.total < settings.criteria.calm * floor || now.gap.total >= before {
+            break;
+        }
+    }
+    let shares = smallest_dropped(
+        &mut now,
+        &mut taken,
+        settings,
+        sensors,
+        (before.total, floor),
+    );
+    let laws = free_laws(&now.case, &now.directions, settings, &base, |_| true);
+    refits += laws.len();
+    let law = laws.into_iter().next().and_then(|law| {
+        let Gained {
+            train,
+            test,
+            number,
+        } = gained(&now.case, &sums_of(&now.case, &now.fit), &law.fit);
+        imitated_in_part(&settings.criteria, (&now.fit, &law), train + test, number)
+            .then(|| measured(sensors, &law.fit).total)
+            .map(|gap| (law, gap))
+    });
+    Partial {
+        base,
+        before,
+        now,
+        taken,
+        others,
+        rounds,
+        shares,
+        refits,
+        law,
+    }
+}
+
+/// Drops effects of hardly any share, the smallest first; the gaps with and without each of the
+/// others, and their shares.
+fn smallest_dropped(
+    now: &mut Stand,
+    taken: &mut Vec<(Refit, f64)>,
+    settings: &Settings,
+    sensors: &Case,
+    (before, floor): (f64, f64),
+) -> Vec<(Parts, f64)> {
+    loop {
+        let gaps = (before, now.gap.total);
+        let parts = parts(
+            (&now.case, sensors),
+            &now.directions,
+            settings,
+            &now.fit,
+            gaps,
+        );
+        let own = shares(&parts, before, now.gap.total, floor);
+        let smallest = (0..own.len()).min_by(|&a, &b| own[a].total_cmp(&own[b]));
+        match smallest.filter(|&i| own.len() > 1 && own[i] < settings.criteria.least_share) {
+            None => return parts.into_iter().zip(own).collect(),
+            Some(i) => {
+                let less = without(&now.case, &now.directions, settings, &now.fit, i);
+                (now.fit, now.directions) = renewed(&mut now.case, settings, &less, sensors);
+                now.gap = measured(sensors, &now.fit);
+                taken.remove(i);
+            }
+        }
+    }
+}
+
+/// The gap that noise alone leaves where its stated level is the least there can be: the input is
+/// also wrong between its samples. Drive noise is then what the nominal structure leaves.
+fn floor_of_records(evidence: &Evidence) -> f64 {
+    let mut case = evidence.case.clone();
+    for noise in &mut case.noise {
+        noise.stated = false;
+    }
+    noise::settle(&mut case, &evidence.base);
+    noise_alone(&case, &evidence.base).typical
+}
+
+/// Levels of the readings, the least there can be.
+fn readings(sensors: &Case) -> Vec<(f64, f64)> {
+    sensors.noise.iter().map(|n| (n.q, n.v)).collect()
+}
+
+/// Levels that a fit leaves, and the fit under them with the directions they determine.
+fn renewed(case: &mut Case, settings: &Settings, at: &Fit, sensors: &Case) -> (Fit, Basis) {
+    settle(case, at, &readings(sensors));
+    let directions = directions(case, at);
+    let next = fit(
+        case,
+        &directions,
+        &at.hypothesis,
+        at.point.clone(),
+        Effort::full(settings.budget.touch),
+    );
+    (next, directions)
+}
+
+/// Adds to the evidence of a search that explains nothing what the library explains in part.
+pub(super) fn add_part(evidence: Evidence, settings: &Settings) -> Evidence {
+    let mut floor = evidence.floor;
+    let Partial {
+        base,
+        before,
+        now,
+        taken,
+        others,
+        rounds,
+        shares,
+        refits,
+        law,
+    } = partial(&evidence, settings);
+    let Stand {
+        case,
+        fit,
+        gap: after,
+        ..
+    } = now;
+    let criteria = &settings.criteria;
+    let nothing_left = |floor: f64| before.total < criteria.near * floor;
+    if taken.is_empty() && !nothing_left(floor) {
+        let own = floor_of_records(&evidence);
+        floor = if nothing_left(own) { own } else { floor };
+    }
+    let coloured = taken.is_empty() && nothing_left(floor);
+    let explained = |gap: f64| share(before.total, gap, floor);
+    let nameless = law
+        .as_ref()
+        .map(|(law, gap)| (law, explained(*gap)))
+        .filter(|(_, explained)| *explained > criteria.majority)
+        .and_then(|(law, explained)| described(&case, criteria, law, explained));
+    // The largest leads.
+    let mut order: Vec<usize> = (0..taken.len()).collect();
+    order.sort_by(|&a, &b| shares[b].1.total_cmp(&shares[a].1));
+    let mut effects = name(&case, criteria, &fit);
+    for (named, (_, share)) in effects.iter_mut().zip(&shares) {
+        named.share = Some(*share);
+    }
+    let effects = order.iter().map(|&i| effects[i].clone()).collect();
+    let ranking: Vec<(Refit, f64)> = (order.iter().map(|&i| taken[i].clone()))
+        .chain(others)
+        .collect();
+    Evidence {
+        effects,
+        ranking: plain(&ranking),
+        rounds,
+        coloured,
+        floor,
+        part: Some(Part {
+            first: order.first().map_or(0.0, |&i| explained(shares[i].0.alone)),
+            all: explained(after.total),
+            left: after.total / floor,
+            nameless: law.is_some(),
+        }),
+        remainder: (!coloured).then(|| Remainder {
+            explained: explained(after.total),
+            own_error: true,
+            missing_force: Vec::new(),
+            nameless,
+        }),
+        rivals: ranking.into_iter().map(|r| r.0.fit).collect(),
+        refits: evidence.refits + refits,
+        case,
+        base,
+        fit,
+        before,
+        after,
+        ..evidence
+    }
+}
