@@ -90,7 +90,6 @@ pub mod scalar;
 pub mod screen;
 pub mod search;
 pub mod simulate;
-pub mod study;
 pub mod timing;
 pub mod windows;
 pub mod with_effects;

@@ -3,8 +3,7 @@
 use maud::{Markup, html};
 use pid_page::{Axis, Footer, Ink, Page, Plot, figure, table};
 
-use super::Outcome;
-use super::score::{Share, Summary, right, tier};
+use super::score::{Outcome, Share, Summary, right, tier};
 
 fn share(x: &Share) -> String {
     match x.value() {
@@ -69,7 +68,8 @@ impl Summary {
     }
 }
 
-pub(super) fn page(s: &Summary, outcomes: &[Outcome]) -> String {
+/// The report as a page.
+pub fn to_html(s: &Summary, outcomes: &[Outcome]) -> String {
     let figures: Vec<Vec<String>> = s.lines().into_iter().map(|(a, b)| vec![a, b]).collect();
     let said: Vec<Vec<String>> = s
         .confusion
@@ -104,7 +104,7 @@ pub(super) fn page(s: &Summary, outcomes: &[Outcome]) -> String {
             }
         },
         footer: Footer {
-            program: concat!("pid-diagnose ", env!("CARGO_PKG_VERSION")),
+            program: concat!("pid-studies ", env!("CARGO_PKG_VERSION")),
             data: &format!("{} simulated cases", outcomes.len()),
             settings: "",
             more: "summary.json beside this page holds the same figures",

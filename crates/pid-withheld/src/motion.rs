@@ -3,9 +3,20 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+/// The records: name, role, motion.
+pub(crate) const RECORDS: [(&str, &str, Motion); 5] = [
+    ("train_sines.csv", "train", Motion::Sines(100, 60)),
+    ("train_fast.csv", "train", Motion::Sines(85, 100)),
+    ("train_ramps.csv", "train", Motion::Ramps),
+    ("test_moves.csv", "test", Motion::Moves),
+    ("test_sines.csv", "test", Motion::Sines(90, 90)),
+];
+/// Length of a record, s.
+pub(crate) const LENGTH: f64 = 7.0;
+
 /// What a joint may do.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Room {
+pub(crate) struct Room {
     /// Middle of the motion.
     pub centre: f64,
     /// Largest deviation from it.
@@ -18,7 +29,7 @@ pub(super) struct Room {
 
 /// Kind of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Motion {
+pub(crate) enum Motion {
     /// Five sines, faded in from rest; share of amplitude and frequency in per cent.
     Sines(u8, u8),
     /// Slow ramps that reverse.
@@ -28,7 +39,7 @@ pub(super) enum Motion {
 }
 
 /// Positions at the multiples of `h`.
-pub(super) fn reference(
+pub(crate) fn reference(
     motion: Motion,
     room: &Room,
     samples: usize,

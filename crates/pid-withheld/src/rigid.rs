@@ -1,7 +1,12 @@
-//! Rigid links over any [`Scalar`]: where they hang, their inertial parameters, and 3-vectors; the
-//! tree of them is [`linkage`](super::linkage).
+//! Rigid links over any [`Number`]: where they hang, their inertial parameters, and 3-vectors; the
+//! tree of them is [`linkage`](crate::linkage).
 
-use crate::scalar::Scalar;
+use num_dual::DualNum;
+
+/// A real number, or one with a derivative: rates of change are taken by it.
+pub trait Number: DualNum<Primitive = f64> + Copy + Send + Sync {}
+
+impl<D: DualNum<Primitive = f64> + Copy + Send + Sync> Number for D {}
 
 /// Three components.
 pub type V3<D> = [D; 3];
@@ -35,11 +40,11 @@ pub struct Hinge {
 }
 
 #[inline(always)]
-pub(crate) fn add<D: Scalar>(a: V3<D>, b: V3<D>) -> V3<D> {
+pub(crate) fn add<D: Number>(a: V3<D>, b: V3<D>) -> V3<D> {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 #[inline(always)]
-pub(crate) fn cross<D: Scalar>(a: V3<D>, b: V3<D>) -> V3<D> {
+pub(crate) fn cross<D: Number>(a: V3<D>, b: V3<D>) -> V3<D> {
     [
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -47,12 +52,12 @@ pub(crate) fn cross<D: Scalar>(a: V3<D>, b: V3<D>) -> V3<D> {
     ]
 }
 #[inline(always)]
-pub(crate) fn times<D: Scalar>(a: V3<D>, x: D) -> V3<D> {
+pub(crate) fn times<D: Number>(a: V3<D>, x: D) -> V3<D> {
     [a[0] * x, a[1] * x, a[2] * x]
 }
 
 /// Adds a point mass at `at` (link frame) to a body.
-pub fn add_point<D: Scalar>(body: &mut Body<D>, mass: D, at: V3<f64>) {
+pub fn add_point<D: Number>(body: &mut Body<D>, mass: D, at: V3<f64>) {
     let [x, y, z] = at;
     let share = [
         y * y + z * z,

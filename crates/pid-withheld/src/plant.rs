@@ -4,12 +4,12 @@
 //! gain, Coulomb friction, viscous friction. A deviation of 1 is one tolerance: `m = m₀ + Δm θ`,
 //! and so on.
 
+use nalgebra::DMatrix;
 use pid_derive::model::{Expr, JointKind};
 use pid_interpret::nominal::{Nominal, Role};
 
-use super::linkage::Linkage;
-use super::rigid::{Body, Hinge, M3, V3};
-use crate::scalar::Scalar;
+use crate::linkage::{Linkage, Surroundings};
+use crate::rigid::{Body, Hinge, M3, Number, V3};
 
 /// Deviations per joint.
 pub const PER_JOINT: usize = 14;
@@ -34,7 +34,7 @@ pub struct Plant<D> {
     pub tool: V3<f64>,
 }
 
-impl<D: Scalar> Plant<D> {
+impl<D: Number> Plant<D> {
     /// The plant at the deviations `theta` (n × [`PER_JOINT`]) of a chain or tree of driven links;
     /// `tool` in the last link's frame.
     pub fn new(description: &Nominal, theta: &[D]) -> Self {
@@ -46,7 +46,7 @@ impl<D: Scalar> Plant<D> {
             gain: Vec::new(),
             coulomb: Vec::new(),
             viscous: Vec::new(),
-            gravity: [0, 1, 2].map(|i| D::constant(number(&robot.gravity[i]))),
+            gravity: [0, 1, 2].map(|i| D::from(number(&robot.gravity[i]))),
             tool: description.measurement().tool.unwrap_or([0.0; 3]),
         };
         for (k, (joint, d)) in robot
@@ -98,8 +98,24 @@ impl<D: Scalar> Plant<D> {
     }
 }
 
+impl Plant<f64> {
+    /// `M(q)` without rotors and `b(q, v)`, the torques at zero acceleration, without a force on the
+    /// tool.
+    pub(crate) fn mass_and_bias(&self, q: &[f64], v: &[f64]) -> (DMatrix<f64>, Vec<f64>) {
+        let n = q.len();
+        let around = Surroundings {
+            gravity: self.gravity,
+            tip_force: None,
+        };
+        let (mut mass, mut bias) = (vec![0.0; n * n], vec![0.0; n]);
+        self.linkage()
+            .mass_and_bias(&around, (q, v), &mut mass, &mut bias);
+        (DMatrix::from_row_slice(n, n, &mass), bias)
+    }
+}
+
 /// Inertial parameters about the link's origin from those about the centre of mass (parallel axes).
-pub fn about_origin<D: Scalar>(mass: D, com: V3<D>, central: [D; 6]) -> Body<D> {
+pub fn about_origin<D: Number>(mass: D, com: V3<D>, central: [D; 6]) -> Body<D> {
     let [x, y, z] = com;
     let moment = com.map(|c| c * mass);
     Body {

@@ -3,17 +3,17 @@
 //! beyond each limit.
 //!
 //! ```text
-//! pid study --seed 91201 --cases 300 --joints 3 --out STUDY
-//! cargo run --release -p pid-diagnose --example null -- STUDY [STUDY …]
+//! pid-studies withheld --seed 91201 --cases 300 --joints 3 --out STUDY
+//! pid-studies null STUDY [STUDY …]
 //! ```
 
-use std::error::Error;
-use std::io::Write;
 use std::path::Path;
 
 use pid_diagnose::criteria::Criteria;
 use pid_diagnose::diagnosis::Diagnosis;
-use pid_diagnose::study::Truth;
+use pid_withheld::Truth;
+
+use crate::Failure;
 
 /// A statistic of a diagnosis and the limit it is judged by.
 struct Statistic {
@@ -58,7 +58,7 @@ fn statistics(criteria: &Criteria) -> Vec<Statistic> {
 }
 
 /// Diagnoses of the cases of a study in which nothing is missing.
-fn of_nothing(study: &Path) -> Result<Vec<Diagnosis>, Box<dyn Error>> {
+fn of_nothing(study: &Path) -> Result<Vec<Diagnosis>, Failure> {
     let mut out = Vec::new();
     for entry in std::fs::read_dir(study.join("truth"))? {
         let path = entry?.path();
@@ -73,20 +73,20 @@ fn of_nothing(study: &Path) -> Result<Vec<Diagnosis>, Box<dyn Error>> {
     Ok(out)
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+/// Prints a line for each statistic; `words`: folders of studies.
+///
+/// # Errors
+/// A folder that cannot be read, or no case without a cause in any.
+pub fn run(words: &[String]) -> Result<(), Failure> {
     let mut all = Vec::new();
-    for study in std::env::args().skip(1) {
+    for study in words {
         all.extend(of_nothing(study.as_ref())?);
     }
-    let mut out = std::io::stdout().lock();
     if all.is_empty() {
-        writeln!(
-            out,
-            "no case without a cause; give folders of `pid-studies withheld --out FOLDER`"
-        )?;
-        return Ok(());
+        let mend = "no case without a cause; give folders of `pid-studies withheld --out FOLDER`";
+        return Err(mend.into());
     }
-    writeln!(out, "{} cases in which nothing is missing", all.len())?;
+    println!("{} cases in which nothing is missing", all.len());
     for s in statistics(&Criteria::default()) {
         let mut x: Vec<f64> = all.iter().map(s.of).filter(|x| x.is_finite()).collect();
         x.sort_by(f64::total_cmp);
@@ -95,8 +95,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             continue;
         }
         let beyond = x.iter().filter(|x| **x > s.limit).count();
-        writeln!(
-            out,
+        println!(
             "{:42} median {:9.3}  95 % {:9.3}  largest {:9.3}  limit {:9.3}  beyond {} of {}",
             s.name,
             at(0.5),
@@ -105,7 +104,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             s.limit,
             beyond,
             x.len()
-        )?;
+        );
     }
     Ok(())
 }

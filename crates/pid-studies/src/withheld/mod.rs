@@ -1,14 +1,23 @@
 //! `pid-studies withheld`: drawn cases with a withheld effect, diagnosed blind, then scored.
 
+pub mod null;
+mod page;
+mod score;
+mod study;
+
 use std::path::PathBuf;
 
 use clap::Args;
-use pid_diagnose::search::Settings;
-use pid_diagnose::study::{self, Plan};
-
-use crate::{Failure, write};
 use pid_cli::output;
 use pid_cli::progress::Progress;
+use pid_diagnose::search::Settings;
+use pid_withheld::Plan;
+
+pub use page::to_html;
+pub use score::{Bin, Interval, Outcome, Share, Summary, summary};
+pub use study::diagnose_all;
+
+use crate::{Failure, write};
 
 /// Arguments of `pid-studies withheld`.
 #[derive(Debug, Clone, Args)]
@@ -42,19 +51,16 @@ pub fn run(args: &WithheldArgs) -> Result<u8, Failure> {
         nulls: args.nulls,
     };
     let progress = Progress::start("drawing cases");
-    let outcomes = study::run(&plan, &Settings::default(), &args.out, &|done, of| {
+    let outcomes = diagnose_all(&plan, &Settings::default(), &args.out, &|done, of| {
         progress.step(format!("{done} of {of} cases"));
     })?;
     drop(progress);
-    let summary = study::summary(&outcomes);
-    let json = serde_json::to_string_pretty(&summary).unwrap_or_default();
+    let figures = summary(&outcomes);
+    let json = serde_json::to_string_pretty(&figures).unwrap_or_default();
     write(&args.out.join("summary.json"), &json)?;
-    write(
-        &args.out.join("report.html"),
-        &study::to_html(&summary, &outcomes),
-    )?;
+    write(&args.out.join("report.html"), &to_html(&figures, &outcomes))?;
     let mut text = format!("{} cases\n", outcomes.len());
-    for (name, figures) in summary.lines() {
+    for (name, figures) in figures.lines() {
         text.push_str(&format!("  {name:42} {figures}\n"));
     }
     output::print(&text);

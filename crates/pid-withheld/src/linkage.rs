@@ -7,8 +7,7 @@
 
 use std::ops::Mul;
 
-use super::rigid::{Body, Hinge, M3, V3, add, cross, times};
-use crate::scalar::Scalar;
+use crate::rigid::{Body, Hinge, M3, Number, V3, add, cross, times};
 
 /// Three components, each by its own expression: `map` is not inlined in the large kernels.
 macro_rules! three {
@@ -104,7 +103,7 @@ pub struct Linkage<D> {
 /// of a right angle.
 const PARALLEL: f64 = 1e-12;
 
-impl<D: Scalar> Linkage<D> {
+impl<D: Number> Linkage<D> {
     /// From hinges and bodies (one each per link) and the tool point in the last link's frame, m.
     pub fn new(hinges: &[Hinge], bodies: &[Body<D>], tool: V3<f64>) -> Self {
         let base = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -127,7 +126,7 @@ impl<D: Scalar> Linkage<D> {
                 (product(&transposed(&home), &half_turn), Mount::Opposite)
             };
             let body = seen(body, &frame);
-            let zero = [D::nil(); 3];
+            let zero = [D::from(0.0); 3];
             links.push(Link {
                 parent: hinge.parent,
                 carries_tool: false,
@@ -141,7 +140,7 @@ impl<D: Scalar> Linkage<D> {
                 mount,
                 arm: turned_back(&outer, hinge.origin),
                 body,
-                at: (D::nil(), D::nil()),
+                at: (D::from(0.0), D::from(0.0)),
                 motion: Motion {
                     w: zero,
                     al: zero,
@@ -182,7 +181,7 @@ impl<D: Scalar> Linkage<D> {
     /// Forces on every link that move it as the hinges do without acceleration.
     #[inline(always)]
     fn outwards(&mut self, around: &Surroundings<D>, q: &[D], v: &[D]) {
-        let zero = [D::nil(); 3];
+        let zero = [D::from(0.0); 3];
         let base = Motion {
             w: zero,
             al: zero,
@@ -198,10 +197,10 @@ impl<D: Scalar> Linkage<D> {
                 None => (Rotation::Still, base),
             };
             let acc = if link.revolute {
-                link.at = q[k].sine_cosine();
+                link.at = q[k].sin_cos();
                 carried(outer, acc, w, al, link.arm)
             } else {
-                link.at = (q[k], D::nil());
+                link.at = (q[k], D::from(0.0));
                 carried(outer, acc, w, al, link.reach())
             };
             let mut acc = link.back(acc);
@@ -276,11 +275,11 @@ impl<D: Scalar> Linkage<D> {
             let (h, i) = (link.composite.moment, &link.composite.inertia);
             let (mut f, mut t) = if link.revolute {
                 mass[k * n + k] = i[2];
-                ([-h[1], h[0], D::nil()], [i[4], i[5], i[2]])
+                ([-h[1], h[0], D::from(0.0)], [i[4], i[5], i[2]])
             } else {
                 let m = link.composite.mass;
                 mass[k * n + k] = m;
-                ([D::nil(), D::nil(), m], [h[1], -h[0], D::nil()])
+                ([D::from(0.0), D::from(0.0), m], [h[1], -h[0], D::from(0.0)])
             };
             let mut child = link;
             for p in (0..k).rev() {
@@ -290,7 +289,7 @@ impl<D: Scalar> Linkage<D> {
                     child.along(f, t)
                 } else {
                     // Another branch.
-                    D::nil()
+                    D::from(0.0)
                 };
                 mass[k * n + p] = entry;
                 mass[p * n + k] = entry;
@@ -317,15 +316,15 @@ impl<D: Scalar> Linkage<D> {
     }
 }
 
-impl<D: Scalar> Link<D> {
+impl<D: Number> Link<D> {
     /// Position in the parent's frame, for a slide.
     #[inline(always)]
     fn reach(&self) -> V3<D> {
         let a = self.arm;
         let q = self.at.0;
         match &self.mount {
-            Mount::Same => [D::constant(a[0]), D::constant(a[1]), q + a[2]],
-            Mount::Opposite => [D::constant(a[0]), D::constant(a[1]), -q + a[2]],
+            Mount::Same => [D::from(a[0]), D::from(a[1]), q + a[2]],
+            Mount::Opposite => [D::from(a[0]), D::from(a[1]), -q + a[2]],
             Mount::Turned(r) => three!(i => q * r[i][2] + a[i]),
         }
     }
@@ -446,7 +445,7 @@ impl<D: Scalar> Link<D> {
 
 /// Acceleration of a point at `arm` of a link that rotates so.
 #[inline(always)]
-fn carried<D: Scalar + Mul<A, Output = D>, A: Copy>(
+fn carried<D: Number + Mul<A, Output = D>, A: Copy>(
     rotation: Rotation,
     acc: V3<D>,
     w: V3<D>,
@@ -473,7 +472,7 @@ fn carried<D: Scalar + Mul<A, Output = D>, A: Copy>(
 /// First moment of a body after a shift by `s`, and what the shift adds to its inertia:
 /// `∫ |x + s|² E − (x + s)(x + s)ᵀ dm − I`.
 #[inline(always)]
-fn shifted<D: Scalar + Mul<A, Output = D>, A: Copy>(h: V3<D>, m: D, s: V3<A>) -> (V3<D>, [D; 6]) {
+fn shifted<D: Number + Mul<A, Output = D>, A: Copy>(h: V3<D>, m: D, s: V3<A>) -> (V3<D>, [D; 6]) {
     let moved = three!(a => h[a] + m * s[a]);
     let e = three!(a => (h[a] + moved[a]) * s[a]);
     let shift = [
@@ -488,7 +487,7 @@ fn shifted<D: Scalar + Mul<A, Output = D>, A: Copy>(h: V3<D>, m: D, s: V3<A>) ->
 }
 
 #[inline(always)]
-fn cross_fixed<D: Scalar>(a: V3<f64>, b: V3<D>) -> V3<D> {
+fn cross_fixed<D: Number>(a: V3<f64>, b: V3<D>) -> V3<D> {
     [
         b[2] * a[1] - b[1] * a[2],
         b[0] * a[2] - b[2] * a[0],
@@ -497,7 +496,7 @@ fn cross_fixed<D: Scalar>(a: V3<f64>, b: V3<D>) -> V3<D> {
 }
 
 #[inline(always)]
-fn symmetric<D: Scalar>(i: &[D; 6], a: V3<D>) -> V3<D> {
+fn symmetric<D: Number>(i: &[D; 6], a: V3<D>) -> V3<D> {
     [
         i[0] * a[0] + i[3] * a[1] + i[4] * a[2],
         i[3] * a[0] + i[1] * a[1] + i[5] * a[2],
@@ -507,7 +506,7 @@ fn symmetric<D: Scalar>(i: &[D; 6], a: V3<D>) -> V3<D> {
 
 /// `R I Rᵀ`.
 #[inline(always)]
-fn rotated<D: Scalar>(i: &[D; 6], r: &M3<f64>) -> [D; 6] {
+fn rotated<D: Number>(i: &[D; 6], r: &M3<f64>) -> [D; 6] {
     let full = [[i[0], i[3], i[4]], [i[3], i[1], i[5]], [i[4], i[5], i[2]]];
     // Columns R I e_j.
     let c = three!(k => {
@@ -521,7 +520,7 @@ fn rotated<D: Scalar>(i: &[D; 6], r: &M3<f64>) -> [D; 6] {
 }
 
 /// A body of a link's own frame in the one that `frame` turns into it.
-fn seen<D: Scalar>(body: &Body<D>, frame: &M3<f64>) -> Body<D> {
+fn seen<D: Number>(body: &Body<D>, frame: &M3<f64>) -> Body<D> {
     let back = transposed(frame);
     let h = body.moment;
     Body {

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Sizes a magnitude is drawn relative to.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sizes {
+pub(crate) struct Sizes {
     /// Largest usual torque or force.
     pub torque: f64,
     /// Torque per unit of input.
@@ -153,9 +153,13 @@ pub struct Cause {
 }
 
 /// Number of causes of the taxonomy.
-pub(super) const LISTED: usize = 25;
+pub(crate) const LISTED: usize = 25;
 /// Number of causes outside.
-pub(super) const OUTSIDE: usize = 3;
+pub(crate) const OUTSIDE: usize = 3;
+/// Place of the coupling of two joints among the causes, as [`Kind::draw`] counts them.
+pub(crate) const COUPLING: usize = 10;
+/// Place of the lag of the velocity.
+pub(crate) const VELOCITY_LAG: usize = 23;
 
 impl Kind {
     /// Identifier of the taxonomy; `unknown` for what is outside.
@@ -236,7 +240,7 @@ impl Kind {
     }
 
     /// Draws the magnitudes of the `index`-th cause at a strength around 1.
-    pub(super) fn draw(
+    pub(crate) fn draw(
         index: usize,
         strength: f64,
         s: &Sizes,
@@ -296,7 +300,7 @@ impl Kind {
             9 => Kind::UnmodelledRotorInertia {
                 extra: 0.15 * x * s.inertia,
             },
-            10 => {
+            COUPLING => {
                 let b = partner.unwrap_or(*s);
                 let ratio = -(0.6 + 0.5 * up) * s.length / b.length;
                 Kind::JointCoupling {
@@ -365,7 +369,7 @@ impl Kind {
                 amplitude: 0.035 * x,
                 phase,
             },
-            23 => Kind::VelocityFilterLag { time: 0.009 * x },
+            VELOCITY_LAG => Kind::VelocityFilterLag { time: 0.009 * x },
             24 => Kind::SensorDelay { delay: 0.004 * x },
             25 => Kind::SoftStop {
                 from: s.centre + 0.35 * s.amplitude,

@@ -2,12 +2,22 @@
 
 use std::collections::BTreeMap;
 
+use pid_diagnose::circumstances::Circumstances;
+use pid_diagnose::diagnosis::{Diagnosis, Ranked, Verdict};
+use pid_diagnose::effects;
+use pid_withheld::{Cause, Kind, Truth};
 use serde::{Deserialize, Serialize};
 
-use super::{Cause, Kind, Outcome, Truth};
-use crate::circumstances::Circumstances;
-use crate::diagnosis::{Ranked, Verdict};
-use crate::effects;
+/// One case with its cause and its diagnosis.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Outcome {
+    /// The case.
+    pub id: String,
+    /// What was hidden.
+    pub truth: Truth,
+    /// What was said.
+    pub diagnosis: Diagnosis,
+}
 
 /// A share with the numbers it is of.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

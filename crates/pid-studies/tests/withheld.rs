@@ -4,7 +4,8 @@
 use pid_diagnose::diagnosis::Verdict;
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
-use pid_diagnose::study::{Cause, Kind, Outcome, Plan, run, summary, to_html};
+use pid_studies::withheld::{Outcome, diagnose_all, summary, to_html};
+use pid_withheld::{Cause, Kind, Plan};
 
 fn folder(name: &str) -> std::path::PathBuf {
     let path = std::env::temp_dir().join(format!("pid-study-{name}-{}", std::process::id()));
@@ -34,7 +35,7 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
         nulls: true,
     };
     let out = folder("null");
-    let first = run(&plan, &Settings::default(), &out, &|_, _| {}).expect("a study");
+    let first = diagnose_all(&plan, &Settings::default(), &out, &|_, _| {}).expect("a study");
     for o in &first {
         assert!(o.truth.causes.is_empty());
         assert_eq!(o.diagnosis.verdict, Verdict::Nothing, "{}", o.id);
@@ -48,12 +49,12 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
         }
     }
     let truth = std::fs::read_to_string(out.join(format!("truth/{}.json", first[0].id)));
-    let again = run(&plan, &Settings::default(), &out, &|_, _| {}).expect("a study");
+    let again = diagnose_all(&plan, &Settings::default(), &out, &|_, _| {}).expect("a study");
     // The time is part of a diagnosis: equal times mean that it was read, not made.
     assert_eq!(again[0].diagnosis, first[0].diagnosis);
     let fresh = folder("fresh");
     let one = Plan { cases: 1, ..plan };
-    run(&one, &Settings::default(), &fresh, &|_, _| {}).expect("a study");
+    diagnose_all(&one, &Settings::default(), &fresh, &|_, _| {}).expect("a study");
     let same = std::fs::read_to_string(fresh.join(format!("truth/{}.json", first[0].id)));
     assert_eq!(truth.expect("a cause"), same.expect("a cause"));
     let s = summary(&first);
@@ -109,7 +110,7 @@ fn a_foreign_file_is_named() {
     let out = folder("foreign");
     std::fs::create_dir_all(out.join("truth")).expect("a folder");
     std::fs::write(out.join("truth/s4_0000.json"), "not this").expect("a file");
-    let error = run(&plan, &Settings::default(), &out, &|_, _| {}).expect_err("refused");
+    let error = diagnose_all(&plan, &Settings::default(), &out, &|_, _| {}).expect_err("refused");
     assert!(error.to_string().contains("s4_0000.json"), "{error}");
     let _ = std::fs::remove_dir_all(out);
 }

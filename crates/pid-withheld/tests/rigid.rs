@@ -1,8 +1,8 @@
 //! The links against closed forms written independently, and against the principle of virtual work.
 
 use num_dual::Dual64;
-use pid_diagnose::study::linkage::{Linkage, Surroundings};
-use pid_diagnose::study::rigid::{Body, Hinge, add_point};
+use pid_withheld::linkage::{Linkage, Surroundings};
+use pid_withheld::rigid::{Body, Hinge, add_point};
 
 const EYE: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
