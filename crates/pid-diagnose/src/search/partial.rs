@@ -30,9 +30,9 @@ use crate::diagnosis::Remainder;
 use crate::effect::Unit;
 use crate::fit::{Basis, Effort, Fit, basis, fit, ranges};
 use crate::gap::Gap;
+use crate::hypothesis::Run;
 use crate::levels::{errors, follow_slowly, left, settle};
 use crate::screen::screen;
-use crate::simulate::Run;
 
 /// Fewest windows with a scatter of their own.
 const FEW: usize = 4;

@@ -26,7 +26,7 @@ use pid_runtime::dynamics::{
 
 use crate::case::Case;
 use crate::effect::{Effect, Parameter, Term};
-use crate::extended::{Known, range, unit};
+use crate::known::{Known, range, unit};
 
 use group::Group;
 pub use group::Obstacle;
