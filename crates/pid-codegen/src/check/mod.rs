@@ -4,10 +4,16 @@
 //! finds. The first stage with an error is the last to run, since later ones would only echo it.
 
 mod bodies;
+mod builder;
+pub mod collect;
 mod drives;
 mod identifiability;
+mod joints;
 mod linearity;
+mod links;
+mod meaning;
 pub mod motion;
+mod moves;
 pub mod names;
 mod numbers;
 pub(crate) mod overrides;
@@ -60,7 +66,7 @@ pub struct Places {
 
 /// Runs all stages; `None` after an error.
 pub fn resolve(ast: &Ast, diag: &mut Diagnostics) -> Option<Resolved> {
-    let symbols = names::collect(ast, diag);
+    let symbols = collect::collect(ast, diag);
     uses::check(ast, &symbols, diag);
     variants::check(ast, &symbols, diag);
     if !diag.is_ok() {
