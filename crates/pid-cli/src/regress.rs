@@ -12,7 +12,7 @@ use pid_runtime::dynamics::Hessian;
 use pid_runtime::extend::Extended;
 use serde_json::{Value, json};
 
-use crate::args::{CutoffArg, JointWeightsArg, RegressArgs, RegressMethodArg};
+use crate::args::regress::{CutoffArg, JointWeightsArg, RegressArgs, RegressMethodArg};
 use crate::error::{CliError, make_folder, write};
 use crate::progress::Progress;
 use crate::with::{self, With};

@@ -17,7 +17,7 @@ use pid_runtime::extend::Extended;
 use pid_runtime::term::Request;
 use pid_urdf::{Description, Inertias, Options};
 
-use crate::args::{HoldArg, InertiasArg, Source};
+use crate::args::source::{HoldArg, InertiasArg, Source};
 use crate::error::{CliError, make_folder, write};
 use crate::with::{self, With};
 use crate::{demo, models, output};
@@ -25,8 +25,8 @@ use crate::{demo, models, output};
 /// A model and its name.
 pub(crate) struct Subject {
     pub(crate) name: String,
-    pub(crate) summary: String,
-    pub(crate) source: String,
+    summary: String,
+    source: String,
     origin: Origin,
 }
 
@@ -66,7 +66,7 @@ impl Subject {
 
     /// The robot and records by which motions and forces are judged: those without lags of
     /// readings.
-    pub(crate) fn judged<'a>(
+    fn judged<'a>(
         &'a self,
         dataset: &'a Dataset,
         values: &'a [f64],
@@ -77,6 +77,21 @@ impl Subject {
                 (model.inner(), records, &values[..model.inner_params()])
             }
             _ => (self.model(), dataset, values),
+        }
+    }
+
+    /// As a report shows it, with parameters.
+    pub(crate) fn subject<'a>(
+        &'a self,
+        dataset: &'a Dataset,
+        values: &'a [f64],
+    ) -> pid_report::Subject<'a> {
+        pid_report::Subject {
+            name: &self.name,
+            summary: &self.summary,
+            source: &self.source,
+            model: self.model(),
+            judged: self.judged(dataset, values),
         }
     }
 

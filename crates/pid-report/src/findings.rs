@@ -1,9 +1,10 @@
 //! Turns figures into sentences.
 
 use pid_data::{Horizon, Role};
-use pid_diagnose::locate::correlation_ratio;
+use pid_fit::gap::correlation_ratio;
 use pid_fit::gap::metrics::FreeRunScore;
-use pid_report::{Direction, ForceBin, MissingForce, ParameterRow};
+
+use crate::{Direction, ForceBin, MissingForce, ParameterRow};
 
 /// A share of the missing force's variance below this is no dependence.
 const CLEAR: f64 = 0.35;

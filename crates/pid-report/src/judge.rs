@@ -2,57 +2,85 @@
 //! sentences.
 
 use pid_data::{Dataset, Horizon, Kind, Role};
-use pid_fit::gap::force::{MissingForceEstimate, missing_force};
-use pid_fit::gap::metrics::{FreeRunSettings, StartVelocity, free_run, free_run_table};
+use pid_fit::gap::force::{MissingForceError, MissingForceEstimate, missing_force};
+use pid_fit::gap::metrics::{
+    FreeRunError, FreeRunScore, FreeRunSettings, StartVelocity, free_run, free_run_table,
+};
 use pid_nlp::solver::Iteration;
-use pid_report::{
+use pid_runtime::dynamics::Hessian;
+
+use crate::findings::findings;
+use crate::{
     Bound, CheckRow, DataSection, ForceRecord, ModelSection, OutcomeSection, ParameterRow, Report,
     SCHEMA_VERSION, Setting, StartRow, TraceBudget, Verdict, missing_force as condense, motion,
 };
 
-use crate::error::CliError;
-use crate::findings::findings;
-use crate::progress::Progress;
-use crate::source::Subject;
+/// A model by its name, and by what its motions and forces are judged.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    /// Name.
+    pub name: &'a str,
+    /// What it is, in a few words.
+    pub summary: &'a str,
+    /// Where its values come from.
+    pub source: &'a str,
+    /// The model whose parameters are shown.
+    pub model: &'a dyn Hessian,
+    /// The model that is simulated, its records and its parameters: those without what is wrong
+    /// with the readings.
+    pub judged: (&'a dyn Hessian, &'a Dataset, &'a [f64]),
+}
+
+/// Parameters that cannot be judged.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum JudgeError {
+    /// A free run.
+    #[error(transparent)]
+    FreeRun(#[from] FreeRunError),
+    /// A missing force.
+    #[error(transparent)]
+    Force(#[from] MissingForceError),
+}
 
 /// Parameters and their origin.
-pub(crate) struct Fit {
+pub struct Fit {
     /// Headline of the report.
-    pub(crate) title: String,
+    pub title: String,
     /// Where the parameters started.
-    pub(crate) start: Vec<f64>,
+    pub start: Vec<f64>,
     /// Their values.
-    pub(crate) values: Vec<f64>,
+    pub values: Vec<f64>,
     /// Standard deviations; `None` for parameters that are not determined one by one.
-    pub(crate) deviations: Vec<Option<f64>>,
+    pub deviations: Vec<Option<f64>>,
     /// Bounds of the identification, `-inf` and `inf` for none.
-    pub(crate) lower: Vec<f64>,
+    pub lower: Vec<f64>,
     /// See `lower`.
-    pub(crate) upper: Vec<f64>,
+    pub upper: Vec<f64>,
     /// Parameters that were held.
-    pub(crate) fixed: Vec<bool>,
+    pub fixed: Vec<bool>,
     /// Whether the result can be used.
-    pub(crate) verdict: Verdict,
+    pub verdict: Verdict,
     /// The status in words.
-    pub(crate) status: String,
+    pub status: String,
     /// Objective, if something was minimised.
-    pub(crate) objective: Option<f64>,
+    pub objective: Option<f64>,
     /// Time, s.
-    pub(crate) seconds: f64,
+    pub seconds: f64,
     /// Independent check of the point.
-    pub(crate) checks: Vec<CheckRow>,
+    pub checks: Vec<CheckRow>,
     /// Iterations of the best start, those that prepared it included.
-    pub(crate) iterations: usize,
+    pub iterations: usize,
     /// Log of the best start.
-    pub(crate) log: Vec<Iteration>,
+    pub log: Vec<Iteration>,
     /// All starts.
-    pub(crate) starts: Vec<StartRow>,
+    pub starts: Vec<StartRow>,
     /// Cut-off of the filter behind estimated states, Hz; `None` for the data's own.
-    pub(crate) cutoff: Option<f64>,
+    pub cutoff: Option<f64>,
     /// Settings as name and value.
-    pub(crate) settings: Vec<Setting>,
+    pub settings: Vec<Setting>,
     /// Remarks.
-    pub(crate) notes: Vec<String>,
+    pub notes: Vec<String>,
 }
 
 /// Horizons at which free runs are judged: short, one second, the whole record.
@@ -78,46 +106,24 @@ fn free_run_settings(dataset: &Dataset, horizon: Horizon, cutoff: Option<f64>) -
     }
 }
 
-/// Judges the parameters on all records and puts everything into a report.
-pub(crate) fn assemble(
-    entry: &Subject,
-    dataset: &Dataset,
-    fit: Fit,
-    progress: &Progress,
-) -> Result<Report, CliError> {
-    let declared = entry.model();
-    let (model, dataset, p) = entry.judged(dataset, &fit.values);
-    let mut scores = Vec::new();
-    for horizon in HORIZONS {
-        progress.step(format!("free run, horizon {horizon}"));
-        let table = free_run_table(
-            model,
-            p,
-            dataset,
-            &free_run_settings(dataset, horizon, fit.cutoff),
-        )?;
-        scores.extend(table.roles);
-        // Unseen motions also one by one, since they test different things.
-        let unseen = table
-            .experiments
-            .into_iter()
-            .filter(|s| s.role == Role::Test);
-        let unseen: Vec<_> = unseen.collect();
-        if unseen.len() > 1 {
-            scores.extend(unseen);
-        }
-    }
-
+/// Judges parameters on all records and puts everything into a report; `step` is told what it is at.
+///
+/// # Errors
+/// [`JudgeError`]: a free run or a missing force that cannot be computed.
+pub fn judge(subject: &Subject<'_>, fit: Fit, step: &dyn Fn(String)) -> Result<Report, JudgeError> {
+    let (model, dataset, p) = subject.judged;
+    let scores = free_runs(subject, &fit, step)?;
     let nq = dataset.nq();
     let budget = TraceBudget::shared_by(dataset.experiments.len() * nq * 5);
     let mut motions = Vec::new();
     let mut forces = Vec::new();
+    let parameters = rows(subject.model, &fit);
     let mut notes = fit.notes;
     // Unseen motions first, since a model is made for them.
     let mut order: Vec<usize> = (0..dataset.experiments.len()).collect();
     order.sort_by_key(|i| dataset.experiments[*i].role != Role::Test);
     for experiment in order.iter().map(|i| &dataset.experiments[*i]) {
-        progress.step(format!("motion and missing force of {}", experiment.name));
+        step(format!("motion and missing force of {}", experiment.name));
         let run = free_run(
             model,
             p,
@@ -160,7 +166,74 @@ pub(crate) fn assemble(
             .join("; ")
     ));
 
-    let parameters: Vec<ParameterRow> = declared
+    let dims = model.dims();
+    let solving = fit.log.last().map_or(0, |i| i.iteration);
+    Ok(Report {
+        schema_version: SCHEMA_VERSION,
+        program: format!("simtrue {}", env!("CARGO_PKG_VERSION")),
+        title: fit.title,
+        model: ModelSection {
+            name: subject.name.to_owned(),
+            source: format!("{}: {}. {}.", subject.name, subject.summary, subject.source),
+            nq: dims.nq,
+            nu: dims.nu,
+            np: subject.model.dims().np,
+        },
+        data: DataSection::of(dataset),
+        settings: fit.settings,
+        outcome: OutcomeSection {
+            verdict: fit.verdict,
+            status: fit.status,
+            iterations: solving,
+            preparing_iterations: fit.iterations.saturating_sub(solving),
+            objective: fit.objective,
+            seconds: fit.seconds,
+            checks: fit.checks,
+        },
+        iterations: fit.log,
+        findings: findings(&missing, &scores, &parameters),
+        parameters,
+        starts: fit.starts,
+        motions,
+        free_run: scores,
+        missing_force: missing,
+        notes,
+    })
+}
+
+/// Errors of free runs at several horizons.
+fn free_runs(
+    subject: &Subject<'_>,
+    fit: &Fit,
+    step: &dyn Fn(String),
+) -> Result<Vec<FreeRunScore>, FreeRunError> {
+    let (model, dataset, p) = subject.judged;
+    let mut scores = Vec::new();
+    for horizon in HORIZONS {
+        step(format!("free run, horizon {horizon}"));
+        let table = free_run_table(
+            model,
+            p,
+            dataset,
+            &free_run_settings(dataset, horizon, fit.cutoff),
+        )?;
+        scores.extend(table.roles);
+        // Unseen motions also one by one, since they test different things.
+        let unseen = table
+            .experiments
+            .into_iter()
+            .filter(|s| s.role == Role::Test);
+        let unseen: Vec<_> = unseen.collect();
+        if unseen.len() > 1 {
+            scores.extend(unseen);
+        }
+    }
+    Ok(scores)
+}
+
+/// The parameters with their ranges and deviations.
+fn rows(model: &dyn Hessian, fit: &Fit) -> Vec<ParameterRow> {
+    model
         .params()
         .iter()
         .enumerate()
@@ -195,41 +268,7 @@ pub(crate) fn assemble(
                 reference: Some(info.nominal),
             }
         })
-        .collect();
-
-    let dims = model.dims();
-    let solving = fit.log.last().map_or(0, |i| i.iteration);
-    Ok(Report {
-        schema_version: SCHEMA_VERSION,
-        program: format!("simtrue {}", env!("CARGO_PKG_VERSION")),
-        title: fit.title,
-        model: ModelSection {
-            name: entry.name.clone(),
-            source: format!("{}: {}. {}.", entry.name, entry.summary, entry.source),
-            nq: dims.nq,
-            nu: dims.nu,
-            np: declared.dims().np,
-        },
-        data: DataSection::of(dataset),
-        settings: fit.settings,
-        outcome: OutcomeSection {
-            verdict: fit.verdict,
-            status: fit.status,
-            iterations: solving,
-            preparing_iterations: fit.iterations.saturating_sub(solving),
-            objective: fit.objective,
-            seconds: fit.seconds,
-            checks: fit.checks,
-        },
-        iterations: fit.log,
-        findings: findings(&missing, &scores, &parameters),
-        parameters,
-        starts: fit.starts,
-        motions,
-        free_run: scores,
-        missing_force: missing,
-        notes,
-    })
+        .collect()
 }
 
 /// `train: q 0.0012 rad` for every joint.

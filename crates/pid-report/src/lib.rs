@@ -8,11 +8,16 @@
 //! Unknown values are `None`, in JSON `null`; a report holds no NaN.
 
 mod build;
+mod findings;
 mod html;
+mod identified;
+mod judge;
 mod plot;
 mod text;
 
 pub use build::{ForceRecord, TraceBudget, missing_force, motion, trace};
+pub use identified::{report, verdict};
+pub use judge::{Fit, JudgeError, Subject, judge};
 
 use serde::{Deserialize, Serialize};
 

@@ -1,27 +1,43 @@
-//! Physical consistency of an identification: the fit once more with its links in log-Cholesky coordinates.
+//! Bodies of positive density after a fit: the fit once more with its links in log-Cholesky
+//! coordinates.
 
 use pid_data::Dataset;
-use pid_fit::ident::{self, Callback, Identification, Prepare, Settings};
-use pid_fit::inertia::log_cholesky::LogCholesky;
-use pid_fit::inertia::poses::indefinite_share;
 use pid_runtime::dynamics::Hessian;
 
-use crate::error::CliError;
+use super::{IdentifyError, News, Tell};
+use crate::ident::{self, Identification, Prepare, Settings};
+use crate::inertia::log_cholesky::LogCholesky;
+use crate::inertia::poses::indefinite_share;
 
 /// Random poses in which the mass matrix is checked, and their seed.
 const POSES: usize = 10_000;
 const SEED: u64 = 0;
 
+/// What positive densities cost and bring: figures with them, and without.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Consistency {
+    /// Names of the links.
+    pub links: Vec<String>,
+    /// Objectives.
+    pub objective: (f64, f64),
+    /// Shares of the random poses in which the mass matrix is indefinite.
+    pub indefinite: (f64, f64),
+    /// Number of these poses.
+    pub poses: usize,
+    /// Priors of these links' parameters, which have no form in coordinates and were left out.
+    pub lost_priors: usize,
+}
+
 /// Fits again from the end of the unconstrained fit; its values are those of the model's own
-/// parameters. The sentence states the cost of the constraint.
-pub(crate) fn refit(
+/// parameters.
+pub(super) fn refit(
     model: &dyn Hessian,
     dataset: &Dataset,
     settings: &Settings,
     free: &Identification,
-    callback: &mut Callback<'_>,
-) -> Result<(Identification, String), CliError> {
-    let wrapped = LogCholesky::new(model, &settings.hold).ok_or(CliError::NoLinks)?;
+    tell: &Tell<'_>,
+) -> Result<(Identification, Consistency), IdentifyError> {
+    let wrapped = LogCholesky::new(model, &settings.hold).ok_or(IdentifyError::NoLinks)?;
     let unconstrained = &free.best().parameters;
     let mut settings = Settings {
         starts: 1,
@@ -35,7 +51,9 @@ pub(crate) fn refit(
         lost = before - likelihood.priors.len();
     }
     let start = wrapped.enter(unconstrained);
-    let mut found = ident::identify(&wrapped, dataset, &settings, Some(&start), callback)?;
+    let mut found = ident::identify(&wrapped, dataset, &settings, Some(&start), &mut |i| {
+        tell(&News::Consistent(i))
+    })?;
     let x = found.best().parameters.clone();
     let p = wrapped.leave(&x);
     let slopes: Vec<Vec<(usize, f64)>> = (0..p.len()).map(|j| wrapped.slope(&x, j)).collect();
@@ -68,22 +86,15 @@ pub(crate) fn refit(
     let best = found.best;
     found.runs[best].parameters.clone_from(&p);
     found.runs[best].start.clone_from(unconstrained);
-    let share = |p: &[f64]| 100.0 * indefinite_share(model, p, POSES, SEED);
-    let links: Vec<&str> = wrapped.links().collect();
-    let mut sentence = format!(
-        "Physical consistency: {} in log-Cholesky coordinates; J = {:.6e}, {:.6e} without. Random poses with an indefinite mass matrix: {:.2} % of {POSES}, {:.2} % without.",
-        links.join(", "),
-        found.best().objective,
-        free.best().objective,
-        share(&p),
-        share(unconstrained)
-    );
-    if lost > 0 {
-        sentence.push_str(&format!(
-            " {lost} priors of these links' parameters have no form in coordinates and were left out."
-        ));
-    }
-    Ok((found, sentence))
+    let share = |p: &[f64]| indefinite_share(model, p, POSES, SEED);
+    let cost = Consistency {
+        links: wrapped.links().map(str::to_owned).collect(),
+        objective: (found.best().objective, free.best().objective),
+        indefinite: (share(&p), share(unconstrained)),
+        poses: POSES,
+        lost_priors: lost,
+    };
+    Ok((found, cost))
 }
 
 /// Deviations from the coordinates' covariance, if all coordinates that matter are determined.

@@ -1,22 +1,30 @@
-//! Length of the simulations of an identification: stated, by rule, or by cross validation.
-
-use std::ops::ControlFlow;
+//! Length of the simulations of an identification: by rule, or by cross validation.
 
 use pid_data::{Dataset, Horizon, Role};
-use pid_fit::ident::{CandidateScore, Progress as News, Settings, cross_validate};
 use pid_runtime::dynamics::Hessian;
 
-use crate::error::CliError;
-use crate::progress::{Interrupt, Progress};
+use super::{News, Tell};
+use crate::ident::{CandidateScore, CrossValidationError, Settings, cross_validate};
 
 /// Horizons to choose from, s.
 const LADDER: [f64; 3] = [0.5, 1.0, 2.0];
 /// Length of the free runs that judge them, s: the same for all.
 const JUDGED: Horizon = Horizon::Seconds(1.0);
 
+/// How a horizon was chosen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HorizonChoice {
+    /// The one with the lowest error on left-out training records.
+    pub horizon: Horizon,
+    /// Horizon of the free runs that judged all.
+    pub judged: Horizon,
+    /// The horizons with their errors.
+    pub scores: Vec<(Horizon, CandidateScore)>,
+}
+
 /// Whole records of noise-free or short simulated data; one second where friction and drift make
 /// long runs a lottery.
-pub(crate) fn by_rule(dataset: &Dataset) -> Horizon {
+pub fn by_rule(dataset: &Dataset) -> Horizon {
     let longest = dataset
         .experiments
         .iter()
@@ -29,15 +37,14 @@ pub(crate) fn by_rule(dataset: &Dataset) -> Horizon {
     }
 }
 
-/// The horizon with the lowest error on left-out training records, and the scores in words.
-pub(crate) fn chosen(
+/// The horizon with the lowest error on left-out training records.
+pub(super) fn chosen(
     model: &dyn Hessian,
     dataset: &Dataset,
     settings: &Settings,
     start: Option<&[f64]>,
-    progress: &Progress,
-    interrupt: &Interrupt,
-) -> Result<(Horizon, String), CliError> {
+    tell: &Tell<'_>,
+) -> Result<HorizonChoice, CrossValidationError> {
     let shortest = dataset
         .with_role(Role::Train)
         .map(|e| e.duration())
@@ -51,41 +58,17 @@ pub(crate) fn chosen(
             ..settings.clone()
         })
         .collect();
-    let mut callback = |news: &News<'_>| {
-        progress.step(format!(
-            "choosing the horizon by cross validation: {}, iteration {}",
-            news.phase, news.iteration.iteration
-        ));
-        match interrupt.requested() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        }
-    };
-    let scores = cross_validate(model, dataset, &candidates, JUDGED, start, &mut callback)?;
+    let mut news = |i: &crate::ident::Progress<'_>| tell(&News::Horizon(i));
+    let scores = cross_validate(model, dataset, &candidates, JUDGED, start, &mut news)?;
     let best = scores
         .iter()
         .filter(|s| s.score.is_finite())
         .min_by(|a, b| a.score.total_cmp(&b.score));
     let horizon = best.map_or_else(|| by_rule(dataset), |s| candidates[s.candidate].horizon);
-    let words: Vec<String> = scores.iter().map(|s| in_words(s, &candidates)).collect();
-    let note = format!(
-        "The horizon was chosen by cross validation over the training records (left-out records, free runs restarted every {JUDGED}, RMS error over spread): {}.",
-        words.join("; ")
-    );
-    Ok((horizon, note))
-}
-
-/// `1 s: 0.0312 (both_a 0.03, …)`.
-fn in_words(score: &CandidateScore, candidates: &[Settings]) -> String {
-    let folds: Vec<String> = score
-        .folds
-        .iter()
-        .map(|(name, s)| format!("{name} {s:.4}"))
-        .collect();
-    format!(
-        "{}: {:.4} ({})",
-        candidates[score.candidate].horizon,
-        score.score,
-        folds.join(", ")
-    )
+    let of = |s: CandidateScore| (candidates[s.candidate].horizon, s);
+    Ok(HorizonChoice {
+        horizon,
+        judged: JUDGED,
+        scores: scores.into_iter().map(of).collect(),
+    })
 }
