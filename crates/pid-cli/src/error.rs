@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use pid_data::DataError;
+use pid_data::{ChangeError, DataError};
 use pid_diagnose::case::CaseError;
 use pid_diagnose::report::WriteError;
 use pid_diagnose::with_effects::EffectError;
@@ -39,17 +39,13 @@ pub(crate) enum CliError {
     )]
     NoFolder { model: String },
     #[error(
-        "--input-gain has {found} factors, the data set {joints} joints\n  help: give one per joint, separated by commas"
-    )]
-    InputGains { found: usize, joints: usize },
-    #[error("--train: no training record named `{name}`; they are {records}")]
-    NoSuchRecord { name: String, records: String },
-    #[error(
         "model `{model}` and a description by --urdf or --nominal are given\n  help: leave one of them out"
     )]
     TwoModels { model: String },
     #[error(transparent)]
     Data(#[from] DataError),
+    #[error(transparent)]
+    Change(#[from] ChangeError),
     #[error(transparent)]
     Parameters(#[from] ParameterFileError),
     #[error(transparent)]
@@ -68,10 +64,6 @@ pub(crate) enum CliError {
     Control(#[from] ControlError),
     #[error(transparent)]
     Private(#[from] PrivateError),
-    #[error(
-        "record `{record}` has no measured torques (columns tau1 …)\n  help: leave --measured-torque out"
-    )]
-    NoTorque { record: String },
     #[error(transparent)]
     Lag(#[from] LagError),
     #[error(
@@ -102,10 +94,6 @@ pub(crate) enum CliError {
         "instrumental variables simulate the closed loop of the records\n  help: describe it in a file and give it with --controller (docs/controller-format.md)"
     )]
     NoController,
-    #[error(
-        "the records of `{second}` are not like those of `{first}`: joints, input units, velocity channels and the hold of inputs must agree\n  help: with --controller the units of inputs do not count"
-    )]
-    OtherRobot { first: String, second: String },
     #[error(transparent)]
     Assumptions(#[from] AssumptionsError),
     #[error(transparent)]

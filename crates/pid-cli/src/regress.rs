@@ -2,7 +2,6 @@
 
 use std::fmt::Write;
 
-use pid_data::{Dataset, Experiment, Role};
 use pid_fit::inertia::pseudo_inertia::SUFFIXES;
 use pid_fit::regress::judge::Errors;
 use pid_fit::regress::record::Filtering;
@@ -36,13 +35,13 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     if !wanted.velocity_lag.is_empty() {
         return Err(CliError::LagOfRegression);
     }
-    let (subject, mut dataset) = source::load_open(&wanted)?;
+    let (subject, dataset) = source::load_open(&wanted)?;
     let instruments = match (args.method, &args.source.controller) {
         (RegressMethodArg::LeastSquares, _) => None,
         (_, Some(file)) => Some(source::controllers(file, dataset.nq())?),
         (_, None) => return Err(CliError::NoController),
     };
-    keep(&mut dataset, &args.train)?;
+    let dataset = dataset.keeping(&args.train)?;
     let extended = Extended::new(subject.model(), &remembering)?;
     let model: &dyn Hessian = match remembering.is_empty() {
         true => subject.model(),
@@ -121,32 +120,6 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     output::print(&in_words(model, &title, &found));
     output::print(&format!("\nwritten: {}\n", file.display()));
     Ok(0)
-}
-
-/// Leaves out training records that were not named.
-fn keep(dataset: &mut Dataset, names: &[String]) -> Result<(), CliError> {
-    let known = |e: &Experiment| e.role == Role::Train;
-    if let Some(name) = names.iter().find(|name| {
-        !dataset
-            .experiments
-            .iter()
-            .any(|e| known(e) && e.name == **name)
-    }) {
-        let records: Vec<&str> = dataset
-            .with_role(Role::Train)
-            .map(|e| e.name.as_str())
-            .collect();
-        return Err(CliError::NoSuchRecord {
-            name: name.clone(),
-            records: records.join(", "),
-        });
-    }
-    if !names.is_empty() {
-        dataset
-            .experiments
-            .retain(|e| !known(e) || names.contains(&e.name));
-    }
-    Ok(())
 }
 
 /// Prints the result.

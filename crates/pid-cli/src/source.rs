@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pid_data::{Dataset, InputHold, InputQuantity};
+use pid_data::{Dataset, InputHold};
 use pid_diagnose::nominal::Nominal as Simulated;
 use pid_diagnose::with_effects::{Placed, WithEffects, with_masses};
 use pid_fit::wrap::controllers::{ControlError, Controllers};
@@ -266,12 +266,11 @@ fn load_with(
         Some(file) => {
             let controllers = controllers(file, dataset.nq())?;
             let open = dataset.clone();
-            dataset = merge(
-                controllers.close(dataset)?,
-                also.into_iter()
-                    .map(|d| controllers.close(d))
-                    .collect::<Result<_, _>>()?,
-            )?;
+            let also: Vec<Dataset> = also
+                .into_iter()
+                .map(|d| controllers.close(d))
+                .collect::<Result<_, _>>()?;
+            dataset = controllers.close(dataset)?.merged(also)?;
             let model = models::by_name(&subject.name)?.model;
             let extended = Extended::new(model, &terms)?;
             let inner = with::extended(Box::new(extended), &effects, (model, &open))?;
@@ -279,7 +278,7 @@ fn load_with(
             subject.origin = Origin::Closed(Box::new(closed));
         }
         None => {
-            dataset = merge(dataset, also)?;
+            dataset = dataset.merged(also)?;
             if !effects.is_empty() {
                 let inner = boxed(subject.origin).ok_or(CliError::PrivateOfFile)?;
                 let declared = models::by_name(&subject.name)?.model;
@@ -322,31 +321,10 @@ fn boxed(origin: Origin) -> Option<Box<dyn Hessian>> {
     })
 }
 
-/// The records of several folders as one data set.
-fn merge(mut dataset: Dataset, also: Vec<Dataset>) -> Result<Dataset, CliError> {
-    for other in also {
-        let alike = other.joints.len() == dataset.joints.len()
-            && other.input_hold == dataset.input_hold
-            && dataset.joints.iter().zip(&other.joints).all(|(a, b)| {
-                (a.prismatic, &a.input_unit, a.velocity) == (b.prismatic, &b.input_unit, b.velocity)
-            });
-        if !alike {
-            return Err(CliError::OtherRobot {
-                first: dataset.name,
-                second: other.name,
-            });
-        }
-        dataset.name = format!("{} and {}", dataset.name, other.name);
-        dataset.experiments.extend(other.experiments);
-        dataset.warnings.extend(other.warnings);
-    }
-    Ok(dataset)
-}
-
 /// The data with its inputs as the options say.
 fn as_stated(mut dataset: Dataset, source: &Source) -> Result<Dataset, CliError> {
     if source.measured_torque {
-        dataset = with_measured_torques(dataset)?;
+        dataset = dataset.with_measured_torques()?;
     }
     match source.input_hold {
         Some(HoldArg::Linear) => dataset.input_hold = InputHold::Linear,
@@ -355,54 +333,8 @@ fn as_stated(mut dataset: Dataset, source: &Source) -> Result<Dataset, CliError>
     }
     match source.input_gain.as_slice() {
         [] => Ok(dataset),
-        gains => with_gains(dataset, gains),
+        gains => Ok(dataset.with_input_gains(gains)?),
     }
-}
-
-/// The data with the measured torques as inputs.
-fn with_measured_torques(mut dataset: Dataset) -> Result<Dataset, CliError> {
-    for experiment in &mut dataset.experiments {
-        match experiment.tau.clone() {
-            Some(tau) => experiment.u = tau,
-            None => {
-                return Err(CliError::NoTorque {
-                    record: experiment.name.clone(),
-                });
-            }
-        }
-    }
-    as_forces(&mut dataset);
-    dataset.input_hold = InputHold::Linear;
-    Ok(dataset)
-}
-
-/// Declares the inputs to be torques or forces at the joints.
-fn as_forces(dataset: &mut Dataset) {
-    for joint in &mut dataset.joints {
-        joint.input = match joint.prismatic {
-            true => InputQuantity::Force,
-            false => InputQuantity::Torque,
-        };
-        joint.input_unit = joint.force_unit().to_owned();
-    }
-}
-
-/// The data with every input column multiplied by its factor, as torques or forces at the joints.
-fn with_gains(mut dataset: Dataset, gains: &[f64]) -> Result<Dataset, CliError> {
-    let nq = dataset.nq();
-    if gains.len() != nq {
-        return Err(CliError::InputGains {
-            found: gains.len(),
-            joints: nq,
-        });
-    }
-    as_forces(&mut dataset);
-    for experiment in &mut dataset.experiments {
-        for row in experiment.u.chunks_exact_mut(nq) {
-            row.iter_mut().zip(gains).for_each(|(u, k)| *u *= k);
-        }
-    }
-    Ok(dataset)
 }
 
 /// Writes fit.json and report.html and prints the summary.
