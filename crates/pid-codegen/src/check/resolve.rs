@@ -12,8 +12,9 @@ use super::builder::Builder;
 use super::meaning::Scope;
 use super::names::{Origin, Symbols};
 use super::numbers::constant;
+use super::resolved::{Places, Resolved, emit};
 use super::units::{self, Units};
-use super::{Places, Resolved, motion, values};
+use super::{motion, values};
 
 /// The resolved robot without `order` and the links of the joints. `None` after an error.
 pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) -> Option<Resolved> {
@@ -68,7 +69,7 @@ pub(super) fn robot(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) ->
         potential: potential?,
         lagrangian: lagrangian?,
         blanks,
-        emit: super::emit(ast),
+        emit: emit(ast),
     };
     Some(Resolved {
         robot,

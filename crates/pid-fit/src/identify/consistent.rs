@@ -4,7 +4,7 @@
 use pid_data::Dataset;
 use pid_runtime::dynamics::Hessian;
 
-use super::{IdentifyError, News, Tell};
+use super::request::{Consistency, IdentifyError, News, Tell};
 use crate::ident::{self, Identification, Prepare, Settings};
 use crate::inertia::log_cholesky::LogCholesky;
 use crate::inertia::poses::indefinite_share;
@@ -12,21 +12,6 @@ use crate::inertia::poses::indefinite_share;
 /// Random poses in which the mass matrix is checked, and their seed.
 const POSES: usize = 10_000;
 const SEED: u64 = 0;
-
-/// What positive densities cost and bring: figures with them, and without.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Consistency {
-    /// Names of the links.
-    pub links: Vec<String>,
-    /// Objectives.
-    pub objective: (f64, f64),
-    /// Shares of the random poses in which the mass matrix is indefinite.
-    pub indefinite: (f64, f64),
-    /// Number of these poses.
-    pub poses: usize,
-    /// Priors of these links' parameters, which have no form in coordinates and were left out.
-    pub lost_priors: usize,
-}
 
 /// Fits again from the end of the unconstrained fit; its values are those of the model's own
 /// parameters.

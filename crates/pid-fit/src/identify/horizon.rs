@@ -3,24 +3,13 @@
 use pid_data::{Dataset, Horizon, Role};
 use pid_runtime::dynamics::Hessian;
 
-use super::{News, Tell};
+use super::request::{HorizonChoice, News, Tell};
 use crate::ident::{CandidateScore, CrossValidationError, Settings, cross_validate};
 
 /// Horizons to choose from, s.
 const LADDER: [f64; 3] = [0.5, 1.0, 2.0];
 /// Length of the free runs that judge them, s: the same for all.
 const JUDGED: Horizon = Horizon::Seconds(1.0);
-
-/// How a horizon was chosen.
-#[derive(Debug, Clone, PartialEq)]
-pub struct HorizonChoice {
-    /// The one with the lowest error on left-out training records.
-    pub horizon: Horizon,
-    /// Horizon of the free runs that judged all.
-    pub judged: Horizon,
-    /// The horizons with their errors.
-    pub scores: Vec<(Horizon, CandidateScore)>,
-}
 
 /// Whole records of noise-free or short simulated data; one second where friction and drift make
 /// long runs a lottery.

@@ -24,7 +24,9 @@ mod arc;
 mod kkt;
 mod lu;
 mod nlp;
+mod records;
 mod stepper;
+mod stepping;
 
 pub use kkt::ShootingKkt;
 
@@ -38,42 +40,8 @@ use arc::Arc;
 use pid_nlp::SparsePattern;
 use pid_runtime::dynamics::Hessian;
 use rayon::prelude::*;
-
-/// Tolerances of an integration with controlled steps.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Adaptive {
-    /// Tolerated local error relative to each state.
-    pub rtol: f64,
-    /// Tolerated local error of states near zero, in their unit.
-    pub atol: f64,
-}
-
-/// How the motion between samples is integrated.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum Stepping {
-    /// So many equal steps of the setup's scheme per sampling interval.
-    Fixed {
-        /// At least 1.
-        substeps: usize,
-    },
-    /// Dormand-Prince steps with controlled error; the setup's scheme does not count.
-    Adaptive(Adaptive),
-}
-
-/// Times and inputs of all samples, windows one after another.
-struct Records {
-    t: Vec<f64>,
-    u: Vec<f64>,
-    nu: usize,
-}
-
-impl Records {
-    fn input(&self, sample: usize) -> &[f64] {
-        &self.u[sample * self.nu..(sample + 1) * self.nu]
-    }
-}
+use records::Records;
+pub use stepping::{Adaptive, Stepping};
 
 /// Nodes of a window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
