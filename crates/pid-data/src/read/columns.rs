@@ -28,97 +28,120 @@ pub(super) fn find_columns(
             });
         }
     }
-    let mut used = vec![false; header.len()];
-    let mut find = |name: &str| {
-        let place = header.iter().position(|h| h == name);
-        if let Some(i) = place {
-            used[i] = true;
-        }
-        place
+    let mut header = Header {
+        file,
+        names: header,
+        used: vec![false; header.len()],
     };
-    let missing = |column: &str, reason: &'static str, help: String| DataError::MissingColumn {
+    let n = joints.len();
+    let columns = Columns {
+        t: header.required("t", "time of the samples")?,
+        q: header.each("q", n, "every joint needs its position")?,
+        u: header.each(
+            "u",
+            n,
+            "every joint needs its input; write zeros for a joint without drive",
+        )?,
+        v: header.velocities(joints, warnings)?,
+        tau: header.all_or_none("tau", n)?,
+        qref: header.all_or_none("qref", n)?,
+    };
+    let unused = header
+        .names
+        .iter()
+        .zip(&header.used)
+        .filter(|(_, used)| !**used);
+    warnings.extend(unused.map(|(name, _)| DataWarning::UnusedColumn {
         file: file.to_owned(),
-        column: column.to_owned(),
-        reason,
-        help,
-    };
-    let has = format!(
-        "the header has `{}`; add or rename a column",
-        header.join(",")
-    );
+        column: name.clone(),
+    }));
+    Ok(columns)
+}
 
-    let t = find("t").ok_or_else(|| missing("t", "time of the samples", has.clone()))?;
-    let mut required = |stem: &str, reason: &'static str| -> Result<Vec<usize>, DataError> {
-        (1..=joints.len())
-            .map(|j| {
-                let name = format!("{stem}{j}");
-                find(&name).ok_or_else(|| missing(&name, reason, has.clone()))
-            })
-            .collect()
-    };
-    let q = required("q", "every joint needs its position")?;
-    let u = required(
-        "u",
-        "every joint needs its input; write zeros for a joint without drive",
-    )?;
+/// The names of the columns, and which have found their use.
+struct Header<'a> {
+    file: &'a str,
+    names: &'a [String],
+    used: Vec<bool>,
+}
 
-    let mut v = Vec::with_capacity(joints.len());
-    for (j, joint) in joints.iter().enumerate() {
-        let name = format!("dq{}", j + 1);
-        let place = find(&name);
-        if joint.velocity == VelocityKind::Absent {
-            if place.is_some() {
-                warnings.push(DataWarning::VelocityNotUsed {
-                    file: file.to_owned(),
-                    column: name,
-                });
-            }
-            v.push(None);
-        } else if place.is_some() {
-            v.push(place);
-        } else {
-            let help = "add the column, or write velocity = \"absent\" for this joint".to_owned();
-            return Err(missing(
-                &name,
-                "dataset.toml says the velocity is recorded",
-                help,
-            ));
+impl Header<'_> {
+    fn find(&mut self, name: &str) -> Option<usize> {
+        let place = self.names.iter().position(|h| h == name)?;
+        self.used[place] = true;
+        Some(place)
+    }
+
+    fn missing(&self, column: &str, reason: &'static str, help: String) -> DataError {
+        DataError::MissingColumn {
+            file: self.file.to_owned(),
+            column: column.to_owned(),
+            reason,
+            help,
         }
     }
 
-    let mut optional = |stem: &str| -> Result<Option<Vec<usize>>, DataError> {
-        let places: Vec<Option<usize>> = (1..=joints.len())
-            .map(|j| find(&format!("{stem}{j}")))
-            .collect();
+    fn required(&mut self, name: &str, reason: &'static str) -> Result<usize, DataError> {
+        self.find(name).ok_or_else(|| {
+            let help = format!(
+                "the header has `{}`; add or rename a column",
+                self.names.join(",")
+            );
+            self.missing(name, reason, help)
+        })
+    }
+
+    /// One column for each of `n` joints.
+    fn each(
+        &mut self,
+        stem: &str,
+        n: usize,
+        reason: &'static str,
+    ) -> Result<Vec<usize>, DataError> {
+        (1..=n)
+            .map(|j| self.required(&format!("{stem}{j}"), reason))
+            .collect()
+    }
+
+    /// Velocities, where the manifest says that there are some.
+    fn velocities(
+        &mut self,
+        joints: &[JointChannels],
+        warnings: &mut Vec<DataWarning>,
+    ) -> Result<Vec<Option<usize>>, DataError> {
+        let mut v = Vec::with_capacity(joints.len());
+        for (j, joint) in joints.iter().enumerate() {
+            let name = format!("dq{}", j + 1);
+            let place = self.find(&name);
+            let absent = joint.velocity == VelocityKind::Absent;
+            if absent && place.is_some() {
+                warnings.push(DataWarning::VelocityNotUsed {
+                    file: self.file.to_owned(),
+                    column: name,
+                });
+            } else if !absent && place.is_none() {
+                let help = "add the column, or write velocity = \"absent\" for this joint";
+                let reason = "dataset.toml says the velocity is recorded";
+                return Err(self.missing(&name, reason, help.to_owned()));
+            }
+            v.push(place.filter(|_| !absent));
+        }
+        Ok(v)
+    }
+
+    /// A column for each of `n` joints, or for none.
+    fn all_or_none(&mut self, stem: &str, n: usize) -> Result<Option<Vec<usize>>, DataError> {
+        let places: Vec<Option<usize>> =
+            (1..=n).map(|j| self.find(&format!("{stem}{j}"))).collect();
         if places.iter().all(Option::is_none) {
             return Ok(None);
         }
         let whole: Option<Vec<usize>> = places.iter().copied().collect();
         whole.map(Some).ok_or_else(|| {
             let gap = places.iter().position(Option::is_none).unwrap_or(0) + 1;
-            let help =
-                "add it (empty cells where nothing was recorded), or remove the others".to_owned();
-            missing(&format!("{stem}{gap}"), "the other joints have one", help)
+            let help = "add it (empty cells where nothing was recorded), or remove the others";
+            let name = format!("{stem}{gap}");
+            self.missing(&name, "the other joints have one", help.to_owned())
         })
-    };
-    let tau = optional("tau")?;
-    let qref = optional("qref")?;
-
-    for (name, used) in header.iter().zip(&used) {
-        if !used {
-            let column = name.clone();
-            warnings.push(DataWarning::UnusedColumn {
-                file: file.to_owned(),
-                column,
-            });
-        }
     }
-    Ok(Columns {
-        t,
-        q,
-        v,
-        u,
-        tau,
-        qref,
-    })
 }

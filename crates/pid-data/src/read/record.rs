@@ -1,6 +1,6 @@
 //! One record: header, rows, and what the manifest says of it.
 
-use super::columns::find_columns;
+use super::columns::{Columns, find_columns};
 use crate::manifest::Listed;
 use crate::{DataError, DataWarning, Experiment, JointChannels};
 
@@ -37,72 +37,22 @@ pub(super) fn read_experiment(
     let mut warnings = Vec::new();
     let columns = find_columns(file, &header, joints, &mut warnings)?;
 
-    let nq = joints.len();
+    let mut experiment = blank(listed, joints.len(), &columns);
     let rows = text.bytes().filter(|b| *b == b'\n').count();
-    let channel = || Vec::with_capacity(rows * nq);
-    let mut t: Vec<f64> = Vec::with_capacity(rows);
-    let (mut q, mut u) = (channel(), channel());
-    let mut v = columns.v.iter().any(Option::is_some).then(channel);
-    let mut tau = columns.tau.is_some().then(channel);
-    let mut qref = columns.qref.is_some().then(channel);
-    let mut missing = 0;
+    reserve(&mut experiment, rows);
     let mut line = 1;
     let mut record = csv::StringRecord::new();
     while reader.read_record(&mut record).map_err(broken)? {
         line = record.position().map_or(line + 1, csv::Position::line);
-        if record.len() != header.len() {
-            return Err(DataError::CellCount {
-                file: file.to_owned(),
-                line,
-                found: record.len(),
-                expected: header.len(),
-            });
-        }
-        let mut cell = |column: usize| -> Result<f64, DataError> {
-            let value = number(file, line, &header[column], &record[column])?;
-            missing += usize::from(value.is_nan());
-            Ok(value)
+        let row = Row {
+            file,
+            line,
+            header: &header,
+            record: &record,
         };
-
-        let time = cell(columns.t)?;
-        if time.is_nan() {
-            return Err(DataError::MissingTime {
-                file: file.to_owned(),
-                line,
-            });
-        }
-        if let Some(&previous) = t.last()
-            && time <= previous
-        {
-            let file = file.to_owned();
-            return Err(DataError::TimeNotIncreasing {
-                file,
-                line,
-                value: time,
-                previous,
-            });
-        }
-        t.push(time);
-        for &c in &columns.q {
-            q.push(cell(c)?);
-        }
-        if let Some(v) = &mut v {
-            for c in &columns.v {
-                v.push(c.map_or(Ok(f64::NAN), &mut cell)?);
-            }
-        }
-        for &c in &columns.u {
-            u.push(cell(c)?);
-        }
-        for (out, place) in [(&mut tau, &columns.tau), (&mut qref, &columns.qref)] {
-            if let (Some(out), Some(place)) = (out, place) {
-                for &c in place {
-                    out.push(cell(c)?);
-                }
-            }
-        }
+        row.append(&columns, &mut experiment)?;
     }
-    match t.len() {
+    match experiment.len() {
         0 => return Err(empty("has a header but no samples")),
         1 => {
             return Err(DataError::OneSample {
@@ -112,22 +62,102 @@ pub(super) fn read_experiment(
         }
         _ => {}
     }
+    compare_with_manifest(file, listed, &experiment, &mut warnings);
+    Ok((experiment, warnings))
+}
 
-    let experiment = Experiment {
+/// A record without samples, with the channels that have columns.
+fn blank(listed: &Listed, nq: usize, columns: &Columns) -> Experiment {
+    Experiment {
         name: listed.name.clone(),
         role: listed.role,
         note: listed.note.clone(),
         nq,
-        t,
-        q,
-        v,
-        u,
-        tau,
-        qref,
-        missing,
-    };
-    compare_with_manifest(file, listed, &experiment, &mut warnings);
-    Ok((experiment, warnings))
+        t: Vec::new(),
+        q: Vec::new(),
+        v: columns.v.iter().any(Option::is_some).then(Vec::new),
+        u: Vec::new(),
+        tau: columns.tau.is_some().then(Vec::new),
+        qref: columns.qref.is_some().then(Vec::new),
+        missing: 0,
+    }
+}
+
+/// Makes room for samples in every channel.
+fn reserve(experiment: &mut Experiment, rows: usize) {
+    let e = experiment;
+    e.t.reserve(rows);
+    let channels = [Some(&mut e.q), Some(&mut e.u)].into_iter();
+    let others = [e.v.as_mut(), e.tau.as_mut(), e.qref.as_mut()];
+    for channel in channels.chain(others).flatten() {
+        channel.reserve(rows * e.nq);
+    }
+}
+
+/// One row of a file.
+struct Row<'a> {
+    file: &'a str,
+    line: u64,
+    header: &'a [String],
+    record: &'a csv::StringRecord,
+}
+
+impl Row<'_> {
+    /// Adds the row as a sample.
+    fn append(&self, columns: &Columns, e: &mut Experiment) -> Result<(), DataError> {
+        let (file, line) = (self.file, self.line);
+        if self.record.len() != self.header.len() {
+            return Err(DataError::CellCount {
+                file: file.to_owned(),
+                line,
+                found: self.record.len(),
+                expected: self.header.len(),
+            });
+        }
+        let missing = &mut e.missing;
+        let mut cell = |column: usize| -> Result<f64, DataError> {
+            let value = number(file, line, &self.header[column], &self.record[column])?;
+            *missing += usize::from(value.is_nan());
+            Ok(value)
+        };
+        let time = cell(columns.t)?;
+        if time.is_nan() {
+            return Err(DataError::MissingTime {
+                file: file.to_owned(),
+                line,
+            });
+        }
+        if let Some(&previous) = e.t.last()
+            && time <= previous
+        {
+            return Err(DataError::TimeNotIncreasing {
+                file: file.to_owned(),
+                line,
+                value: time,
+                previous,
+            });
+        }
+        e.t.push(time);
+        for &c in &columns.q {
+            e.q.push(cell(c)?);
+        }
+        if let Some(v) = &mut e.v {
+            for c in &columns.v {
+                v.push(c.map_or(Ok(f64::NAN), &mut cell)?);
+            }
+        }
+        for &c in &columns.u {
+            e.u.push(cell(c)?);
+        }
+        for (out, place) in [(&mut e.tau, &columns.tau), (&mut e.qref, &columns.qref)] {
+            if let (Some(out), Some(place)) = (out, place) {
+                for &c in place {
+                    out.push(cell(c)?);
+                }
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A cell's value; NaN for an empty one.
