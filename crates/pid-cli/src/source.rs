@@ -221,92 +221,119 @@ fn load_with(
             term: term.to_string(),
         });
     }
-    // With --urdf or --nominal the one positional argument is the folder.
-    let description = source.urdf.as_ref().or(source.nominal.as_ref());
-    let (subject, folder) = match (description, &source.model, &source.folder) {
-        (Some(file), folder, None) => (
-            match source.nominal {
-                Some(_) => Subject::from_nominal(file)?,
-                None => Subject::from_urdf(file, source)?,
-            },
-            folder.as_ref().map(Path::new),
-        ),
-        (Some(_), Some(model), Some(_)) => {
-            return Err(CliError::TwoModels {
-                model: model.clone(),
-            });
-        }
-        (_, Some(model), None) => {
-            return Err(CliError::NoFolder {
-                model: model.clone(),
-            });
-        }
-        (_, model, folder) => {
-            let name = model.as_deref().unwrap_or(demo::MODEL);
-            (Subject::compiled(name, &terms)?, folder.as_deref())
-        }
+    let (subject, folder) = bare(source, &terms)?;
+    let dataset = match folder {
+        Some(folder) => Dataset::read(folder)?,
+        None => demo::dataset()?,
     };
-    let dataset = match (folder, description) {
-        (Some(folder), _) => Dataset::read(folder)?,
-        (None, Some(file)) => {
-            return Err(CliError::NoFolder {
-                model: file.display().to_string(),
-            });
-        }
-        (None, None) => demo::dataset()?,
-    };
-    let mut subject = subject;
-    let mut dataset = as_stated(dataset, source)?;
+    let dataset = as_stated(dataset, source)?;
     let also: Vec<Dataset> = source
         .also
         .iter()
         .map(|folder| as_stated(Dataset::read(folder)?, source))
         .collect::<Result<_, CliError>>()?;
-    match controller {
-        Some(file) => {
-            let controllers = controllers(file, dataset.nq())?;
-            let open = dataset.clone();
-            let also: Vec<Dataset> = also
-                .into_iter()
-                .map(|d| controllers.close(d))
-                .collect::<Result<_, _>>()?;
-            dataset = controllers.close(dataset)?.merged(also)?;
-            let model = models::by_name(&subject.name)?.model;
-            let extended = Extended::new(model, &terms)?;
-            let inner = with::extended(Box::new(extended), &effects, (model, &open))?;
-            let closed = ClosedLoop::new(inner).map_err(ControlError::from)?;
-            subject.origin = Origin::Closed(Box::new(closed));
-        }
+    let (subject, mut dataset) = match controller {
+        Some(file) => subject.closed(file, (dataset, also), &terms, &effects)?,
         None => {
-            dataset = dataset.merged(also)?;
-            if !effects.is_empty() {
-                let inner = boxed(subject.origin).ok_or(CliError::PrivateOfFile)?;
-                let declared = models::by_name(&subject.name)?.model;
-                let records = (declared as &dyn Dynamics, &dataset);
-                subject.origin = Origin::WithEffects(with::extended(inner, &effects, records)?);
-            }
+            let dataset = dataset.merged(also)?;
+            (subject.with_effects(&effects, &dataset)?, dataset)
         }
-    }
-    if !source.private.is_empty() {
-        let inner = boxed(subject.origin).ok_or(CliError::PrivateOfFile)?;
-        let own = PerRecord::new(inner, &source.private, &mut dataset)?;
-        subject.origin = Origin::PerRecord(Box::new(own));
-    }
-    if !source.velocity_lag.is_empty() {
-        let inner = boxed(subject.origin).ok_or(CliError::LagOfFile)?;
-        let records = dataset.clone();
-        let names = match source.velocity_lag.iter().any(|n| n == "all") {
-            true => Vec::new(),
-            false => source.velocity_lag.clone(),
-        };
-        let model = Lagging::new(inner, &names, &mut dataset)?;
-        subject.origin = Origin::Lagging(Box::new((model, records)));
-    }
+    };
+    let subject = subject.wrapped(source, &mut dataset)?;
     dataset.check_model(subject.model())?;
     for warning in &dataset.warnings {
         output::print(&format!("warning: {warning}\n"));
     }
     Ok((subject, dataset))
+}
+
+/// The model without what goes around it, and the folder of its records; `None`: the embedded ones.
+fn bare<'a>(
+    source: &'a Source,
+    terms: &[Request],
+) -> Result<(Subject, Option<&'a Path>), CliError> {
+    // With --urdf or --nominal the one positional argument is the folder.
+    let description = source.urdf.as_ref().or(source.nominal.as_ref());
+    match (description, &source.model, &source.folder) {
+        (Some(file), folder, None) => {
+            let subject = match source.nominal {
+                Some(_) => Subject::from_nominal(file)?,
+                None => Subject::from_urdf(file, source)?,
+            };
+            let folder = folder.as_ref().ok_or_else(|| CliError::NoFolder {
+                model: file.display().to_string(),
+            })?;
+            Ok((subject, Some(Path::new(folder))))
+        }
+        (Some(_), Some(model), Some(_)) => Err(CliError::TwoModels {
+            model: model.clone(),
+        }),
+        (_, Some(model), None) => Err(CliError::NoFolder {
+            model: model.clone(),
+        }),
+        (_, model, folder) => {
+            let name = model.as_deref().unwrap_or(demo::MODEL);
+            Ok((Subject::compiled(name, terms)?, folder.as_deref()))
+        }
+    }
+}
+
+impl Subject {
+    /// Closes the loop with the controllers of a file; the records, further ones among them, then
+    /// have commands as inputs.
+    fn closed(
+        self,
+        file: &Path,
+        (dataset, also): (Dataset, Vec<Dataset>),
+        terms: &[Request],
+        effects: &[With],
+    ) -> Result<(Self, Dataset), CliError> {
+        let controllers = controllers(file, dataset.nq())?;
+        let open = dataset.clone();
+        let also: Vec<Dataset> = also
+            .into_iter()
+            .map(|d| controllers.close(d))
+            .collect::<Result<_, _>>()?;
+        let dataset = controllers.close(dataset)?.merged(also)?;
+        let model = models::by_name(&self.name)?.model;
+        let extended = Extended::new(model, terms)?;
+        let inner = with::extended(Box::new(extended), effects, (model, &open))?;
+        let closed = ClosedLoop::new(inner).map_err(ControlError::from)?;
+        let origin = Origin::Closed(Box::new(closed));
+        Ok((Self { origin, ..self }, dataset))
+    }
+
+    /// The same model with effects of the library.
+    fn with_effects(self, effects: &[With], dataset: &Dataset) -> Result<Self, CliError> {
+        if effects.is_empty() {
+            return Ok(self);
+        }
+        let inner = boxed(self.origin).ok_or(CliError::PrivateOfFile)?;
+        let declared = models::by_name(&self.name)?.model;
+        let records = (declared as &dyn Dynamics, dataset);
+        let origin = Origin::WithEffects(with::extended(inner, effects, records)?);
+        Ok(Self { origin, ..self })
+    }
+
+    /// The same model with parameters of single records and with lags of readings, as the options say.
+    fn wrapped(mut self, source: &Source, dataset: &mut Dataset) -> Result<Self, CliError> {
+        if !source.private.is_empty() {
+            let inner = boxed(self.origin).ok_or(CliError::PrivateOfFile)?;
+            let own = PerRecord::new(inner, &source.private, dataset)?;
+            self.origin = Origin::PerRecord(Box::new(own));
+        }
+        if !source.velocity_lag.is_empty() {
+            let inner = boxed(self.origin).ok_or(CliError::LagOfFile)?;
+            let records = dataset.clone();
+            let names = match source.velocity_lag.iter().any(|n| n == "all") {
+                true => Vec::new(),
+                false => source.velocity_lag.clone(),
+            };
+            let model = Lagging::new(inner, &names, dataset)?;
+            self.origin = Origin::Lagging(Box::new((model, records)));
+        }
+        Ok(self)
+    }
 }
 
 /// A declared model and its wrappers as one more to wrap.

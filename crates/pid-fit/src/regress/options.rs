@@ -1,7 +1,9 @@
 //! What a regression can be asked for.
 
+use pid_runtime::dynamics::Dynamics;
 use pid_runtime::memory::Memory;
 
+use crate::ident::assumptions::Assumptions;
 use crate::regress::record::Filtering;
 use crate::regress::solution::JointWeights;
 use crate::regress::unknowns::Payload;
@@ -75,6 +77,21 @@ impl Default for Options {
             poses: 10_000,
             bootstrap: 0,
             seed: 0,
+        }
+    }
+}
+
+impl Options {
+    /// Takes over held values, priors and the loss of assumptions; stated values go to `start`.
+    pub fn assume(&mut self, assumed: Assumptions, model: &dyn Dynamics, start: &mut [f64]) {
+        let name = |j: usize| model.params()[j].name.to_string();
+        self.hold.extend(assumed.hold.iter().map(|&j| name(j)));
+        self.loss = assumed.likelihood.loss;
+        let stated = assumed.likelihood.priors.iter();
+        self.priors
+            .extend(stated.map(|p| (name(p.parameter), p.mean, p.deviation)));
+        for (j, value) in assumed.values {
+            start[j] = value;
         }
     }
 }
