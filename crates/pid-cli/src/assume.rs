@@ -9,7 +9,7 @@ use pid_fit::transcribe::{Loss, Prior};
 use pid_interpret::nominal::{Nominal, Velocity};
 use pid_runtime::dynamics::Hessian;
 
-use crate::args::IdentifyArgs;
+use crate::args::identify::IdentifyArgs;
 use crate::constrain;
 use crate::error::CliError;
 use crate::source::Subject;
@@ -93,48 +93,5 @@ fn from_nominal(nominal: &Nominal, model: &dyn Hessian) -> Likelihood {
                 })
             })
             .collect(),
-    }
-}
-
-/// Reads `square`, `huber`, `huber=1.5`, `student-t`, `student-t=4`.
-///
-/// # Errors
-/// What is wrong with the text.
-pub fn loss(text: &str) -> Result<Loss, String> {
-    let (word, number) = match text.split_once('=') {
-        Some((word, number)) => (word, Some(number)),
-        None => (text, None),
-    };
-    let value = |default: f64| match number.map(str::parse::<f64>) {
-        None => Ok(default),
-        Some(Ok(x)) if x.is_finite() && x > 0.0 => Ok(x),
-        Some(_) => Err(format!("`{text}`: the number after `=` must be above zero")),
-    };
-    match (word, number) {
-        ("square", None) => Ok(Loss::Square),
-        ("huber", _) => Ok(Loss::Huber {
-            threshold: value(1.345)?,
-        }),
-        ("student-t", _) => Ok(Loss::StudentT {
-            freedom: value(4.0)?,
-        }),
-        _ => Err(format!(
-            "`{text}` is not a loss: square, huber=THRESHOLD or student-t=FREEDOM"
-        )),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn losses_are_read_and_refused() {
-        assert_eq!(loss("square"), Ok(Loss::Square));
-        assert_eq!(loss("huber=2"), Ok(Loss::Huber { threshold: 2.0 }));
-        assert_eq!(loss("student-t"), Ok(Loss::StudentT { freedom: 4.0 }));
-        for bad in ["", "square=1", "huber=0", "huber=x", "cauchy"] {
-            assert!(loss(bad).is_err(), "{bad}");
-        }
     }
 }

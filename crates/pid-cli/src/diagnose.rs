@@ -1,53 +1,16 @@
 //! `simtrue diagnose`: which effect the model in a data folder lacks.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use clap::Args;
 use pid_diagnose::diagnosis::{Diagnosis, Share};
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
 use pid_runtime::dynamics::Hessian;
 use rayon::prelude::*;
 
+use crate::args::diagnose::DiagnoseArgs;
 use crate::error::CliError;
 use crate::{models, output};
-
-/// Arguments of `simtrue diagnose`.
-#[derive(Debug, Clone, Args)]
-pub(crate) struct DiagnoseArgs {
-    /// Folders with dataset.toml, nominal.toml and CSV files.
-    #[arg(required = true)]
-    folders: Vec<PathBuf>,
-    /// Nominal description of the robot, in place of the nominal.toml of each folder.
-    #[arg(long, value_name = "FILE", conflicts_with = "model")]
-    nominal: Option<PathBuf>,
-    /// Folder for the results: diagnosis.json, or one folder per data folder if several are given.
-    #[arg(
-        long,
-        short,
-        value_name = "FOLDER",
-        default_value = "simtrue-diagnosis"
-    )]
-    out: PathBuf,
-    /// Diagnose again where a result is already there.
-    #[arg(long)]
-    again: bool,
-    /// Declared model in place of nominal.toml: nominal values and tolerances are those of its
-    /// parameters. A measurement.toml in the folder may state how the robot is measured.
-    #[arg(long, value_name = "MODEL")]
-    model: Option<String>,
-    /// Look for the motion that separates the first two candidates even where the records do so already.
-    #[arg(long)]
-    next: bool,
-    /// Refit every candidate to its end instead of the best ones of the screening. Slow; use it to
-    /// judge the screening.
-    #[arg(long)]
-    refit_all: bool,
-    /// Length of the train records that is fitted, seconds times the number of joints; of longer
-    /// records it takes the parts that decide. Gaps use the whole test records.
-    #[arg(long, value_name = "SECONDS", default_value_t = Settings::default().joint_seconds, value_parser = crate::args::positive)]
-    joint_seconds: f64,
-}
 
 /// Diagnoses all folders, several at a time. Names those that cannot be read and goes on.
 pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {

@@ -3,25 +3,21 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use pid_data::DataError;
+use pid_data::{ChangeError, DataError};
 use pid_diagnose::case::CaseError;
 use pid_diagnose::report::WriteError;
 use pid_diagnose::with_effects::EffectError;
 use pid_fit::excite::ExciteError;
-use pid_fit::gap::force::MissingForceError;
-use pid_fit::gap::metrics::FreeRunError;
 use pid_fit::ident::assumptions::AssumptionsError;
-use pid_fit::ident::bootstrap::BootstrapError;
-use pid_fit::ident::{CrossValidationError, IdentError};
+use pid_fit::identify::IdentifyError;
 use pid_fit::integrate::SimulateError;
 use pid_fit::regress::RegressError;
 use pid_fit::wrap::controllers::ControlError;
 use pid_fit::wrap::lag::LagError;
 use pid_fit::wrap::private::PrivateError;
-use pid_interpret::kinematics::KinematicsError;
 use pid_interpret::nominal::NominalError;
 use pid_models::UnknownModel;
-use pid_report::ReportError;
+use pid_report::{JudgeError, ReportError};
 use pid_runtime::extend::ExtendError;
 use pid_urdf::UrdfError;
 
@@ -43,29 +39,23 @@ pub(crate) enum CliError {
     )]
     NoFolder { model: String },
     #[error(
-        "--input-gain has {found} factors, the data set {joints} joints\n  help: give one per joint, separated by commas"
-    )]
-    InputGains { found: usize, joints: usize },
-    #[error("--train: no training record named `{name}`; they are {records}")]
-    NoSuchRecord { name: String, records: String },
-    #[error(
         "model `{model}` and a description by --urdf or --nominal are given\n  help: leave one of them out"
     )]
     TwoModels { model: String },
     #[error(transparent)]
     Data(#[from] DataError),
     #[error(transparent)]
+    Change(#[from] ChangeError),
+    #[error(transparent)]
     Parameters(#[from] ParameterFileError),
     #[error(transparent)]
-    FreeRun(#[from] FreeRunError),
-    #[error(transparent)]
-    Force(#[from] MissingForceError),
+    Judge(#[from] JudgeError),
     #[error(transparent)]
     Simulate(#[from] SimulateError),
     #[error(transparent)]
     Report(#[from] ReportError),
     #[error(transparent)]
-    Identification(#[from] IdentError),
+    Identify(#[from] IdentifyError),
     #[error(transparent)]
     Extend(#[from] ExtendError),
     #[error(transparent)]
@@ -74,10 +64,6 @@ pub(crate) enum CliError {
     Control(#[from] ControlError),
     #[error(transparent)]
     Private(#[from] PrivateError),
-    #[error(
-        "record `{record}` has no measured torques (columns tau1 …)\n  help: leave --measured-torque out"
-    )]
-    NoTorque { record: String },
     #[error(transparent)]
     Lag(#[from] LagError),
     #[error(
@@ -102,26 +88,12 @@ pub(crate) enum CliError {
     },
     #[error("--velocity-lag needs one of the models that `simtrue models` lists")]
     LagOfFile,
-    #[error(
-        "--consistent: the model has no link whose ten inertial parameters are all free\n  help: declare links with `inertial: free`, or hold none of their parameters"
-    )]
-    NoLinks,
-    #[error(
-        "--consistent fits once more in other coordinates, which have neither profiles nor a bootstrap\n  help: keep links consistent in every fit by --consistent=throughout"
-    )]
-    ConsistentAfter,
-    #[error(transparent)]
-    Bootstrap(#[from] BootstrapError),
     #[error("--private needs one of the models that `simtrue models` lists")]
     PrivateOfFile,
     #[error(
         "instrumental variables simulate the closed loop of the records\n  help: describe it in a file and give it with --controller (docs/controller-format.md)"
     )]
     NoController,
-    #[error(
-        "the records of `{second}` are not like those of `{first}`: joints, input units, velocity channels and the hold of inputs must agree\n  help: with --controller the units of inputs do not count"
-    )]
-    OtherRobot { first: String, second: String },
     #[error(transparent)]
     Assumptions(#[from] AssumptionsError),
     #[error(transparent)]
@@ -132,12 +104,6 @@ pub(crate) enum CliError {
     NoParameter { option: &'static str, name: String },
     #[error("--constrain \"{text}\": {reason}")]
     Constraint { text: String, reason: String },
-    #[error(
-        "--constrain speaks of the model's parameters, --consistent=after fits others\n  help: --consistent=throughout fits the model's own"
-    )]
-    ConstrainedAfter,
-    #[error(transparent)]
-    CrossValidation(#[from] CrossValidationError),
     #[error("the result cannot be written as JSON: {0}")]
     Json(serde_json::Error),
     #[error("{}: {error}", path.display())]
@@ -147,8 +113,6 @@ pub(crate) enum CliError {
     },
     #[error(transparent)]
     Excite(#[from] ExciteError),
-    #[error(transparent)]
-    Kinematics(#[from] KinematicsError),
     #[error(transparent)]
     Limits(#[from] LimitsError),
     #[error("{}: cannot be read: {error}", path.display())]

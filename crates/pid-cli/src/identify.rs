@@ -1,32 +1,24 @@
 //! `simtrue identify`: parameters from records, and the report on them.
 
 use std::ops::ControlFlow;
-use std::time::Instant;
 
-use pid_data::{Dataset, Horizon, Role};
-use pid_fit::ident::bootstrap::{Bootstrap, bootstrap};
-use pid_fit::ident::{
-    self, ForceError, Identification, InitialState, Method, Prepare, Run, Sampling, Settings,
-    Weighting,
-};
+use pid_data::{Dataset, Horizon};
+use pid_fit::ident::{self, InitialState, Method, Prepare, Sampling, Settings, Weighting};
+use pid_fit::identify::{News, Request, by_rule, identify};
 use pid_fit::transcribe::{Adaptive, Curvature};
 use pid_nlp::solver::{self, Algorithm, Iteration, Status};
-use pid_report::{CheckRow, Setting, StartRow, Verdict};
+use pid_report::Verdict;
 use pid_runtime::dynamics::ParamInfo;
 
-use crate::args::{
+use crate::args::identify::{
     ConsistentArg, HessianArg, HorizonArg, IdentifyArgs, InitialArg, MethodArg, SamplingArg,
     SolverArg, WeightsArg,
 };
-use crate::assemble::{Fit, assemble};
 use crate::cause::Cause;
 use crate::error::CliError;
 use crate::progress::{Interrupt, Progress};
-use crate::{assume, consistent, horizon, output, parameters, source};
-
-/// The independent check accepts this constraint violation and stationarity.
-const FEASIBLE: f64 = 1e-6;
-const STATIONARY: f64 = 1e-4;
+use crate::source::Subject;
+use crate::{assume, output, parameters, source};
 
 /// Runs the command; the exit code.
 pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
@@ -34,161 +26,22 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     let progress = Progress::start("reading the data");
     let (entry, dataset) = source::load(&args.source)?;
     let model = entry.model();
-    let mut settings = settings(args, &dataset);
-    if settings.method == Method::EquationError && !args.source.velocity_lag.is_empty() {
-        return Err(CliError::LagOfRegression);
-    }
-    let stated = assume::apply(args, &entry, &dataset, &mut settings)?;
-    let mut start = match &args.start {
-        Some(file) => Some(parameters::read(file, model.params())?),
-        None => None,
-    };
-    if !stated.is_empty() {
-        let nominal = || model.params().iter().map(|i| i.nominal).collect();
-        let start = start.get_or_insert_with(nominal);
-        stated.iter().for_each(|&(j, value)| start[j] = value);
-    }
-    let profiled = profiled(model.params(), &args.profile)?;
-    if args.consistent == Some(ConsistentArg::After) && (args.bootstrap > 0 || !profiled.is_empty())
-    {
-        return Err(CliError::ConsistentAfter);
-    }
-    if args.consistent == Some(ConsistentArg::After) && !settings.constraints.is_empty() {
-        return Err(CliError::ConstrainedAfter);
-    }
-    let started = Instant::now();
-    let mut choice = None;
-    if args.horizon == Some(HorizonArg::Auto) && settings.method != Method::EquationError {
-        let start = start.as_deref();
-        let (chosen, note) =
-            horizon::chosen(model, &dataset, &settings, start, &progress, &interrupt)?;
-        settings.horizon = chosen;
-        choice = Some(note);
-    }
+    let request = request(args, &entry, &dataset)?;
     if args.verbose {
         output::message(Iteration::HEADING);
     }
-    let identification = ident::identify(
-        model,
-        &dataset,
-        &settings,
-        start.as_deref(),
-        &mut |news: &ident::Progress<'_>| {
-            let i = news.iteration;
-            progress.step(format!(
-                "{} (start {} of {}): iteration {}, J = {:.6e}, violation {:.1e}",
-                news.phase,
-                news.start + 1,
-                news.starts,
-                i.iteration,
-                i.objective,
-                i.primal_inf
-            ));
-            if args.verbose {
-                progress.line(&i.line());
-            }
-            if interrupt.requested() {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
-        },
-    )?;
-    let mut intervals = Vec::new();
-    let identification = match args.consistent {
-        None | Some(ConsistentArg::Throughout) => identification,
-        Some(ConsistentArg::After) => {
-            let mut news = |news: &ident::Progress<'_>| {
-                let i = news.iteration;
-                progress.step(format!(
-                    "consistent values, {}: iteration {}, J = {:.6e}",
-                    news.phase, i.iteration, i.objective
-                ));
-                if args.verbose {
-                    progress.line(&i.line());
-                }
-                match interrupt.requested() {
-                    true => ControlFlow::Break(()),
-                    false => ControlFlow::Continue(()),
-                }
-            };
-            let (found, sentence) =
-                consistent::refit(model, &dataset, &settings, &identification, &mut news)?;
-            intervals.push(sentence);
-            found
+    let tell = |news: &News<'_>| {
+        show(news, model.params(), args, &progress);
+        match interrupt.requested() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
         }
     };
-    if args.bootstrap > 0 {
-        let news = || match interrupt.requested() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        };
-        progress.step(format!("bootstrap, {} draws", args.bootstrap));
-        let drawn = bootstrap(
-            model,
-            &dataset,
-            &settings,
-            &identification,
-            (args.bootstrap, args.seed),
-            &news,
-        )?;
-        intervals.extend(bootstrap_findings(model.params(), &drawn));
-    }
-    if !profiled.is_empty() {
-        let mut go_on = |_: &ident::Progress<'_>| match interrupt.requested() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        };
-        progress.step("profile likelihood".to_owned());
-        let profiler =
-            ident::Profiler::new(model, &dataset, &settings, &identification, &mut go_on)?;
-        for j in profiled {
-            progress.step(format!("profile likelihood of {}", model.params()[j].name));
-            let found = profiler.interval(j, &mut go_on)?;
-            intervals.push(profile_finding(&model.params()[j], &found));
-        }
-    }
-    let seconds = started.elapsed().as_secs_f64();
-    let best = identification.best();
-    let verdict = verdict(best);
-    let mut report = assemble(
-        &entry,
-        &dataset,
-        Fit {
-            title: format!("{} identified on {}", entry.name, dataset.name),
-            start: best.start.clone(),
-            values: best.parameters.clone(),
-            deviations: identification.deviations.clone(),
-            lower: identification.lower.clone(),
-            upper: identification.upper.clone(),
-            fixed: identification.fixed.clone(),
-            verdict,
-            status: best.status.reason().to_owned(),
-            objective: best.objective.is_finite().then_some(best.objective),
-            seconds,
-            checks: checks(best),
-            iterations: best.iterations,
-            log: best.log.clone(),
-            starts: identification.runs.iter().map(start_row).collect(),
-            cutoff: args.cutoff,
-            settings: in_words(&settings, &identification),
-            notes: choice
-                .into_iter()
-                .chain(notes(&identification, model.params()))
-                .collect(),
-        },
-        &progress,
-    )?;
-    let mut extra = force_findings(&identification.force_error);
-    extra.extend(optima(&identification));
-    extra.extend(noise_finding(&identification, &settings, &dataset));
-    extra.extend(intervals);
-    report.findings.extend(extra);
-    if settings.method == Method::FullDiscretization
-        && let Some(sentence) = hidden_error(&settings, best, &report)
-    {
-        report.findings.insert(0, sentence);
-    }
+    let found = identify(model, &dataset, &request, &tell)?;
+    let best = found.identification.best();
+    let subject = entry.subject(&dataset, &best.parameters);
+    let step = |what: String| progress.step(what);
+    let mut report = pid_report::report(&subject, &dataset, &found, &step)?;
     let wanted = (args.diagnose || args.source.embedded()) && !interrupt.requested();
     let cause = wanted.then(|| {
         progress.step("looking for the effect that the model lacks".to_owned());
@@ -204,11 +57,78 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     if let Some(cause) = cause {
         cause?.deliver(&args.source.out)?;
     }
-    Ok(match (verdict, best.status) {
+    Ok(match (report.outcome.verdict, best.status) {
         (_, Status::Interrupted) => 130,
         (Verdict::Bad, _) => 3,
         _ => 0,
     })
+}
+
+/// What the arguments ask for.
+fn request(args: &IdentifyArgs, entry: &Subject, dataset: &Dataset) -> Result<Request, CliError> {
+    let model = entry.model();
+    let mut settings = settings(args, dataset);
+    if settings.method == Method::EquationError && !args.source.velocity_lag.is_empty() {
+        return Err(CliError::LagOfRegression);
+    }
+    let stated = assume::apply(args, entry, dataset, &mut settings)?;
+    let mut start = match &args.start {
+        Some(file) => Some(parameters::read(file, model.params())?),
+        None => None,
+    };
+    if !stated.is_empty() {
+        let nominal = || model.params().iter().map(|i| i.nominal).collect();
+        let start = start.get_or_insert_with(nominal);
+        stated.iter().for_each(|&(j, value)| start[j] = value);
+    }
+    Ok(Request {
+        settings,
+        start,
+        choose_horizon: args.horizon == Some(HorizonArg::Auto),
+        consistent_after: args.consistent == Some(ConsistentArg::After),
+        draws: args.bootstrap,
+        profiled: profiled(model.params(), &args.profile)?,
+    })
+}
+
+/// Shows how far the identification is.
+fn show(news: &News<'_>, params: &[ParamInfo], args: &IdentifyArgs, progress: &Progress) {
+    let line = |i: &ident::Progress<'_>| {
+        if args.verbose {
+            progress.line(&i.iteration.line());
+        }
+    };
+    match news {
+        News::Horizon(i) => progress.step(format!(
+            "choosing the horizon by cross validation: {}, iteration {}",
+            i.phase, i.iteration.iteration
+        )),
+        News::Fit(i) => {
+            progress.step(format!(
+                "{} (start {} of {}): iteration {}, J = {:.6e}, violation {:.1e}",
+                i.phase,
+                i.start + 1,
+                i.starts,
+                i.iteration.iteration,
+                i.iteration.objective,
+                i.iteration.primal_inf
+            ));
+            line(i);
+        }
+        News::Consistent(i) => {
+            progress.step(format!(
+                "consistent values, {}: iteration {}, J = {:.6e}",
+                i.phase, i.iteration.iteration, i.iteration.objective
+            ));
+            line(i);
+        }
+        News::Bootstrap => progress.step(format!("bootstrap, {} draws", args.bootstrap)),
+        News::Profile(None) => progress.step("profile likelihood".to_owned()),
+        News::Profile(Some(j)) => {
+            progress.step(format!("profile likelihood of {}", params[*j].name));
+        }
+        _ => {}
+    }
 }
 
 fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
@@ -220,7 +140,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
     };
     let horizon = match args.horizon {
         Some(HorizonArg::Stated(horizon)) => horizon,
-        Some(HorizonArg::Auto) | None => horizon::by_rule(dataset),
+        Some(HorizonArg::Auto) | None => by_rule(dataset),
     };
     Settings {
         consistent: args.consistent == Some(ConsistentArg::Throughout),
@@ -292,142 +212,6 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
     }
 }
 
-fn verdict(run: &Run) -> Verdict {
-    let sound = run.check.finite
-        && run.check.primal_inf <= FEASIBLE
-        && run.check.bound_violation <= FEASIBLE;
-    match (sound, run.status) {
-        (true, Status::Solved | Status::Acceptable) => Verdict::Good,
-        (true, _) => Verdict::Fair,
-        (false, _) => Verdict::Bad,
-    }
-}
-
-fn checks(run: &Run) -> Vec<CheckRow> {
-    let row = |name: &str, value: f64, tolerance: f64| CheckRow {
-        name: name.to_owned(),
-        value,
-        tolerance,
-    };
-    vec![
-        row(
-            "largest violation of a step",
-            run.check.primal_inf,
-            FEASIBLE,
-        ),
-        row(
-            "largest violation of a bound",
-            run.check.bound_violation,
-            FEASIBLE,
-        ),
-        row(
-            "stationarity (natural residual)",
-            run.check.dual_inf,
-            STATIONARY,
-        ),
-    ]
-}
-
-fn start_row(run: &Run) -> StartRow {
-    StartRow {
-        index: run.index,
-        objective: run.objective.is_finite().then_some(run.objective),
-        iterations: run.iterations,
-        seconds: run.seconds,
-        status: run.status.reason().to_owned(),
-    }
-}
-
-fn in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
-    let mut rows = Vec::new();
-    match settings.method {
-        Method::EquationError => {
-            rows.push(Setting::new(
-                "method",
-                "equation error (weighted least squares)",
-            ));
-            rows.push(Setting::new("samples", found.windows.1));
-        }
-        _ => {
-            match settings.method {
-                Method::Shooting => {
-                    let nodes = match settings.nodes {
-                        1 => "single shooting".to_owned(),
-                        n => format!("multiple shooting, {n} nodes a window"),
-                    };
-                    rows.push(Setting::new("method", nodes));
-                }
-                _ => rows.push(Setting::new("method", "full discretization")),
-            }
-            match settings
-                .adaptive
-                .filter(|_| settings.method == Method::Shooting)
-            {
-                Some(a) => rows.push(Setting::new(
-                    "integration",
-                    format!(
-                        "Dormand-Prince, controlled steps, relative tolerance {:e}",
-                        a.rtol
-                    ),
-                )),
-                None => rows.push(Setting::new("scheme", settings.scheme.label())),
-            }
-            if settings.substeps > 1 {
-                rows.push(Setting::new("steps per sample", settings.substeps));
-            }
-            rows.push(Setting::new(
-                "Hessian",
-                match (settings.quasi_newton, settings.curvature) {
-                    (Some(usize::MAX), _) => "damped BFGS".to_owned(),
-                    (Some(steps), _) => format!("damped BFGS from the last {steps} steps"),
-                    (None, Curvature::Exact) => "exact".to_owned(),
-                    (None, _) => "Gauss-Newton".to_owned(),
-                },
-            ));
-            rows.push(Setting::new(
-                "solver",
-                match settings.algorithm {
-                    Algorithm::Sqp => "sequential quadratic programming",
-                    _ => "interior point",
-                },
-            ));
-            rows.push(Setting::new("horizon", settings.horizon));
-            rows.push(Setting::new(
-                "initial states",
-                match settings.initial_state {
-                    InitialState::Free => "unknowns of the fit",
-                    InitialState::Measured => "held at the data",
-                },
-            ));
-            rows.push(Setting::new(
-                "weights",
-                match settings.weighting {
-                    _ if settings.likelihood.is_some() => "one over the variance of the noise",
-                    Weighting::Unit => "1 for every channel",
-                    Weighting::Spread => "one over the variance of each channel",
-                    Weighting::Record => {
-                        "positions, by one over their variance in their own record"
-                    }
-                    Weighting::Position => "positions only",
-                },
-            ));
-            let (n, m) = found.size;
-            let (windows, samples) = found.windows;
-            rows.push(Setting::new(
-                "program",
-                format!("{n} variables, {m} constraints; {windows} windows, {samples} samples"),
-            ));
-        }
-    }
-    if settings.starts > 1 {
-        rows.push(Setting::new(
-            "starts",
-            format!("{} (seed {})", settings.starts, settings.seed),
-        ));
-    }
-    rows
-}
-
 /// Positions of the parameters to profile.
 fn profiled(params: &[ParamInfo], names: &[String]) -> Result<Vec<usize>, CliError> {
     names
@@ -440,184 +224,4 @@ fn profiled(params: &[ParamInfo], names: &[String]) -> Result<Vec<usize>, CliErr
             })
         })
         .collect()
-}
-
-fn bootstrap_findings(params: &[ParamInfo], drawn: &Bootstrap) -> Vec<String> {
-    let (good, bad) = drawn.draws;
-    let mut lines = vec![format!(
-        "Block bootstrap over windows: {good} draws, {bad} did not converge and were left out."
-    )];
-    let found = params.iter().zip(&drawn.intervals).zip(&drawn.deviations);
-    lines.extend(found.filter_map(|((info, interval), deviation)| {
-        let ((low, high), deviation) = ((*interval)?, (*deviation)?);
-        Some(format!(
-            "Bootstrap of {}: 95 % interval {low:.5} … {high:.5} {}, standard deviation {deviation:.2e}.",
-            info.name, info.unit
-        ))
-    }));
-    lines
-}
-
-fn profile_finding(info: &ParamInfo, found: &ident::Profile) -> String {
-    let side = |end: Option<f64>, word: &str| {
-        end.map_or_else(|| format!("its {word} bound"), |x| format!("{x:.5}"))
-    };
-    format!(
-        "Profile likelihood of {}: 95 % interval {} … {} {} ({} fits).",
-        info.name,
-        side(found.lower, "lower"),
-        side(found.upper, "upper"),
-        info.unit,
-        found.fits
-    )
-}
-
-/// Noise levels of a fit by likelihood.
-fn noise_finding(found: &Identification, settings: &Settings, data: &Dataset) -> Option<String> {
-    settings.likelihood.as_ref()?;
-    let nq = data.nq();
-    let levels: Vec<String> = found
-        .noise
-        .iter()
-        .enumerate()
-        .filter_map(|(c, level)| {
-            let letter = if c < nq { "q" } else { "dq" };
-            Some(format!(
-                "{} {letter} {:.3e}",
-                data.joints[c % nq].name,
-                (*level)?
-            ))
-        })
-        .collect();
-    Some(format!(
-        "Standard deviation of the residuals, as the loss measures it: {}.",
-        levels.join(", ")
-    ))
-}
-
-/// Parameters that change together without a change of the fit.
-fn open_direction(
-    direction: &[(usize, f64)],
-    found: &Identification,
-    params: &[ParamInfo],
-) -> String {
-    let parts: Vec<String> = direction
-        .iter()
-        .map(|&(j, share)| {
-            let width = found.upper[j] - found.lower[j];
-            match width.is_finite() {
-                true => format!(
-                    "{} {:+.3e} {}",
-                    params[j].name,
-                    share * width,
-                    params[j].unit
-                ),
-                false => format!("{} {share:+.2} of its scale", params[j].name),
-            }
-        })
-        .collect();
-    parts.join(", ")
-}
-
-fn notes(found: &Identification, params: &[ParamInfo]) -> Vec<String> {
-    let mut notes = found.notes.clone();
-    if found.undetermined > 0 {
-        notes.push(format!(
-            "{} direction{} in parameter space {} not determined by these data; the parameters they touch have no standard deviation.",
-            found.undetermined,
-            if found.undetermined == 1 { "" } else { "s" },
-            if found.undetermined == 1 { "is" } else { "are" },
-        ));
-    }
-    notes.extend(
-        found
-            .open
-            .iter()
-            .map(|direction| match direction.as_slice() {
-                [(alone, _)] => format!(
-                    "Not determined: {} (the records hardly depend on it).",
-                    params[*alone].name
-                ),
-                together => format!(
-                    "Not determined: {} (change together, in proportion).",
-                    open_direction(together, found, params)
-                ),
-            }),
-    );
-    if found.sandwich {
-        notes.push("Standard deviations are of the sandwich form, from the scatter of the windows' gradients.".to_owned());
-        return notes;
-    }
-    notes.push(format!(
-        "Standard deviations come from the exact reduced Hessian at the solution and the residual variance, times {:.3} for residuals that are correlated in time; they do not cover what the model lacks.",
-        found.correlation_factor.sqrt()
-    ));
-    notes
-}
-
-/// Number of optima that the starts reached, and the share of each.
-fn optima(found: &Identification) -> Option<String> {
-    if found.runs.len() < 2 || found.optima.is_empty() {
-        return None;
-    }
-    let list: Vec<String> = found
-        .optima
-        .iter()
-        .take(5)
-        .map(|o| format!("J = {:.4e} ({:.0} %)", o.objective, 100.0 * o.share))
-        .collect();
-    let more = found.optima.len().saturating_sub(5);
-    Some(format!(
-        "{} starts reached {} optim{}, told apart by objective and motion, share of the starts in brackets: {}{}.",
-        found.runs.len(),
-        found.optima.len(),
-        if found.optima.len() == 1 { "um" } else { "a" },
-        list.join(", "),
-        if more > 0 {
-            format!(" and {more} more")
-        } else {
-            String::new()
-        }
-    ))
-}
-
-fn force_findings(errors: &[ForceError]) -> Vec<String> {
-    errors
-        .iter()
-        .map(|e| {
-            let share = e.relative.map_or_else(
-                || "the drive does not act".to_owned(),
-                |r| format!("{:.2} % of the drive's force", 100.0 * r),
-            );
-            format!(
-                "Force error of joint {} on the {} records: {:.4} RMS, {share}.",
-                e.joint,
-                match e.role {
-                    Role::Train => "training",
-                    Role::Test => "test",
-                },
-                e.rms
-            )
-        })
-        .collect()
-}
-
-/// Warns if a scheme's own error has gone into the parameters: compares J of the fit with J of an
-/// accurate simulation.
-fn hidden_error(settings: &Settings, best: &Run, report: &pid_report::Report) -> Option<String> {
-    if settings.weighting != Weighting::Unit || !matches!(settings.horizon, Horizon::Record) {
-        return None;
-    }
-    let accurate = report
-        .free_run
-        .iter()
-        .find(|s| s.role == Role::Train && s.horizon == Horizon::Record)?
-        .objective?;
-    (accurate > 3.0 * best.objective).then(|| {
-        format!(
-            "The {} hides its own error in the parameters: it fits the training record with J = {:.4e}, but an accurate simulation with these parameters misses it by J = {accurate:.4e}. Use a scheme of higher order or a smaller step before trusting the values.",
-            settings.scheme.label(),
-            best.objective
-        )
-    })
 }

@@ -33,18 +33,14 @@
 //! results so far are written).
 
 mod args;
-mod assemble;
 mod assume;
 mod cause;
-mod consistent;
 mod constrain;
 mod demo;
 mod diagnose;
 mod dump;
 mod error;
 mod excite;
-mod findings;
-mod horizon;
 mod identify;
 mod limits;
 mod models;
@@ -61,7 +57,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use pid_models::Entry;
 
-pub use assume::loss;
+pub use args::parse::loss;
 
 use args::{Cli, Command, DemoArgs};
 use error::CliError;

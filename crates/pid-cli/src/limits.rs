@@ -1,17 +1,17 @@
 //! The file of limits of an exciting motion.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use pid_fit::excite::{Limits, Workspace};
 use pid_interpret::Kinematics;
-use pid_interpret::kinematics::Point;
+use pid_interpret::kinematics::{KinematicsError, Point};
 use pid_runtime::dynamics::Hessian;
 use pid_toml::{Mistake, Place, Source};
 use serde::Deserialize;
 
-use crate::error::CliError;
-use crate::excite::ExciteArgs;
+use crate::args::excite::ExciteArgs;
 
 /// Key of the boxes; every other key is a joint.
 const WORKSPACE: &str = "workspace";
@@ -70,20 +70,24 @@ pub(crate) enum LimitsError {
         .0.place, .0.message, .0.shown
     )]
     Workspace(Mistake),
+    #[error("{}: cannot be read: {error}", path.display())]
+    Read { path: PathBuf, error: io::Error },
+    #[error(transparent)]
+    Kinematics(#[from] KinematicsError),
 }
 
 impl LimitFile {
     /// Reads a file; without one only the options limit the motion.
-    pub(crate) fn read(path: Option<&Path>, model: &dyn Hessian) -> Result<Self, CliError> {
+    pub(crate) fn read(path: Option<&Path>, model: &dyn Hessian) -> Result<Self, LimitsError> {
         let Some(path) = path else {
             return Ok(Self::default());
         };
-        let text = std::fs::read_to_string(path).map_err(|error| CliError::Read {
+        let text = std::fs::read_to_string(path).map_err(|error| LimitsError::Read {
             path: path.to_owned(),
             error,
         })?;
         let name = path.display().to_string();
-        Ok(Self::parse(&Source::new(&name, &text), model)?)
+        Self::parse(&Source::new(&name, &text), model)
     }
 
     fn parse(source: &Source<'_>, model: &dyn Hessian) -> Result<Self, LimitsError> {
@@ -113,7 +117,10 @@ impl LimitFile {
     }
 
     /// Positions of the limited points; `None` without any.
-    pub(crate) fn kinematics(&self, model: &dyn Hessian) -> Result<Option<Kinematics>, CliError> {
+    pub(crate) fn kinematics(
+        &self,
+        model: &dyn Hessian,
+    ) -> Result<Option<Kinematics>, LimitsError> {
         let point = |of: &PointBox| Point {
             link: of.link.clone(),
             at: of.point,

@@ -2,17 +2,16 @@
 
 use std::fmt::Write;
 
-use pid_data::{Dataset, Experiment, Role};
 use pid_fit::inertia::pseudo_inertia::SUFFIXES;
 use pid_fit::regress::judge::Errors;
 use pid_fit::regress::record::Filtering;
 use pid_fit::regress::solution::JointWeights;
-use pid_fit::regress::{Options, Regression, regress};
+use pid_fit::regress::{Options, Regression, Row, regress};
 use pid_runtime::dynamics::Hessian;
 use pid_runtime::extend::Extended;
 use serde_json::{Value, json};
 
-use crate::args::{CutoffArg, JointWeightsArg, RegressArgs, RegressMethodArg};
+use crate::args::regress::{CutoffArg, JointWeightsArg, RegressArgs, RegressMethodArg};
 use crate::error::{CliError, make_folder, write};
 use crate::progress::Progress;
 use crate::with::{self, With};
@@ -36,13 +35,13 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     if !wanted.velocity_lag.is_empty() {
         return Err(CliError::LagOfRegression);
     }
-    let (subject, mut dataset) = source::load_open(&wanted)?;
+    let (subject, dataset) = source::load_open(&wanted)?;
     let instruments = match (args.method, &args.source.controller) {
         (RegressMethodArg::LeastSquares, _) => None,
         (_, Some(file)) => Some(source::controllers(file, dataset.nq())?),
         (_, None) => return Err(CliError::NoController),
     };
-    keep(&mut dataset, &args.train)?;
+    let dataset = dataset.keeping(&args.train)?;
     let extended = Extended::new(subject.model(), &remembering)?;
     let model: &dyn Hessian = match remembering.is_empty() {
         true => subject.model(),
@@ -52,63 +51,18 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
         Some(file) => parameters::read(file, model.params())?,
         None => model.params().iter().map(|i| i.nominal).collect(),
     };
-    let assumed = match &args.assume {
-        Some(file) => Some(assume::read(file, model, &dataset)?),
-        None => None,
-    };
-    let mut hold = args.hold.clone();
-    let (mut loss, mut priors) = (args.loss.unwrap_or_default(), Vec::new());
-    if let Some(assumed) = assumed {
-        let name = |j: usize| model.params()[j].name.to_string();
-        hold.extend(assumed.hold.iter().map(|&j| name(j)));
-        if args.loss.is_none() {
-            loss = assumed.likelihood.loss;
-        }
-        let stated = assumed.likelihood.priors.iter();
-        priors.extend(stated.map(|p| (name(p.parameter), p.mean, p.deviation)));
-        for (j, value) in assumed.values {
-            start[j] = value;
-        }
-    }
-    let judge = args
-        .judge
-        .iter()
-        .map(|file| {
-            Ok((
-                file.display().to_string(),
-                parameters::read(file, model.params())?,
-            ))
-        })
-        .collect::<Result<_, CliError>>()?;
-    let options = Options {
-        judge,
+    let mut options = Options {
         private,
-        payload: args.payload.clone(),
-        gains: args.gain_deviation.clone(),
-        weights: match args.weights {
-            JointWeightsArg::Variance => JointWeights::Variance,
-            JointWeightsArg::Common => JointWeights::Common,
-        },
-        loss,
-        priors,
-        filtering: Filtering {
-            cutoff: match args.cutoff {
-                Some(CutoffArg::Stated(cutoff)) => Some(cutoff),
-                Some(CutoffArg::Auto) | None => None,
-            },
-            decimate: args.decimate,
-        },
-        choose_filter: args.cutoff == Some(CutoffArg::Auto),
-        hold,
-        rest: args.rest,
         memories: extended.memories().to_vec(),
         instruments,
-        shapes: !args.hold_shapes,
-        consistent: !args.no_consistent,
-        poses: args.poses,
-        bootstrap: args.bootstrap,
-        seed: args.seed,
+        ..options(args, model)?
     };
+    if let Some(file) = &args.assume {
+        options.assume(assume::read(file, model, &dataset)?, model, &mut start);
+    }
+    if let Some(loss) = args.loss {
+        options.loss = loss;
+    }
     progress.step("regression".to_owned());
     let found = regress(model, &dataset, &start, &options)?;
     drop(progress);
@@ -118,179 +72,216 @@ pub(crate) fn run(args: &RegressArgs) -> Result<u8, CliError> {
     let text =
         serde_json::to_string_pretty(&as_json(model, &title, &found)).map_err(CliError::Json)?;
     write(&file, &text)?;
-    output::print(&in_words(model, &title, &found));
+    output::print(&in_words(&title, &found));
     output::print(&format!("\nwritten: {}\n", file.display()));
     Ok(0)
 }
 
-/// Leaves out training records that were not named.
-fn keep(dataset: &mut Dataset, names: &[String]) -> Result<(), CliError> {
-    let known = |e: &Experiment| e.role == Role::Train;
-    if let Some(name) = names.iter().find(|name| {
-        !dataset
-            .experiments
-            .iter()
-            .any(|e| known(e) && e.name == **name)
-    }) {
-        let records: Vec<&str> = dataset
-            .with_role(Role::Train)
-            .map(|e| e.name.as_str())
-            .collect();
-        return Err(CliError::NoSuchRecord {
-            name: name.clone(),
-            records: records.join(", "),
-        });
-    }
-    if !names.is_empty() {
-        dataset
-            .experiments
-            .retain(|e| !known(e) || names.contains(&e.name));
-    }
-    Ok(())
+/// What the arguments alone ask for.
+fn options(args: &RegressArgs, model: &dyn Hessian) -> Result<Options, CliError> {
+    let judge = args.judge.iter().map(|file| {
+        let values = parameters::read(file, model.params())?;
+        Ok((file.display().to_string(), values))
+    });
+    Ok(Options {
+        judge: judge.collect::<Result<_, CliError>>()?,
+        payload: args.payload.clone(),
+        gains: args.gain_deviation.clone(),
+        weights: match args.weights {
+            JointWeightsArg::Variance => JointWeights::Variance,
+            JointWeightsArg::Common => JointWeights::Common,
+        },
+        filtering: Filtering {
+            cutoff: match args.cutoff {
+                Some(CutoffArg::Stated(cutoff)) => Some(cutoff),
+                Some(CutoffArg::Auto) | None => None,
+            },
+            decimate: args.decimate,
+        },
+        choose_filter: args.cutoff == Some(CutoffArg::Auto),
+        hold: args.hold.clone(),
+        rest: args.rest,
+        shapes: !args.hold_shapes,
+        consistent: !args.no_consistent,
+        poses: args.poses,
+        bootstrap: args.bootstrap,
+        seed: args.seed,
+        ..Options::default()
+    })
 }
 
-/// Prints the result.
-fn in_words(model: &dyn Hessian, title: &str, found: &Regression) -> String {
-    let mut s = String::new();
-    let mut line = |text: String| {
-        s.push_str(&text);
-        s.push('\n');
-    };
-    line(format!(
+/// The result for the terminal.
+fn in_words(title: &str, found: &Regression) -> String {
+    let mut lines = vec![format!(
         "{title}: {} linear parameters, {} combinations determined; {} samples in {} blocks, {:.1} s",
         found.linear,
         found.rows.len(),
         found.samples.0,
         found.samples.1,
         found.seconds
-    ));
-    line("\nFilters".into());
-    found.remarks.iter().for_each(|r| line(format!("  {r}")));
+    )];
+    lines.extend(filters(found));
+    if !found.held.is_empty() {
+        lines.push("\nHeld (not linear)".to_owned());
+        let held = found.held.iter();
+        lines.extend(held.map(|(name, value)| format!("  {name} = {value:.4}")));
+    }
+    lines.extend(combinations(found));
+    lines.extend(payload(found));
+    lines.extend(instruments(found));
+    lines.extend(residuals(found));
+    lines.extend(ranges(found));
+    lines.join("\n") + "\n"
+}
+
+/// What the filters did, and how they were chosen.
+fn filters(found: &Regression) -> Vec<String> {
+    let mut lines = vec!["\nFilters".to_owned()];
+    lines.extend(found.remarks.iter().map(|r| format!("  {r}")));
     if let Some(choice) = &found.filter_choice {
         let list: Vec<String> = choice
             .candidates
             .iter()
             .map(|c| format!("{:.1} Hz {:.2} %", c.cutoff, 100.0 * c.left_out))
             .collect();
-        line(format!(
+        lines.push(format!(
             "  cut-off chosen by left-out training records, all judged through {:.1} Hz: {}",
             choice.judged_at,
             list.join(", ")
         ));
     }
-    if !found.held.is_empty() {
-        line("\nHeld (not linear)".into());
-        for (name, value) in &found.held {
-            line(format!("  {name} = {value:.4}"));
-        }
-    }
-    line("\nCombinations: value, standard deviation (jackknife over blocks), relative; spread over the records in their own deviations".into());
-    for row in &found.rows {
-        let agreement = row.agreement.map_or(String::new(), |a| {
-            format!("  {a:5.1}{}", if a > DISAGREES { " !" } else { "" })
-        });
-        let interval = row.interval.map_or(String::new(), |(a, b)| {
-            format!("  bootstrap {a:.4} … {b:.4}")
-        });
-        if row.pinned() {
-            line(format!(
-                "  {:>12.5} ± {:<10.2e} {:>5.1} %{agreement}{interval}  {}  [{}]",
-                row.value,
-                row.deviation,
-                100.0 * row.deviation / row.value.abs(),
-                row.formula,
-                row.unit
-            ));
-        } else {
-            line(format!(
-                "   not pinned ± {:<10.2e}        {agreement}{interval}  {}  [{}]",
-                row.deviation, row.formula, row.unit
-            ));
-        }
-    }
+    lines
+}
+
+/// The base parameters, and whether the records agree on them.
+fn combinations(found: &Regression) -> Vec<String> {
+    let mut lines = vec!["\nCombinations: value, standard deviation (jackknife over blocks), relative; spread over the records in their own deviations".to_owned()];
+    lines.extend(found.rows.iter().map(combination));
     if !found.absent.is_empty() {
-        line(format!("  without influence: {}", found.absent.join(", ")));
+        lines.push(format!("  without influence: {}", found.absent.join(", ")));
     }
     let judged: Vec<f64> = found.rows.iter().filter_map(|r| r.agreement).collect();
     if !judged.is_empty() {
         let disagree = judged.iter().filter(|a| **a > DISAGREES).count();
-        line(format!(
+        lines.push(format!(
             "  the records, each fitted by itself, agree on {} of {} combinations ({disagree} spread more than {DISAGREES} of their own deviations, marked !)",
             judged.len() - disagree,
             judged.len()
         ));
     }
-    if let Some(payload) = &found.payload {
-        let body = |v: &[f64]| {
-            format!(
-                "{:.3} kg, centre of mass ({:.3}, {:.3}, {:.3}) m",
-                v[0],
-                v[1] / v[0],
-                v[2] / v[0],
-                v[3] / v[0]
-            )
-        };
-        let values: Vec<f64> = payload.values.iter().map(|v| v.0).collect();
-        let deviation = payload.values[0]
-            .1
-            .map_or(String::new(), |d| format!(" (mass ± {d:.3} kg)"));
-        line(format!(
-            "\nPayload at {}, in the frame of that link: {}{deviation}",
-            payload.link,
-            body(&values)
-        ));
-        if let Some(consistent) = &payload.consistent {
-            line(format!("  physically consistent: {}", body(consistent)));
-        }
+    lines
+}
+
+fn combination(row: &Row) -> String {
+    let agreement = row.agreement.map_or(String::new(), |a| {
+        format!("  {a:5.1}{}", if a > DISAGREES { " !" } else { "" })
+    });
+    let interval = row.interval.map_or(String::new(), |(a, b)| {
+        format!("  bootstrap {a:.4} … {b:.4}")
+    });
+    if row.pinned() {
+        format!(
+            "  {:>12.5} ± {:<10.2e} {:>5.1} %{agreement}{interval}  {}  [{}]",
+            row.value,
+            row.deviation,
+            100.0 * row.deviation / row.value.abs(),
+            row.formula,
+            row.unit
+        )
+    } else {
+        format!(
+            "   not pinned ± {:<10.2e}        {agreement}{interval}  {}  [{}]",
+            row.deviation, row.formula, row.unit
+        )
     }
-    if let Some((rounds, moves)) = &found.instruments {
-        let most = moves
-            .iter()
-            .zip(&found.rows)
-            .map(|(m, r)| m.abs() / r.deviation)
-            .fold(0.0_f64, f64::max);
-        line(format!(
-            "  instrumental variables: {} rounds, {}; the simulated loop misses the positions by {:.2} % of their spread; the farthest value moved {most:.1} deviations from least squares",
-            rounds.rounds,
-            if rounds.settled {
-                "settled"
-            } else {
-                "not settled"
-            },
-            100.0 * rounds.distance
-        ));
+}
+
+fn payload(found: &Regression) -> Vec<String> {
+    let Some(payload) = &found.payload else {
+        return Vec::new();
+    };
+    let body = |v: &[f64]| {
+        format!(
+            "{:.3} kg, centre of mass ({:.3}, {:.3}, {:.3}) m",
+            v[0],
+            v[1] / v[0],
+            v[2] / v[0],
+            v[3] / v[0]
+        )
+    };
+    let values: Vec<f64> = payload.values.iter().map(|v| v.0).collect();
+    let deviation = payload.values[0]
+        .1
+        .map_or(String::new(), |d| format!(" (mass ± {d:.3} kg)"));
+    let mut lines = vec![format!(
+        "\nPayload at {}, in the frame of that link: {}{deviation}",
+        payload.link,
+        body(&values)
+    )];
+    if let Some(consistent) = &payload.consistent {
+        lines.push(format!("  physically consistent: {}", body(consistent)));
     }
-    line("\nResidual over the drive's force, % per joint; all joints together".into());
-    found.errors.iter().for_each(|e| line(error_line(e)));
+    lines
+}
+
+fn instruments(found: &Regression) -> Option<String> {
+    let (rounds, moves) = found.instruments.as_ref()?;
+    let most = moves
+        .iter()
+        .zip(&found.rows)
+        .map(|(m, r)| m.abs() / r.deviation)
+        .fold(0.0_f64, f64::max);
+    Some(format!(
+        "  instrumental variables: {} rounds, {}; the simulated loop misses the positions by {:.2} % of their spread; the farthest value moved {most:.1} deviations from least squares",
+        rounds.rounds,
+        if rounds.settled {
+            "settled"
+        } else {
+            "not settled"
+        },
+        100.0 * rounds.distance
+    ))
+}
+
+/// What is left of the drives' force: by the fit, by given values, by consistent ones.
+fn residuals(found: &Regression) -> Vec<String> {
+    let mut lines =
+        vec!["\nResidual over the drive's force, % per joint; all joints together".to_owned()];
+    lines.extend(found.errors.iter().map(error_line));
     if let Some(share) = found.folds {
-        line(format!(
+        lines.push(format!(
             "  {:<24} {:6.2} all (mean over training records or parts left out in turn)",
             "left out",
             100.0 * share
         ));
     }
     for (name, errors) in &found.given {
-        line(format!("\nValues of {name}"));
-        errors.iter().for_each(|e| line(error_line(e)));
+        lines.push(format!("\nValues of {name}"));
+        lines.extend(errors.iter().map(error_line));
     }
     if let Some((consistent, _, errors)) = &found.consistent {
-        line(format!(
+        lines.push(format!(
             "\nPhysically consistent values ({} links in log-Cholesky coordinates, {} iterations, {}): residual sum of squares {:.4} of the unconstrained",
             consistent.links.len(),
             consistent.iterations,
             consistent.status.reason(),
             consistent.squares.1 / consistent.squares.0
         ));
-        errors.iter().for_each(|e| line(error_line(e)));
+        lines.extend(errors.iter().map(error_line));
     }
     let consistent = found.indefinite.1.map_or(String::new(), |c| {
         format!(", consistent values {:.2} %", 100.0 * c)
     });
-    line(format!(
+    lines.push(format!(
         "\nRandom poses with an indefinite mass matrix: unconstrained values {:.2} %{consistent}",
         100.0 * found.indefinite.0
     ));
-    line("\nRange of the training records".into());
+    lines
+}
+
+/// The range of the training records, and test records that leave it.
+fn ranges(found: &Regression) -> Vec<String> {
+    let mut lines = vec!["\nRange of the training records".to_owned()];
     for range in &found.ranges {
         let part = |k: usize| {
             format!(
@@ -298,7 +289,7 @@ fn in_words(model: &dyn Hessian, title: &str, found: &Regression) -> String {
                 range.bounds[k].0, range.bounds[k].1, range.units[k]
             )
         };
-        line(format!(
+        lines.push(format!(
             "  {:<16} {}; {}; {}",
             range.joint,
             part(0),
@@ -306,8 +297,8 @@ fn in_words(model: &dyn Hessian, title: &str, found: &Regression) -> String {
             part(2)
         ));
     }
-    for e in &found.excess {
-        line(format!(
+    lines.extend(found.excess.iter().map(|e| {
+        format!(
             "  warning: {} leaves it at joint {}: {} {:.3} … {:.3} {} against {:.3} … {:.3}, {:.1} % of the samples outside",
             e.record,
             e.joint,
@@ -318,10 +309,9 @@ fn in_words(model: &dyn Hessian, title: &str, found: &Regression) -> String {
             e.range.0,
             e.range.1,
             100.0 * e.share
-        ));
-    }
-    let _ = model;
-    s
+        )
+    }));
+    lines
 }
 
 fn error_line(e: &Errors) -> String {

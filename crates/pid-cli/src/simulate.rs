@@ -7,10 +7,9 @@ use pid_data::Dataset;
 use pid_diagnose::extended::free_run_gap;
 use pid_diagnose::nominal::Nominal;
 use pid_interpret::nominal as description;
-use pid_report::{Setting, Verdict};
+use pid_report::{Fit, Setting, Verdict, judge};
 
 use crate::args::SimulateArgs;
-use crate::assemble::{Fit, assemble};
 use crate::error::CliError;
 use crate::progress::Progress;
 use crate::{output, parameters, source};
@@ -61,7 +60,9 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<u8, CliError> {
         settings: vec![Setting::new("parameters", origin)],
         notes: Vec::new(),
     };
-    let mut report = assemble(&entry, &dataset, fit, &progress)?;
+    let given = fit.values.clone();
+    let subject = entry.subject(&dataset, &given);
+    let mut report = judge(&subject, fit, &|what| progress.step(what))?;
     report.outcome.seconds = started.elapsed().as_secs_f64();
     drop(progress);
     source::deliver(&report, &args.source.out)?;

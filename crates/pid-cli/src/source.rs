@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pid_data::{Dataset, InputHold, InputQuantity};
+use pid_data::{Dataset, InputHold};
 use pid_diagnose::nominal::Nominal as Simulated;
 use pid_diagnose::with_effects::{Placed, WithEffects, with_masses};
 use pid_fit::wrap::controllers::{ControlError, Controllers};
@@ -17,7 +17,7 @@ use pid_runtime::extend::Extended;
 use pid_runtime::term::Request;
 use pid_urdf::{Description, Inertias, Options};
 
-use crate::args::{HoldArg, InertiasArg, Source};
+use crate::args::source::{HoldArg, InertiasArg, Source};
 use crate::error::{CliError, make_folder, write};
 use crate::with::{self, With};
 use crate::{demo, models, output};
@@ -25,8 +25,8 @@ use crate::{demo, models, output};
 /// A model and its name.
 pub(crate) struct Subject {
     pub(crate) name: String,
-    pub(crate) summary: String,
-    pub(crate) source: String,
+    summary: String,
+    source: String,
     origin: Origin,
 }
 
@@ -66,7 +66,7 @@ impl Subject {
 
     /// The robot and records by which motions and forces are judged: those without lags of
     /// readings.
-    pub(crate) fn judged<'a>(
+    fn judged<'a>(
         &'a self,
         dataset: &'a Dataset,
         values: &'a [f64],
@@ -77,6 +77,21 @@ impl Subject {
                 (model.inner(), records, &values[..model.inner_params()])
             }
             _ => (self.model(), dataset, values),
+        }
+    }
+
+    /// As a report shows it, with parameters.
+    pub(crate) fn subject<'a>(
+        &'a self,
+        dataset: &'a Dataset,
+        values: &'a [f64],
+    ) -> pid_report::Subject<'a> {
+        pid_report::Subject {
+            name: &self.name,
+            summary: &self.summary,
+            source: &self.source,
+            model: self.model(),
+            judged: self.judged(dataset, values),
         }
     }
 
@@ -206,93 +221,119 @@ fn load_with(
             term: term.to_string(),
         });
     }
-    // With --urdf or --nominal the one positional argument is the folder.
-    let description = source.urdf.as_ref().or(source.nominal.as_ref());
-    let (subject, folder) = match (description, &source.model, &source.folder) {
-        (Some(file), folder, None) => (
-            match source.nominal {
-                Some(_) => Subject::from_nominal(file)?,
-                None => Subject::from_urdf(file, source)?,
-            },
-            folder.as_ref().map(Path::new),
-        ),
-        (Some(_), Some(model), Some(_)) => {
-            return Err(CliError::TwoModels {
-                model: model.clone(),
-            });
-        }
-        (_, Some(model), None) => {
-            return Err(CliError::NoFolder {
-                model: model.clone(),
-            });
-        }
-        (_, model, folder) => {
-            let name = model.as_deref().unwrap_or(demo::MODEL);
-            (Subject::compiled(name, &terms)?, folder.as_deref())
-        }
+    let (subject, folder) = bare(source, &terms)?;
+    let dataset = match folder {
+        Some(folder) => Dataset::read(folder)?,
+        None => demo::dataset()?,
     };
-    let dataset = match (folder, description) {
-        (Some(folder), _) => Dataset::read(folder)?,
-        (None, Some(file)) => {
-            return Err(CliError::NoFolder {
-                model: file.display().to_string(),
-            });
-        }
-        (None, None) => demo::dataset()?,
-    };
-    let mut subject = subject;
-    let mut dataset = as_stated(dataset, source)?;
+    let dataset = as_stated(dataset, source)?;
     let also: Vec<Dataset> = source
         .also
         .iter()
         .map(|folder| as_stated(Dataset::read(folder)?, source))
         .collect::<Result<_, CliError>>()?;
-    match controller {
-        Some(file) => {
-            let controllers = controllers(file, dataset.nq())?;
-            let open = dataset.clone();
-            dataset = merge(
-                controllers.close(dataset)?,
-                also.into_iter()
-                    .map(|d| controllers.close(d))
-                    .collect::<Result<_, _>>()?,
-            )?;
-            let model = models::by_name(&subject.name)?.model;
-            let extended = Extended::new(model, &terms)?;
-            let inner = with::extended(Box::new(extended), &effects, (model, &open))?;
-            let closed = ClosedLoop::new(inner).map_err(ControlError::from)?;
-            subject.origin = Origin::Closed(Box::new(closed));
-        }
+    let (subject, mut dataset) = match controller {
+        Some(file) => subject.closed(file, (dataset, also), &terms, &effects)?,
         None => {
-            dataset = merge(dataset, also)?;
-            if !effects.is_empty() {
-                let inner = boxed(subject.origin).ok_or(CliError::PrivateOfFile)?;
-                let declared = models::by_name(&subject.name)?.model;
-                let records = (declared as &dyn Dynamics, &dataset);
-                subject.origin = Origin::WithEffects(with::extended(inner, &effects, records)?);
-            }
+            let dataset = dataset.merged(also)?;
+            (subject.with_effects(&effects, &dataset)?, dataset)
         }
-    }
-    if !source.private.is_empty() {
-        let inner = boxed(subject.origin).ok_or(CliError::PrivateOfFile)?;
-        let own = PerRecord::new(inner, &source.private, &mut dataset)?;
-        subject.origin = Origin::PerRecord(Box::new(own));
-    }
-    if !source.velocity_lag.is_empty() {
-        let inner = boxed(subject.origin).ok_or(CliError::LagOfFile)?;
-        let records = dataset.clone();
-        let names = match source.velocity_lag.iter().any(|n| n == "all") {
-            true => Vec::new(),
-            false => source.velocity_lag.clone(),
-        };
-        let model = Lagging::new(inner, &names, &mut dataset)?;
-        subject.origin = Origin::Lagging(Box::new((model, records)));
-    }
+    };
+    let subject = subject.wrapped(source, &mut dataset)?;
     dataset.check_model(subject.model())?;
     for warning in &dataset.warnings {
         output::print(&format!("warning: {warning}\n"));
     }
     Ok((subject, dataset))
+}
+
+/// The model without what goes around it, and the folder of its records; `None`: the embedded ones.
+fn bare<'a>(
+    source: &'a Source,
+    terms: &[Request],
+) -> Result<(Subject, Option<&'a Path>), CliError> {
+    // With --urdf or --nominal the one positional argument is the folder.
+    let description = source.urdf.as_ref().or(source.nominal.as_ref());
+    match (description, &source.model, &source.folder) {
+        (Some(file), folder, None) => {
+            let subject = match source.nominal {
+                Some(_) => Subject::from_nominal(file)?,
+                None => Subject::from_urdf(file, source)?,
+            };
+            let folder = folder.as_ref().ok_or_else(|| CliError::NoFolder {
+                model: file.display().to_string(),
+            })?;
+            Ok((subject, Some(Path::new(folder))))
+        }
+        (Some(_), Some(model), Some(_)) => Err(CliError::TwoModels {
+            model: model.clone(),
+        }),
+        (_, Some(model), None) => Err(CliError::NoFolder {
+            model: model.clone(),
+        }),
+        (_, model, folder) => {
+            let name = model.as_deref().unwrap_or(demo::MODEL);
+            Ok((Subject::compiled(name, terms)?, folder.as_deref()))
+        }
+    }
+}
+
+impl Subject {
+    /// Closes the loop with the controllers of a file; the records, further ones among them, then
+    /// have commands as inputs.
+    fn closed(
+        self,
+        file: &Path,
+        (dataset, also): (Dataset, Vec<Dataset>),
+        terms: &[Request],
+        effects: &[With],
+    ) -> Result<(Self, Dataset), CliError> {
+        let controllers = controllers(file, dataset.nq())?;
+        let open = dataset.clone();
+        let also: Vec<Dataset> = also
+            .into_iter()
+            .map(|d| controllers.close(d))
+            .collect::<Result<_, _>>()?;
+        let dataset = controllers.close(dataset)?.merged(also)?;
+        let model = models::by_name(&self.name)?.model;
+        let extended = Extended::new(model, terms)?;
+        let inner = with::extended(Box::new(extended), effects, (model, &open))?;
+        let closed = ClosedLoop::new(inner).map_err(ControlError::from)?;
+        let origin = Origin::Closed(Box::new(closed));
+        Ok((Self { origin, ..self }, dataset))
+    }
+
+    /// The same model with effects of the library.
+    fn with_effects(self, effects: &[With], dataset: &Dataset) -> Result<Self, CliError> {
+        if effects.is_empty() {
+            return Ok(self);
+        }
+        let inner = boxed(self.origin).ok_or(CliError::PrivateOfFile)?;
+        let declared = models::by_name(&self.name)?.model;
+        let records = (declared as &dyn Dynamics, dataset);
+        let origin = Origin::WithEffects(with::extended(inner, effects, records)?);
+        Ok(Self { origin, ..self })
+    }
+
+    /// The same model with parameters of single records and with lags of readings, as the options say.
+    fn wrapped(mut self, source: &Source, dataset: &mut Dataset) -> Result<Self, CliError> {
+        if !source.private.is_empty() {
+            let inner = boxed(self.origin).ok_or(CliError::PrivateOfFile)?;
+            let own = PerRecord::new(inner, &source.private, dataset)?;
+            self.origin = Origin::PerRecord(Box::new(own));
+        }
+        if !source.velocity_lag.is_empty() {
+            let inner = boxed(self.origin).ok_or(CliError::LagOfFile)?;
+            let records = dataset.clone();
+            let names = match source.velocity_lag.iter().any(|n| n == "all") {
+                true => Vec::new(),
+                false => source.velocity_lag.clone(),
+            };
+            let model = Lagging::new(inner, &names, dataset)?;
+            self.origin = Origin::Lagging(Box::new((model, records)));
+        }
+        Ok(self)
+    }
 }
 
 /// A declared model and its wrappers as one more to wrap.
@@ -307,31 +348,10 @@ fn boxed(origin: Origin) -> Option<Box<dyn Hessian>> {
     })
 }
 
-/// The records of several folders as one data set.
-fn merge(mut dataset: Dataset, also: Vec<Dataset>) -> Result<Dataset, CliError> {
-    for other in also {
-        let alike = other.joints.len() == dataset.joints.len()
-            && other.input_hold == dataset.input_hold
-            && dataset.joints.iter().zip(&other.joints).all(|(a, b)| {
-                (a.prismatic, &a.input_unit, a.velocity) == (b.prismatic, &b.input_unit, b.velocity)
-            });
-        if !alike {
-            return Err(CliError::OtherRobot {
-                first: dataset.name,
-                second: other.name,
-            });
-        }
-        dataset.name = format!("{} and {}", dataset.name, other.name);
-        dataset.experiments.extend(other.experiments);
-        dataset.warnings.extend(other.warnings);
-    }
-    Ok(dataset)
-}
-
 /// The data with its inputs as the options say.
 fn as_stated(mut dataset: Dataset, source: &Source) -> Result<Dataset, CliError> {
     if source.measured_torque {
-        dataset = with_measured_torques(dataset)?;
+        dataset = dataset.with_measured_torques()?;
     }
     match source.input_hold {
         Some(HoldArg::Linear) => dataset.input_hold = InputHold::Linear,
@@ -340,54 +360,8 @@ fn as_stated(mut dataset: Dataset, source: &Source) -> Result<Dataset, CliError>
     }
     match source.input_gain.as_slice() {
         [] => Ok(dataset),
-        gains => with_gains(dataset, gains),
+        gains => Ok(dataset.with_input_gains(gains)?),
     }
-}
-
-/// The data with the measured torques as inputs.
-fn with_measured_torques(mut dataset: Dataset) -> Result<Dataset, CliError> {
-    for experiment in &mut dataset.experiments {
-        match experiment.tau.clone() {
-            Some(tau) => experiment.u = tau,
-            None => {
-                return Err(CliError::NoTorque {
-                    record: experiment.name.clone(),
-                });
-            }
-        }
-    }
-    as_forces(&mut dataset);
-    dataset.input_hold = InputHold::Linear;
-    Ok(dataset)
-}
-
-/// Declares the inputs to be torques or forces at the joints.
-fn as_forces(dataset: &mut Dataset) {
-    for joint in &mut dataset.joints {
-        joint.input = match joint.prismatic {
-            true => InputQuantity::Force,
-            false => InputQuantity::Torque,
-        };
-        joint.input_unit = joint.force_unit().to_owned();
-    }
-}
-
-/// The data with every input column multiplied by its factor, as torques or forces at the joints.
-fn with_gains(mut dataset: Dataset, gains: &[f64]) -> Result<Dataset, CliError> {
-    let nq = dataset.nq();
-    if gains.len() != nq {
-        return Err(CliError::InputGains {
-            found: gains.len(),
-            joints: nq,
-        });
-    }
-    as_forces(&mut dataset);
-    for experiment in &mut dataset.experiments {
-        for row in experiment.u.chunks_exact_mut(nq) {
-            row.iter_mut().zip(gains).for_each(|(u, k)| *u *= k);
-        }
-    }
-    Ok(dataset)
 }
 
 /// Writes fit.json and report.html and prints the summary.

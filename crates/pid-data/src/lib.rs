@@ -42,6 +42,7 @@
 //! # Ok::<(), pid_data::DataError>(())
 //! ```
 
+mod change;
 mod check;
 mod difference;
 mod error;
@@ -50,6 +51,7 @@ mod read;
 pub mod signal;
 mod windows;
 
+pub use change::ChangeError;
 pub use difference::Difference;
 pub use error::{DataError, DataWarning, ModelMismatch};
 pub use windows::{Horizon, ParseHorizonError, windows};

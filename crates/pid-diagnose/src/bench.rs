@@ -7,9 +7,10 @@ use rand_distr::StandardNormal;
 
 use crate::case::{Case, Noise, Record, Scale, Velocity};
 use crate::effect::Term;
+use crate::hypothesis::Hypothesis;
 use crate::nominal::Nominal;
 use crate::predict::Runner;
-use crate::simulate::{Hypothesis, State};
+use crate::simulate::State;
 
 const PENDULUM: &str = include_str!("../tests/pendulum.toml");
 

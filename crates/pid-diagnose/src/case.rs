@@ -8,10 +8,10 @@ use pid_interpret::links;
 
 use crate::constants::{Constant, Constants};
 use crate::effect::Unit;
-use crate::extended::Known;
+use crate::hypothesis::{Hypothesis, Run};
+use crate::known::Known;
 use crate::nominal::{Joint, Nominal, NominalError};
 use crate::regular;
-use crate::simulate::{Hypothesis, Run};
 
 /// A folder that cannot be diagnosed.
 #[derive(Debug, thiserror::Error)]

@@ -8,8 +8,7 @@
 //!   (`cargo test -p pid-diagnose null_distribution`);
 //! * *training seeds*: chosen so that verdicts are right on the drawn cases of
 //!   `pid-studies withheld --seed 91201` and `--seed 100301`;
-//!   `cargo run --release -p pid-diagnose --example null -- STUDY` prints what each statistic is
-//!   where nothing is missing;
+//!   `pid-studies null STUDY` prints what each statistic is where nothing is missing;
 //! * *not derived*: set by hand with those cases, the practice cases and one real arm in view.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};

@@ -201,7 +201,7 @@ fn choose(case: &Case, parts: &[(usize, usize, usize)], allowed: f64) -> Vec<boo
 mod tests {
     use super::*;
     use crate::bench::pendulum;
-    use crate::simulate::Hypothesis;
+    use crate::hypothesis::Hypothesis;
 
     #[test]
     fn parts_that_move_are_kept_with_their_time() {

@@ -182,7 +182,7 @@ impl<D: Scalar> Law<D> for FreeLaw {
 mod tests {
     use super::*;
     use crate::bench::{SIZE, pendulum};
-    use crate::simulate::Hypothesis;
+    use crate::hypothesis::Hypothesis;
     use num_dual::Dual64;
 
     #[test]

@@ -17,10 +17,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use crate::case::{Case, Record, Velocity, smoothed};
+use crate::hypothesis::Hypothesis;
 use crate::initial;
 use crate::nominal::EncoderSide;
 use crate::predict::{Runner, gains};
-use crate::simulate::{Hypothesis, State};
+use crate::simulate::State;
 
 /// An error beyond this, relative to the motion, counts as this.
 const LARGEST: f64 = 9.9;

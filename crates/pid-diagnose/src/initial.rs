@@ -15,10 +15,10 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::case::{Case, Record};
+use crate::hypothesis::Hypothesis;
 use crate::observer::Gain;
 use crate::point::Point;
 use crate::predict::Runner;
-use crate::simulate::Hypothesis;
 
 /// Length of record that is looked at, s.
 const LENGTH: f64 = 1.0;

@@ -14,6 +14,7 @@
 //! the adjustment), over K classes of equal number, apart for either direction of motion. Samples
 //! at rest are left out, since dry friction takes any value there.
 
+use pid_fit::gap::correlation_ratio;
 use std::cell::RefCell;
 
 use pid_data::{Dataset, Role};
@@ -361,17 +362,6 @@ fn ratio(samples: &[Sample], axis: Axis) -> f64 {
     let classes = classes(samples, axis);
     let within: f64 = classes.iter().map(|c| c.number * c.spread * c.spread).sum();
     correlation_ratio(within, total, n, classes.len() as f64)
-}
-
-/// Correlation ratio η² of `number` samples in `classes` classes, adjusted for their number and at
-/// least 0, from the sums of squares within the classes and in all. How far a force is a function
-/// of the quantity the classes are of; 0 where that cannot be said.
-pub fn correlation_ratio(within: f64, total: f64, number: f64, classes: f64) -> f64 {
-    if total > 0.0 && number > classes {
-        (1.0 - (number - 1.0) / (number - classes) * within / total).max(0.0)
-    } else {
-        0.0
-    }
 }
 
 #[cfg(test)]

@@ -9,10 +9,11 @@ use std::ops::ControlFlow;
 use crate::case::{Case, Record, Velocity};
 use crate::constants::{Constant, Constants};
 use crate::effect::{Commands, Pick};
+use crate::hypothesis::Hypothesis;
 use crate::nominal::EncoderSide;
 use crate::observer::{Design, Gain, gain};
 use crate::scalar::Scalar;
-use crate::simulate::{Hypothesis, Machine, State};
+use crate::simulate::{Machine, State};
 
 /// Longest substep, s.
 const LONGEST_STEP: f64 = 2.1e-3;

@@ -23,7 +23,7 @@ use crate::fit::{
     Basis, Direction, Effort, Fit, Linear, PRIOR, Point, all_gains, fit, linearise, log_dets,
     ranges, value_below,
 };
-use crate::simulate::Hypothesis;
+use crate::hypothesis::Hypothesis;
 
 use std::sync::{Arc, Mutex};
 

@@ -260,7 +260,7 @@ mod tests {
     use crate::bench::{SIZE, pendulum};
     use crate::effects;
     use crate::fit::{Effort, Point, basis, fit};
-    use crate::simulate::Hypothesis;
+    use crate::hypothesis::Hypothesis;
 
     #[test]
     fn windows_of_a_force_are_found_also_where_the_parameters_take_its_mean() {

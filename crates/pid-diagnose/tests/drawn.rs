@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use pid_diagnose::study::{Kind, Plan, Truth, lay_out};
+use pid_withheld::{Kind, Plan, Truth, lay_out};
 
 /// One-joint robots; their causes are drawn.
 const PLAN: Plan = Plan {

@@ -12,8 +12,6 @@ mod noise;
 mod oracle;
 mod practice;
 mod real;
-mod rigid;
 mod simulated;
 mod start;
 mod structures;
-mod study;

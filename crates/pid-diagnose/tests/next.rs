@@ -6,7 +6,7 @@ use std::path::Path;
 use pid_diagnose::case::Case;
 use pid_diagnose::next::{limits, separate};
 use pid_diagnose::search::{Settings, search};
-use pid_diagnose::study::Kind;
+use pid_withheld::Kind;
 
 use crate::drawn::first;
 

@@ -6,7 +6,7 @@ use pid_data::Dataset;
 use pid_diagnose::case::Case;
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::search::{Settings, search};
-use pid_diagnose::study::Kind;
+use pid_withheld::Kind;
 
 use crate::drawn::first;
 

@@ -6,9 +6,9 @@ use std::fmt::Write;
 use pid_diagnose::constants::{Constant, Constants};
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::scalar::Lanes;
-use pid_diagnose::study::linkage::Surroundings;
-use pid_diagnose::study::plant::{PER_JOINT, Plant};
 use pid_interpret::links::{At, Links};
+use pid_withheld::linkage::Surroundings;
+use pid_withheld::plant::{PER_JOINT, Plant};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -270,7 +270,7 @@ fn a_payload_is_a_body_more() {
     assert_eq!(constants.get(Constant::Mass(body)), before + 0.7);
     let mut plant = Plant::<f64>::new(&nominal.description, &vec![0.0; n * PER_JOINT]);
     let tool = plant.tool;
-    pid_diagnose::study::rigid::add_point(&mut plant.bodies[n - 1], 0.7, tool);
+    pid_withheld::rigid::add_point(&mut plant.bodies[n - 1], 0.7, tool);
     for (k, x) in plant.bodies[n - 1].inertia.iter().enumerate() {
         let own = constants.get(Constant::Inertia(body, k));
         assert!((own - x).abs() < 1e-14, "{own} {x}");

@@ -4,7 +4,7 @@
 use pid_diagnose::case::Case;
 use pid_diagnose::diagnosis::{Diagnosis, Verdict};
 use pid_diagnose::search::{Settings, diagnose};
-use pid_diagnose::study::Kind;
+use pid_withheld::Kind;
 
 use crate::drawn::{Drawn, first};
 

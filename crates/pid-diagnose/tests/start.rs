@@ -8,8 +8,8 @@ use pid_diagnose::case::Case;
 use pid_diagnose::effect::Term;
 use pid_diagnose::effects;
 use pid_diagnose::fit::{Point, all_gains};
+use pid_diagnose::hypothesis::Hypothesis;
 use pid_diagnose::predict::Runner;
-use pid_diagnose::simulate::Hypothesis;
 
 const PENDULUM: &str = include_str!("pendulum.toml");
 

@@ -3,6 +3,7 @@
 //! | module | duty |
 //! |---|---|
 //! | [`ident`] | parameters with their uncertainty from records: the estimators behind one call |
+//! | [`mod@identify`] | a whole identification from one request: horizon, fit, positive densities, intervals |
 //! | [`transcribe`] | motions as nonlinear programs: schemes, full discretization, shooting |
 //! | [`integrate`] | motions by integration |
 //! | [`regress`] | linear regression on filtered records by the inverse dynamics |
@@ -15,6 +16,7 @@
 pub mod excite;
 pub mod gap;
 pub mod ident;
+pub mod identify;
 pub mod inertia;
 pub mod integrate;
 pub mod regress;

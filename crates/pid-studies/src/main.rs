@@ -21,6 +21,8 @@ struct Cli {
 enum Command {
     /// Measure the diagnosis on drawn cases whose effect is withheld.
     Withheld(withheld::WithheldArgs),
+    /// Measure what the statistics of the diagnosis are where nothing is missing.
+    Null(Words),
     /// Reproduce the study of the paper on the idealised two-link robot: tables, figures, and its
     /// open questions.
     Paper(paper::PaperArgs),
@@ -59,6 +61,7 @@ fn main() -> ExitCode {
     let done = |outcome: Result<(), Failure>| outcome.map(|()| 0);
     let outcome = match Cli::parse().command {
         Command::Withheld(args) => withheld::run(&args),
+        Command::Null(args) => done(withheld::null::run(&args.words)),
         Command::Paper(args) => paper::run(&args),
         Command::Coverage(args) => coverage::run(&args),
         Command::HockSchittkowski(args) => done(hock_schittkowski::command::run(&args.words)),

@@ -1,11 +1,7 @@
 //! A URDF as written, in numbers.
 
-use std::fs;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
-
-use crate::error::UrdfError;
-use crate::read;
+use std::path::PathBuf;
 
 /// Links and joints of a URDF, checked: one tree, plausible inertias, names that stay apart as identifiers.
 #[derive(Debug, Clone, PartialEq)]
@@ -127,29 +123,6 @@ pub(crate) struct JointPlaces {
     pub(crate) dynamics: Option<usize>,
     pub(crate) damping: Option<Range<usize>>,
     pub(crate) friction: Option<Range<usize>>,
-}
-
-impl Description {
-    /// Reads a file.
-    ///
-    /// # Errors
-    /// If it cannot be read or used; see [`UrdfError`].
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, UrdfError> {
-        let path = path.as_ref();
-        let text = fs::read_to_string(path).map_err(|error| UrdfError::Unreadable {
-            file: path.to_owned(),
-            error,
-        })?;
-        Self::parse(path, &text)
-    }
-
-    /// Reads a text; `file` is its name in messages.
-    ///
-    /// # Errors
-    /// If it cannot be used; see [`UrdfError`].
-    pub fn parse(file: impl AsRef<Path>, text: &str) -> Result<Self, UrdfError> {
-        read::description(file.as_ref(), text)
-    }
 }
 
 /// `R = Rz(yaw) Ry(pitch) Rx(roll)`, row by row.

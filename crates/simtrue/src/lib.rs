@@ -45,7 +45,8 @@ use std::ops::ControlFlow;
 pub use pid_data as data;
 pub use pid_data::Dataset;
 pub use pid_fit as fit;
-pub use pid_fit::ident::{IdentError, Identification, Settings};
+pub use pid_fit::ident::{Identification, Settings};
+pub use pid_fit::identify::{IdentifyError, Request};
 pub use pid_fit::synthetic;
 pub use pid_runtime::{dynamics, robot};
 
@@ -69,17 +70,17 @@ pub use pid_urdf as urdf;
 /// Identifies a model on the training records of a data set, from nominal values, with the settings
 /// that serve on measured records.
 ///
-/// [`fit::ident::identify`] takes settings, a start and a callback.
+/// [`fit::identify::identify`] takes a [`Request`], as the command does: settings, a start, the
+/// choice of the horizon, values of positive density, intervals by bootstrap and profile.
 ///
 /// # Errors
-/// [`IdentError`]: data that do not fit the model, no training record, a mass matrix that is
+/// [`IdentifyError`]: data that do not fit the model, no training record, a mass matrix that is
 /// singular at the nominal values.
 pub fn identify(
     model: &dyn dynamics::Hessian,
     data: &Dataset,
-) -> Result<Identification, IdentError> {
-    let settings = Settings::default();
-    fit::ident::identify(model, data, &settings, None, &mut |_| {
-        ControlFlow::Continue(())
-    })
+) -> Result<Identification, IdentifyError> {
+    let go_on = |_: &fit::identify::News<'_>| ControlFlow::Continue(());
+    let found = fit::identify::identify(model, data, &Request::default(), &go_on)?;
+    Ok(found.identification)
 }

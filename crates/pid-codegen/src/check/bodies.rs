@@ -13,9 +13,9 @@ use crate::si::Unit;
 use crate::syntax::{self, Amount, Shape, ShapeKind, Vector};
 use pid_derive::model::{About, Expr, Inertial, Param, Tensor};
 
-use super::names::Scope;
+use super::builder::Builder;
+use super::meaning::Scope;
 use super::numbers::at_params;
-use super::resolve::Builder;
 use super::units::Role;
 
 fn mul(x: Expr, y: Expr) -> Expr {

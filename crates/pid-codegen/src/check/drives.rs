@@ -4,9 +4,9 @@ use crate::si::Unit;
 use crate::syntax::{self, Ast, DriveDecl, DriveKind, Motion};
 use pid_derive::model::{Expr, Motor};
 
-use super::motion::{plus, times};
-use super::names::Scope;
-use super::resolve::Builder;
+use super::builder::Builder;
+use super::meaning::Scope;
+use super::numbers::{plus, times};
 use super::units::Role;
 
 impl<'a> Builder<'a, '_> {

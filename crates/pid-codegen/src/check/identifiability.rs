@@ -7,8 +7,8 @@ use pid_derive::Identifiability;
 use pid_derive::identifiability::{GroupKind, Structure};
 use pid_derive::model::Robot;
 
-use super::Resolved;
 use super::physics::is_free;
+use super::resolved::Resolved;
 
 /// Computes the rank, compares it with `expect rank`, and warns of groups of declared parameters
 /// that enter only through combinations. Parameters of `inertial: free` are never all identifiable,

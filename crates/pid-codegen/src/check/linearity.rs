@@ -5,7 +5,7 @@ use crate::syntax::Ast;
 use pid_derive::model::{Expr, Inertial, Link};
 use pid_symbolic::Graph;
 
-use super::Resolved;
+use super::resolved::Resolved;
 
 /// Reports parameters in which the torques are not linear, with the link that has them.
 pub(super) fn check(ast: &Ast, resolved: &Resolved, diag: &mut Diagnostics) {

@@ -5,47 +5,11 @@ use crate::si::Unit;
 use crate::syntax::{Expr, Motion};
 use pid_derive::model::{self, Affine};
 
-use super::names::{Scope, Symbols};
-use super::numbers::constant;
+use super::meaning::Scope;
+use super::moves::Moves;
+use super::names::Symbols;
+use super::numbers::{constant, plus, times};
 use super::units::{Role, Units};
-
-/// The motion of a joint or motor.
-#[derive(Debug, Clone)]
-pub struct Moves {
-    /// Its position.
-    pub position: model::Expr,
-    /// Its velocity.
-    pub velocity: model::Expr,
-    /// Whether it is measured as a length; as an angle otherwise.
-    pub length: bool,
-    /// The combination, if it has no coordinate of its own.
-    pub affine: Option<Affine>,
-}
-
-impl Moves {
-    fn own(coord: usize, length: bool) -> Self {
-        Moves {
-            position: model::Expr::Position(coord),
-            velocity: model::Expr::Velocity(coord),
-            length,
-            affine: None,
-        }
-    }
-
-    fn along(affine: Affine, length: bool) -> Self {
-        let sum = |leaf: fn(usize) -> model::Expr, start: model::Expr| {
-            affine.terms.iter().fold(start, |sum, (coord, ratio)| {
-                plus(sum, times(ratio.clone(), leaf(*coord)))
-            })
-        };
-        Moves {
-            position: sum(model::Expr::Position, affine.offset.clone()),
-            velocity: sum(model::Expr::Velocity, model::Expr::Num(0.0)),
-            length,
-            affine: Some(affine),
-        }
-    }
-}
 
 /// Finds the motions of all joints and motors and hands them to `units`. Those with errors stay unknown.
 pub(super) fn resolve(symbols: &Symbols<'_>, units: &mut Units<'_>, diag: &mut Diagnostics) {
@@ -200,20 +164,4 @@ fn added((mut terms, offset): Combination, (more, other): Combination) -> Combin
         (a, b) => a.or(b),
     };
     (terms, offset)
-}
-
-/// A product, factors 1 left out.
-pub(super) fn times(a: model::Expr, b: model::Expr) -> model::Expr {
-    match (a, b) {
-        (model::Expr::Num(1.0), x) | (x, model::Expr::Num(1.0)) => x,
-        (a, b) => model::Expr::Mul(Box::new(a), Box::new(b)),
-    }
-}
-
-/// A sum, terms 0 left out.
-pub(super) fn plus(a: model::Expr, b: model::Expr) -> model::Expr {
-    match (a, b) {
-        (model::Expr::Num(0.0), x) | (x, model::Expr::Num(0.0)) => x,
-        (a, b) => model::Expr::Add(Box::new(a), Box::new(b)),
-    }
 }

@@ -43,3 +43,19 @@ pub(super) fn at_params(e: &Expr, p: &[f64]) -> Option<f64> {
         _ => None,
     })
 }
+
+/// A product, factors 1 left out.
+pub(super) fn times(a: Expr, b: Expr) -> Expr {
+    match (a, b) {
+        (Expr::Num(1.0), x) | (x, Expr::Num(1.0)) => x,
+        (a, b) => Expr::Mul(Box::new(a), Box::new(b)),
+    }
+}
+
+/// A sum, terms 0 left out.
+pub(super) fn plus(a: Expr, b: Expr) -> Expr {
+    match (a, b) {
+        (Expr::Num(0.0), x) | (x, Expr::Num(0.0)) => x,
+        (a, b) => Expr::Add(Box::new(a), Box::new(b)),
+    }
+}

@@ -5,7 +5,8 @@ use crate::si::Unit;
 use crate::syntax::{Nominal, ParamDecl, Ranges, UnitExpr};
 use pid_derive::model::{Param, Robot};
 
-use super::names::{Scope, Symbols, twice};
+use super::meaning::Scope;
+use super::names::{Symbols, twice};
 use super::numbers::constant;
 use super::units::{self, Role, Units, finite};
 use super::uses;

@@ -5,7 +5,7 @@ use crate::syntax::{Ast, Expr, ExprKind};
 use pid_derive::Facts;
 use pid_derive::model::{Inertial, Robot};
 
-use super::Resolved;
+use super::resolved::Resolved;
 
 /// Reports wrong `_`, massless tips, functions without second derivatives, parameters and inputs
 /// without effect.

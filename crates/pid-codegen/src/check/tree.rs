@@ -3,7 +3,7 @@
 use crate::diag::{Diagnostics, nearest};
 use crate::syntax::{Ast, JointDecl};
 
-use super::Resolved;
+use super::resolved::Resolved;
 
 /// Connects joints and links and orders the joints from the base outwards. `None` after an error.
 pub fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -> Option<Resolved> {

@@ -5,8 +5,9 @@ use crate::si::{Unit, unit_names};
 use crate::syntax::{Entry, Expr, ExprKind, Op, Range, UnitExpr};
 use pid_derive::model::{self, Func};
 
-use super::motion::Moves;
-use super::names::{FUNCTIONS, Meaning, Scope, Symbols};
+use super::meaning::{FUNCTIONS, Meaning, Scope};
+use super::moves::Moves;
+use super::names::Symbols;
 use super::numbers::constant;
 
 /// An expression with its unit.

@@ -8,7 +8,8 @@ use crate::syntax::{
     Range, Shape, ShapeKind, Vector,
 };
 
-use super::names::{FUNCTIONS, Origin, Scope, Symbols, unknown_joint};
+use super::meaning::{FUNCTIONS, Scope};
+use super::names::{Origin, Symbols, unknown_joint};
 
 /// Reports every use of a name that does not exist.
 pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {

@@ -5,7 +5,8 @@ use crate::si::Unit;
 use crate::syntax::{Entry, Expr, Nominal, ParamDecl, Range, Ranges, Vector};
 use pid_derive::model::{self, About, Inertial, Param, Tensor};
 
-use super::names::{Origin, Scope, Symbols};
+use super::meaning::Scope;
+use super::names::{Origin, Symbols};
 use super::numbers::{at_params, constant};
 use super::units::{Role, Units, finite};
 

@@ -1,68 +1,13 @@
-//! Jacobian and Hessian: their patterns, bodies and traits.
+//! Jacobian and Hessian: their patterns and traits.
 
-use pid_symbolic::diff::Entry;
-use pid_symbolic::{Graph, Id};
 use proc_macro2::{Literal, TokenStream};
 use quote::quote;
 
-use super::Names;
-use super::functions::{Function, Layout, Part, Scalar};
-use super::impls::from_slices;
+use super::bodies::Body;
+use super::docs;
+use super::functions::{Layout, Part, from_slices};
 use super::lanes::Lanes;
-use super::types::derived;
-use pid_derive::{Derivatives, Equations};
-
-/// A derivative's pattern and the function that writes its values.
-#[derive(Debug, Clone)]
-pub struct Body {
-    /// Non-zeros in order.
-    pub entries: Vec<Entry>,
-    /// Its function.
-    pub function: Function,
-}
-
-impl Body {
-    fn pattern(&self) -> (TokenStream, TokenStream) {
-        let list = |of: fn(&Entry) -> usize| {
-            let positions = self
-                .entries
-                .iter()
-                .map(|entry| Literal::usize_unsuffixed(of(entry)));
-            quote!([#(#positions),*])
-        };
-        (list(|entry| entry.row), list(|entry| entry.col))
-    }
-}
-
-/// The body of r and ∂r/∂z: r first, then the non-zeros.
-pub fn jacobian(
-    g: &Graph,
-    layout: &Layout,
-    equations: &Equations,
-    derivatives: &Derivatives,
-) -> Body {
-    let values = derivatives.jacobian.iter().map(|entry| entry.value);
-    let outputs: Vec<Id> = equations.residual.iter().copied().chain(values).collect();
-    let doc = "r and the non-zeros of ∂r/∂z.";
-    Body {
-        entries: derivatives.jacobian.clone(),
-        function: Function::new(g, layout, "jacobian_values", doc, &outputs, Scalar::F64),
-    }
-}
-
-/// The body of the lower triangle of ∂²(λᵀr)/∂z².
-pub fn hessian(g: &Graph, layout: &Layout, derivatives: &Derivatives) -> Body {
-    let outputs: Vec<Id> = derivatives
-        .hessian
-        .iter()
-        .map(|entry| entry.value)
-        .collect();
-    let doc = "The non-zeros of the lower triangle of ∂²(λᵀr)/∂z².";
-    Body {
-        entries: derivatives.hessian.clone(),
-        function: Function::new(g, layout, "hessian_values", doc, &outputs, Scalar::F64),
-    }
-}
+use super::names::{Names, derived};
 
 /// Typed functions and trait of the first derivatives.
 pub fn jacobian_impls(
@@ -78,7 +23,7 @@ pub fn jacobian_impls(
     let (count, total) = (body.entries.len(), body.function.outputs);
     let (rows, cols) = body.pattern();
     let definition = &body.function.definition;
-    let ops = super::docs::operations(&body.function);
+    let ops = docs::operations(&body.function);
     let typed = body.function.call(typed_argument, &quote!(&mut out));
     let (convert, slices) = from_slices(&body.function, layout, &quote!(&mut out));
 
@@ -153,7 +98,7 @@ pub fn hessian_impls(
     let (nq, count) = (layout.nq, body.entries.len());
     let (rows, cols) = body.pattern();
     let definition = &body.function.definition;
-    let ops = super::docs::operations(&body.function);
+    let ops = docs::operations(&body.function);
     let typed = body.function.call(typed_argument, &quote!(&mut out));
     let (convert, slices) = from_slices(&body.function, layout, &quote!(out));
     quote! {

@@ -4,10 +4,8 @@ use pid_symbolic::Cost;
 use proc_macro2::TokenStream;
 use quote::quote;
 
-use super::derivatives::Body;
+use super::bodies::{Bodies, Body, Linear, cost, formulas};
 use super::functions::Function;
-use super::impls::Bodies;
-use super::{Linear, regressor};
 use pid_derive::identifiability::Structure;
 use pid_derive::model::{Input, Joint, JointKind, Param, Robot};
 use pid_derive::{Equations, Identifiability};
@@ -186,7 +184,7 @@ pub fn robot(
             line(format!(
                 "| base parameters | {} | {} |",
                 base.constant,
-                regressor::cost(base)
+                cost(base)
             ));
         }
     }
@@ -218,7 +216,7 @@ pub fn robot(
             base.terms.len()
         ));
         lines.push(String::new());
-        for formula in regressor::formulas(robot, linear, base) {
+        for formula in formulas(robot, linear, base) {
             lines.push(format!("- `{formula}`"));
         }
     }

@@ -7,9 +7,12 @@
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
 
-use super::Names;
-use super::types::{self, derived};
-use crate::check::names::{self, Origin, Symbols};
+use super::names::{Names, derived};
+use super::types;
+use crate::check::{
+    collect,
+    names::{Origin, Symbols},
+};
 use crate::diag::Diagnostics;
 use crate::syntax::Ast;
 use pid_derive::model::{Emit, Input, Joint, JointKind, Param, Robot};
@@ -31,7 +34,7 @@ pub fn fallback(ast: &Ast, diag: &Diagnostics) -> TokenStream {
 fn stub(ast: &Ast, variant: bool) -> TokenStream {
     // Names that were refused have been reported; here only the accepted ones count.
     let mut silent = Diagnostics::new();
-    let symbols = names::collect(ast, &mut silent);
+    let symbols = collect::collect(ast, &mut silent);
     let mut names = Names {
         vis: ast.visibility(),
         robot: ast.name.clone(),

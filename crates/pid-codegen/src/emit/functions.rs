@@ -428,3 +428,29 @@ impl<'a> Writer<'a> {
         quote!(#x #operator #c)
     }
 }
+
+/// Statements that make arrays of the slices of `at` (and of `lambda`) which a function reads, and the call.
+pub fn from_slices(
+    function: &Function,
+    layout: &Layout,
+    out: &TokenStream,
+) -> (TokenStream, TokenStream) {
+    let statements = function.reads.iter().map(|&part| {
+        let (ident, len) = (part.ident(), layout.len(part));
+        let name = ident.to_string();
+        let slice = if part == Part::Lambda {
+            quote!(lambda)
+        } else {
+            quote!(at.#ident)
+        };
+        quote!(let #ident: &[f64; #len] = ::pid_runtime::__private::exact(#slice, #name);)
+    });
+    let call = function.call(
+        |part| {
+            let ident = part.ident();
+            quote!(#ident)
+        },
+        out,
+    );
+    (quote!(#(#statements)*), call)
+}

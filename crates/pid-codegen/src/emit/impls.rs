@@ -1,130 +1,17 @@
 //! The typed face (inherent functions on arrays) and the slice face (traits of `pid-runtime`) of a
 //! robot's values.
 
-use pid_symbolic::{Graph, Id};
 use proc_macro2::TokenStream;
 use quote::quote;
 
-use super::functions::{Function, Layout, Part, Scalar, number};
+use super::bodies::Bodies;
+use super::docs;
+use super::functions::{Function, Layout, Part, from_slices, number};
 use super::lanes::Lanes;
-use super::types::derived;
-use super::{Names, docs};
+use super::names::{Names, derived};
+use pid_derive::Identifiability;
 use pid_derive::identifiability::Structures;
 use pid_derive::model::{Joint, Robot};
-use pid_derive::{Equations, Identifiability};
-
-/// The functions behind all values.
-#[derive(Debug, Clone)]
-pub struct Bodies {
-    residual: Function,
-    mass_matrix: Function,
-    bias: Function,
-    gravity: Function,
-    applied_force: Function,
-    kinetic_energy: Function,
-    potential_energy: Function,
-    /// Lower triangle of M, then f_L − b: the system that forward dynamics solves.
-    forward: Function,
-    residual_dual: Function,
-    forward_dual: Function,
-}
-
-impl Bodies {
-    /// Writes the bodies.
-    pub fn new(g: &mut Graph, layout: &Layout, equations: &Equations) -> Self {
-        let net: Vec<Id> = equations
-            .applied_force
-            .iter()
-            .zip(&equations.bias)
-            .map(|(&force, &bias)| g.sub(force, bias))
-            .collect();
-        let forward: Vec<Id> = equations.mass_matrix.iter().copied().chain(net).collect();
-        let write = |name: &str, doc: &str, outputs: &[Id], scalar| {
-            Function::new(g, layout, name, doc, outputs, scalar)
-        };
-        let plain = |name: &str, doc: &str, outputs: &[Id]| write(name, doc, outputs, Scalar::F64);
-        let dual = |name: &str, doc: &str, outputs: &[Id]| write(name, doc, outputs, Scalar::Dual);
-        let residual_doc = format!("r = M a + b − f_L, by {}.", equations.derivation);
-        let forward_doc = "M (lower triangle, row by row), then f_L − b.";
-        Self {
-            residual: plain("residual_values", &residual_doc, &equations.residual),
-            mass_matrix: plain(
-                "mass_matrix_values",
-                "M, lower triangle, row by row.",
-                &equations.mass_matrix,
-            ),
-            bias: plain("bias_values", "b = r + f_L at a = 0.", &equations.bias),
-            gravity: plain("gravity_values", "b at v = 0.", &equations.gravity),
-            applied_force: plain("applied_force_values", "f_L.", &equations.applied_force),
-            kinetic_energy: plain("kinetic_energy_values", "T.", &[equations.energies.kinetic]),
-            potential_energy: plain(
-                "potential_energy_values",
-                "U.",
-                &[equations.energies.potential],
-            ),
-            forward: plain("forward_values", forward_doc, &forward),
-            residual_dual: dual("residual_dual", &residual_doc, &equations.residual),
-            forward_dual: dual("forward_dual", forward_doc, &forward),
-        }
-    }
-
-    /// The functions with the symbols of their values, for the robot's documentation.
-    pub fn table(&self) -> [(&'static str, &Function); 8] {
-        [
-            ("r", &self.residual),
-            ("M", &self.mass_matrix),
-            ("b", &self.bias),
-            ("b at v = 0", &self.gravity),
-            ("M and f_L − b", &self.forward),
-            ("f_L", &self.applied_force),
-            ("T", &self.kinetic_energy),
-            ("U", &self.potential_energy),
-        ]
-    }
-
-    fn definitions(&self) -> TokenStream {
-        let definitions = [
-            &self.residual,
-            &self.mass_matrix,
-            &self.bias,
-            &self.gravity,
-            &self.applied_force,
-            &self.kinetic_energy,
-            &self.potential_energy,
-            &self.forward,
-            &self.residual_dual,
-            &self.forward_dual,
-        ]
-        .map(|function| &function.definition);
-        quote!(#(#definitions)*)
-    }
-}
-
-/// Statements that make arrays of the slices of `at` (and of `lambda`) which a function reads, and the call.
-pub fn from_slices(
-    function: &Function,
-    layout: &Layout,
-    out: &TokenStream,
-) -> (TokenStream, TokenStream) {
-    let statements = function.reads.iter().map(|&part| {
-        let (ident, len) = (part.ident(), layout.len(part));
-        let name = ident.to_string();
-        let slice = if part == Part::Lambda {
-            quote!(lambda)
-        } else {
-            quote!(at.#ident)
-        };
-        quote!(let #ident: &[f64; #len] = ::pid_runtime::__private::exact(#slice, #name);)
-    });
-    let call = function.call(
-        |part| {
-            let ident = part.ident();
-            quote!(#ident)
-        },
-        out,
-    );
-    (quote!(#(#statements)*), call)
-}
 
 /// Bodies, typed functions and traits of a robot's values.
 pub fn values(

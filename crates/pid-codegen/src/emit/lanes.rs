@@ -13,7 +13,7 @@ use pid_symbolic::{Function as Call, Graph, Id, Node, Plan, schedule};
 use proc_macro2::{Ident, Literal, Span, TokenStream};
 use quote::{format_ident, quote};
 
-use super::derivatives::Body;
+use super::bodies::Body;
 use super::functions::{BLOCK, Layout, Part, number};
 use pid_derive::Equations;
 

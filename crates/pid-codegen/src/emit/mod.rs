@@ -2,8 +2,9 @@
 //!
 //! - [`types`]: parameter struct and enums; [`docs`]: their documentation;
 //! - [`functions`]: straight-line bodies in blocks of bounded size, over `f64` or generic over dual numbers;
+//! - [`bodies`]: which of them a robot has;
 //! - [`lanes`]: the same bodies over four nodes at once;
-//! - [`derivatives`]: patterns and bodies of Jacobian and Hessian;
+//! - [`derivatives`]: patterns and traits of Jacobian and Hessian;
 //! - [`regressor`]: regressor and base parameters;
 //! - [`size`]: how many operations a part may take;
 //! - [`impls`]: the typed face (inherent functions) and the slice face (traits of `pid-runtime`).
@@ -12,54 +13,31 @@
 //! macro's own. Paths are absolute: a robot may be declared where nothing of `pid-runtime` is in
 //! scope.
 
+pub mod bodies;
 pub mod derivatives;
 pub mod docs;
 pub mod fallback;
 pub mod functions;
 pub mod impls;
 pub mod lanes;
+mod names;
 pub mod regressor;
 pub mod size;
 pub mod types;
 
 use pid_symbolic::Graph;
-use proc_macro2::{Ident, Span, TokenStream};
+use proc_macro2::{Span, TokenStream};
 use quote::quote;
 use thiserror::Error;
 
+use bodies::{Bodies, Linear};
 use functions::Layout;
+pub use names::Names;
 use pid_derive::Identifiability;
 use pid_derive::model::Robot;
 use size::TooLarge;
 
 use crate::syntax::EmitDecl;
-
-/// The user's identifiers, with their spans.
-#[derive(Debug, Clone)]
-pub struct Names {
-    /// Visibility of all generated types.
-    pub vis: syn::Visibility,
-    /// Name of the robot.
-    pub robot: Ident,
-    /// Parameters as generated (`dry_shoulder`), in order.
-    pub params: Vec<Ident>,
-    /// Moving joints in the order of coordinates.
-    pub joints: Vec<Ident>,
-    /// Inputs as generated, in order.
-    pub inputs: Vec<Ident>,
-}
-
-impl Names {
-    /// The same names without the user's places, which belong to the robot that this is a variant of.
-    #[must_use]
-    pub fn without_places(mut self) -> Self {
-        let lists = [&mut self.params, &mut self.joints, &mut self.inputs];
-        for ident in lists.into_iter().flatten() {
-            ident.set_span(Span::call_site());
-        }
-        self
-    }
-}
 
 /// Why nothing was generated.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -98,13 +76,13 @@ pub fn try_model(
     let derivatives = size::derivatives(&mut g, robot, &equations, limit)?;
     let layout = Layout::of(robot);
 
-    let bodies = impls::Bodies::new(&mut g, &layout, &equations);
+    let bodies = Bodies::new(&mut g, &layout, &equations);
     let first = robot.emit.first_derivatives || robot.emit.second_derivatives;
-    let jacobian = first.then(|| derivatives::jacobian(&g, &layout, &equations, &derivatives));
+    let jacobian = first.then(|| bodies::jacobian(&g, &layout, &equations, &derivatives));
     let hessian = robot
         .emit
         .second_derivatives
-        .then(|| derivatives::hessian(&g, &layout, &derivatives));
+        .then(|| bodies::hessian(&g, &layout, &derivatives));
 
     let linear = match robot.emit.regressor || robot.emit.base_parameters {
         false => None,
@@ -161,40 +139,4 @@ pub fn try_model(
             #regressor
         };
     })
-}
-
-/// The linear form of a robot with its functions.
-#[derive(Debug, Clone)]
-pub struct Linear {
-    regressor: pid_derive::Regressor,
-    base: Option<pid_derive::BaseParameters>,
-    bodies: regressor::Bodies,
-}
-
-impl Linear {
-    fn new(
-        g: &mut Graph,
-        robot: &Robot,
-        equations: &pid_derive::Equations,
-        layout: &Layout,
-    ) -> Result<Self, pid_derive::Error> {
-        let linear = pid_derive::regressor(g, equations).map_err(|found| {
-            let name = |k: usize| robot.params[k].name.clone();
-            pid_derive::Error::NotLinear {
-                robot: robot.name.clone(),
-                first: name(found.first),
-                second: name(found.second),
-            }
-        })?;
-        let base = robot
-            .emit
-            .base_parameters
-            .then(|| pid_derive::base_parameters(g, robot, equations, &linear));
-        let bodies = regressor::Bodies::new(g, layout, &linear);
-        Ok(Self {
-            regressor: linear,
-            base,
-            bodies,
-        })
-    }
 }

@@ -1,68 +1,14 @@
-//! Regressor and base parameters: bodies, typed functions, trait.
+//! Regressor and base parameters: typed functions, trait.
 
-use pid_symbolic::{Cost, Graph, Id};
 use proc_macro2::{Literal, TokenStream};
 use quote::quote;
 
-use super::Names;
+use super::bodies::{LinearBodies as Bodies, constant, cost, formulas};
 use super::docs;
-use super::functions::{Function, Layout, Part, Scalar, number};
-use super::impls::from_slices;
-use super::types::derived;
+use super::functions::{Layout, Part, from_slices, number};
+use super::names::{Names, derived};
 use pid_derive::model::Robot;
 use pid_derive::{BaseParameters, Regressor};
-
-/// The functions of a regressor.
-#[derive(Debug, Clone)]
-pub struct Bodies {
-    /// r₀, then the non-zeros of Y.
-    all: Function,
-    /// The non-zeros of the constant columns.
-    constant: Function,
-    /// r at u = 0 without them.
-    offset: Function,
-}
-
-impl Bodies {
-    /// Writes the bodies.
-    pub fn new(g: &Graph, layout: &Layout, regressor: &Regressor) -> Self {
-        let of = |name: &str, doc: &str, outputs: &[Id]| {
-            Function::new(g, layout, name, doc, outputs, Scalar::F64)
-        };
-        let values = regressor.entries.iter().map(|entry| entry.value);
-        let all: Vec<Id> = regressor.offset.iter().copied().chain(values).collect();
-        let constant: Vec<Id> = constant(regressor).map(|entry| entry.value).collect();
-        Self {
-            all: of("regressor_values", "r₀ and the non-zeros of Y.", &all),
-            constant: of(
-                "constant_regressor_values",
-                "The non-zeros of the constant columns of Y.",
-                &constant,
-            ),
-            offset: of(
-                "regressor_offset_values",
-                "r at u = 0 without the constant columns of Y.",
-                &regressor.constant_offset,
-            ),
-        }
-    }
-
-    /// The functions with the symbols of their values, for the robot's documentation.
-    pub fn table(&self) -> [(&'static str, &Function); 3] {
-        [
-            ("r₀ and Y", &self.all),
-            ("Y(q, v, a)", &self.constant),
-            ("tau − Y p", &self.offset),
-        ]
-    }
-}
-
-fn constant(regressor: &Regressor) -> impl Iterator<Item = &pid_symbolic::diff::Entry> {
-    regressor
-        .entries
-        .iter()
-        .filter(|entry| entry.col < regressor.constant)
-}
 
 /// Typed functions and trait of the regressor, with base parameters where asked for.
 pub fn impls(
@@ -273,25 +219,4 @@ fn base_parameters(
         }
     };
     (typed, statics, function)
-}
-
-/// Formulas of all base parameters.
-pub fn formulas(robot: &Robot, regressor: &Regressor, base: &BaseParameters) -> Vec<String> {
-    let name = |column: usize| robot.params[regressor.params[column]].name.clone();
-    (0..base.terms.len())
-        .map(|k| base.formula(k, name))
-        .collect()
-}
-
-/// Operations of the base parameters of the constant columns.
-pub fn cost(base: &BaseParameters) -> Cost {
-    let terms = || base.terms[..base.constant].iter();
-    Cost {
-        additions: terms().map(|terms| terms.len() - 1).sum(),
-        multiplications: terms()
-            .flatten()
-            .filter(|term| term.coefficient.abs() != 1.0)
-            .count(),
-        ..Cost::default()
-    }
 }

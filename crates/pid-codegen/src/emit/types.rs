@@ -1,10 +1,11 @@
 //! The types a user names: the robot, its parameters, joints and inputs.
 
 use proc_macro2::{Ident, Span, TokenStream};
-use quote::{format_ident, quote};
+use quote::quote;
 
+use super::docs;
 use super::functions::number;
-use super::{Names, docs};
+use super::names::{Names, derived};
 use pid_derive::model::{Joint, Robot};
 
 /// All types of a robot, with their functions.
@@ -27,11 +28,6 @@ pub fn types(robot: &Robot, names: &Names, robot_docs: &[String]) -> TokenStream
         #joints
         #inputs
     }
-}
-
-/// `TwoLinkParams` and the like: the macro's own span.
-pub fn derived(names: &Names, suffix: &str) -> Ident {
-    format_ident!("{}{suffix}", names.robot, span = Span::call_site())
 }
 
 /// `dry_shoulder` as `DryShoulder`. Names that differ only in underscores get one appended until they differ.

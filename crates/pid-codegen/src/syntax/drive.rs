@@ -2,9 +2,9 @@
 
 use proc_macro2::{Delimiter, Group, Ident, Span};
 
-use super::Names;
 use super::cursor::{Cursor, Parsed};
 use super::expr::Expr;
+use super::names::Names;
 use super::params::{InputDecl, ParamDecl};
 use super::unit::UnitExpr;
 use crate::diag::{Diagnostics, Loc, nearest};
@@ -132,11 +132,11 @@ fn block(group: &Group, at: Span, joints: Option<Vec<Names>>, diag: &mut Diagnos
         drive: None,
     };
     let mut seen = Vec::new();
-    super::items(&mut Cursor::inside(group), diag, |c, docs, diag| {
+    super::items::items(&mut Cursor::inside(group), diag, |c, docs, diag| {
         let first = c.ident("`input`, a parameter, `drive: …`, `armature = …` or `force = …`")?;
         let law = (first == "armature" || first == "force") && c.peek_punct("=");
         if law {
-            let again = super::once(&mut seen, &first);
+            let again = super::items::once(&mut seen, &first);
             c.punct("=", "")?;
             let e = Expr::parse(c)?;
             c.semicolon(&format!("`{first}`"))?;
@@ -148,7 +148,7 @@ fn block(group: &Group, at: Span, joints: Option<Vec<Names>>, diag: &mut Diagnos
             return again;
         }
         if first == "drive" && c.peek_punct(":") {
-            let again = super::once(&mut seen, &first);
+            let again = super::items::once(&mut seen, &first);
             c.punct(":", "")?;
             let drive = drive(c, diag)?;
             if block.drive.is_none() {
@@ -162,7 +162,7 @@ fn block(group: &Group, at: Span, joints: Option<Vec<Names>>, diag: &mut Diagnos
             return Ok(());
         }
         if !c.peek_punct(":") {
-            return Err(super::unknown_item(
+            return Err(super::items::unknown_item(
                 &first,
                 &["input", "drive:", "armature =", "force =", "name: unit"],
             ));
@@ -204,12 +204,12 @@ fn drive(c: &mut Cursor, diag: &mut Diagnostics) -> Parsed<DriveDecl> {
     if c.peek_group(Delimiter::Brace) {
         let group = c.group(Delimiter::Brace, "`{`")?;
         let mut seen = Vec::new();
-        super::items(&mut Cursor::inside(&group), diag, |c, _, _| {
+        super::items::items(&mut Cursor::inside(&group), diag, |c, _, _| {
             let field = c.ident(&format!("one of {}", crate::diag::one_of(&known)))?;
             if !known.iter().any(|k| field == k) {
-                return Err(super::unknown_item(&field, &known));
+                return Err(super::items::unknown_item(&field, &known));
             }
-            let again = super::once(&mut seen, &field);
+            let again = super::items::once(&mut seen, &field);
             c.punct(":", &format!("after `{field}`"))?;
             let e = Expr::parse(c)?;
             c.semicolon(&format!("`{field}` of a drive"))?;

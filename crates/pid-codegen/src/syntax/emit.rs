@@ -4,7 +4,7 @@
 use proc_macro2::{Delimiter, Ident, Span};
 
 use super::cursor::{Cursor, Parsed};
-use super::unknown_item;
+use super::items::unknown_item;
 use crate::emit::size::Part;
 
 /// The `emit` item.

@@ -3,7 +3,7 @@
 use proc_macro2::{Span, TokenTree};
 
 use super::cursor::{Cursor, Parsed};
-use super::unknown_item;
+use super::items::unknown_item;
 
 /// An `expect` item.
 #[derive(Debug, Clone)]

@@ -4,7 +4,8 @@ use proc_macro2::{Delimiter, Ident, Span, TokenStream, TokenTree};
 
 use super::cursor::{Cursor, Parsed};
 use super::expr::Vector;
-use super::{Ast, emit, expect, limit, params, unknown_item};
+use super::items::unknown_item;
+use super::{Ast, emit, expect, limit, params};
 use crate::diag::{Diagnostics, Loc, one_of};
 
 /// A robot whose links and joints stand in a file.
@@ -68,7 +69,7 @@ pub(crate) fn parse(input: TokenStream, diag: &mut Diagnostics) -> Option<FromUr
         );
     }
     let mut seen = Vec::new();
-    super::items(&mut body, diag, |c, _, diag| {
+    super::items::items(&mut body, diag, |c, _, diag| {
         item(c, &mut declared, &mut seen, diag)
     });
     Some(declared)
@@ -125,17 +126,17 @@ fn item(
             return Ok(());
         }
         "emit" => {
-            let again = super::once(seen, &keyword);
+            let again = super::items::once(seen, &keyword);
             ast.emit = Some(emit::parse(c)?);
             return again;
         }
         "limit" => {
-            let again = super::once(seen, &keyword);
+            let again = super::items::once(seen, &keyword);
             ast.limit = Some(limit::parse(c)?);
             return again;
         }
         "gravity" => {
-            let again = super::once(seen, &keyword);
+            let again = super::items::once(seen, &keyword);
             c.punct(":", "after `gravity`")?;
             ast.gravity = Some(Vector::parse(c, "gravity")?);
             c.semicolon("`gravity`")?;
@@ -146,7 +147,7 @@ fn item(
         "armature" => &mut declared.armature,
         _ => return Err(unknown_item(&keyword, ITEMS)),
     };
-    let again = super::once(seen, &keyword);
+    let again = super::items::once(seen, &keyword);
     c.punct(":", &format!("after `{keyword}`"))?;
     *choice = Some(free(c, &keyword)?);
     c.semicolon(&format!("`{keyword}`"))?;

@@ -4,8 +4,8 @@ use proc_macro2::{Delimiter, Ident, Span, TokenTree};
 
 use super::cursor::{Cursor, Parsed};
 use super::expr::{Expr, Range, Vector};
+use super::items::unknown_item;
 use super::unit::UnitExpr;
-use super::unknown_item;
 use crate::diag::{Diagnostics, Loc, nearest};
 
 /// A joint.
@@ -80,16 +80,16 @@ pub(super) fn parse(
     let mut follows = None;
     let mut seen = Vec::new();
     let before = diag.count();
-    super::items(&mut Cursor::inside(&group), diag, |c, _, _| {
+    super::items::items(&mut Cursor::inside(&group), diag, |c, _, _| {
         let first = c.ident("`parent -> child`, `limits: …` or `follows …`")?;
         if first == "follows" && !c.peek_punct("->") {
-            let again = super::once(&mut seen, &first);
+            let again = super::items::once(&mut seen, &first);
             follows = Some(Expr::parse(c)?);
             c.semicolon("what a joint follows")?;
             return again;
         }
         if first == "limits" && c.peek_punct(":") {
-            let again = super::once(&mut seen, &first);
+            let again = super::items::once(&mut seen, &first);
             c.punct(":", "after `limits`")?;
             limits = Some(Range::parse(c)?);
             c.semicolon("the limits of a joint")?;

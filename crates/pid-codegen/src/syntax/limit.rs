@@ -3,7 +3,7 @@
 use proc_macro2::TokenTree;
 
 use super::cursor::{Cursor, Parsed};
-use super::unknown_item;
+use super::items::unknown_item;
 
 /// `ops n;` after `limit`: operations that a part of `emit` may take.
 pub(super) fn parse(c: &mut Cursor) -> Parsed<usize> {

@@ -4,9 +4,10 @@ use proc_macro2::{Delimiter, Group, Ident, Span};
 
 use super::cursor::{Cursor, Parsed};
 use super::expr::{Entry, Vector};
+use super::items::unknown_item;
+use super::names::Names;
 use super::shape::{self, Shape};
 use super::unit::UnitExpr;
-use super::{Names, unknown_item};
 use crate::diag::{Diagnostics, Loc};
 use pid_derive::model::About;
 
@@ -72,9 +73,9 @@ pub(super) fn parse(c: &mut Cursor, docs: Vec<String>, diag: &mut Diagnostics) -
         shape: None,
     };
     let mut seen: Vec<(String, Span)> = Vec::new();
-    super::items(&mut Cursor::inside(&group), diag, |c, _, diag| {
+    super::items::items(&mut Cursor::inside(&group), diag, |c, _, diag| {
         let keyword = c.ident("one of `mass`, `com`, `inertia`, `inertial`")?;
-        let again = super::once(&mut seen, &keyword);
+        let again = super::items::once(&mut seen, &keyword);
         match keyword.to_string().as_str() {
             "mass" => {
                 c.punct(":", "after `mass`")?;
@@ -173,7 +174,7 @@ fn tensor(group: &Group, loc: Loc) -> Parsed<([Entry; 3], [Entry; 3])> {
         let Some(k) = NAMES.iter().position(|n| name == n) else {
             return Err(unknown_item(&name, &NAMES));
         };
-        super::once(&mut seen, &name)?;
+        super::items::once(&mut seen, &name)?;
         c.punct(":", &format!("after `{name}`"))?;
         found[k] = Some(Entry::parse(c)?);
         Ok(())

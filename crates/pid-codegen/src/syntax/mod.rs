@@ -9,20 +9,22 @@ mod emit;
 mod expect;
 mod expr;
 mod from_urdf;
+mod items;
 mod joint;
 mod limit;
 mod link;
+mod names;
 mod params;
 mod shape;
 mod system;
 mod unit;
 mod variant;
 
-use proc_macro2::{Delimiter, Ident, Span, TokenStream, TokenTree};
-use quote::quote;
+use proc_macro2::{Delimiter, Ident, Span, TokenStream};
 
-use crate::diag::{Diagnostics, Loc, nearest, one_of};
+use crate::diag::{Diagnostics, one_of};
 use cursor::{Cursor, Parsed};
+use items::{attributes, items, once, unknown_item};
 
 pub use drive::{DriveDecl, DriveKind, ForceOn, MotorDecl, PerJoint};
 pub use emit::EmitDecl;
@@ -31,6 +33,7 @@ pub use expr::{Entry, Expr, ExprKind, Op, Range, Vector};
 pub use from_urdf::FromUrdf;
 pub use joint::{Axis, AxisKind, JointDecl, Motion};
 pub use link::{Free, Inertia, LinkDecl};
+pub use names::Names;
 pub use params::{InputDecl, Nominal, ParamDecl, Ranges};
 pub use shape::{Amount, Shape, ShapeKind};
 pub use unit::UnitExpr;
@@ -110,15 +113,6 @@ impl Ast {
         ast.expect.clear();
         ast
     }
-}
-
-/// A name or a range of names with a common stem, `l1..=l6`.
-#[derive(Debug, Clone)]
-pub struct Names {
-    /// The names, in order; those inside a range carry the place of its first name.
-    pub idents: Vec<Ident>,
-    /// As written.
-    pub loc: Loc,
 }
 
 const ITEMS: &[&str] = &[
@@ -300,159 +294,4 @@ fn item(
         }
         _ => Err(unknown_item(&keyword, ITEMS)),
     }
-}
-
-/// Reads items until the end, each with its `///` lines; a bad one is reported and skipped.
-fn items(
-    c: &mut Cursor,
-    diag: &mut Diagnostics,
-    mut item: impl FnMut(&mut Cursor, Vec<String>, &mut Diagnostics) -> Parsed<()>,
-) {
-    while !c.is_done() {
-        // `{ … };` and `;;` are harmless.
-        if c.eat_punct(";").is_some() {
-            continue;
-        }
-        let started = c.position();
-        let result = attributes(c).and_then(|(docs, attrs)| {
-            if !attrs.is_empty() {
-                return Err(Loc::from(c.here()).error(
-                    "only `///` comments may stand here\nhelp: put attributes before `robot`",
-                ));
-            }
-            item(c, docs, diag)
-        });
-        if let Err(e) = result {
-            diag.push(e);
-            c.recover(started);
-        }
-    }
-}
-
-/// `///` lines and other outer attributes.
-fn attributes(c: &mut Cursor) -> Parsed<(Vec<String>, Vec<TokenStream>)> {
-    let (mut docs, mut attrs) = (Vec::new(), Vec::new());
-    while c.eat_punct("#").is_some() {
-        let group = c.group(Delimiter::Bracket, "`[` of an attribute")?;
-        let mut inner = Cursor::inside(&group);
-        if inner.eat_word("doc").is_some() && inner.eat_punct("=").is_some() {
-            if let Some(TokenTree::Literal(l)) = inner.bump()
-                && let syn::Lit::Str(text) = syn::Lit::new(l)
-            {
-                let text = text.value();
-                docs.push(
-                    text.strip_prefix(' ')
-                        .unwrap_or(&text)
-                        .trim_end()
-                        .to_string(),
-                );
-                continue;
-            }
-            return Err(inner.expected("the text of a comment"));
-        }
-        let attr = quote!(# #group);
-        if !is_lint(&attr) {
-            return Err(Loc::from(group.span_open()).error(
-                "only `///` comments and lint levels such as `#[allow(deprecated)]` may stand before a robot",
-            ));
-        }
-        attrs.push(attr);
-    }
-    Ok((docs, attrs))
-}
-
-/// Whether an attribute sets the level of lints, which are all that a warning understands.
-fn is_lint(attr: &TokenStream) -> bool {
-    use syn::parse::Parser;
-    let parsed = syn::Attribute::parse_outer.parse2(attr.clone());
-    let Ok([one]) = parsed.as_deref() else {
-        return false;
-    };
-    let level = ["allow", "expect", "warn", "deny"]
-        .iter()
-        .any(|l| one.path().is_ident(l));
-    let lints = one.parse_args_with(
-        syn::punctuated::Punctuated::<syn::Path, syn::Token![,]>::parse_terminated,
-    );
-    level && lints.is_ok_and(|l| !l.is_empty())
-}
-
-/// An unknown word where one of `known` is expected.
-fn unknown_item(word: &Ident, known: &[&str]) -> syn::Error {
-    let text = word.to_string();
-    let hint = match nearest(&text, known.iter().copied()) {
-        Some(n) => format!("\nhelp: did you mean `{n}`?"),
-        None => String::new(),
-    };
-    Loc::from(word).error(format!(
-        "expected one of {}, found `{text}`{hint}",
-        one_of(known).replace(" or ", ", ")
-    ))
-}
-
-/// Refuses a second item of the same kind.
-fn once(seen: &mut Vec<(String, Span)>, keyword: &Ident) -> Parsed<()> {
-    let name = keyword.to_string();
-    if let Some((_, first)) = seen.iter().find(|s| s.0 == name) {
-        let mut e = Loc::from(keyword).error(format!("`{name}` is given twice"));
-        e.combine(Loc::from(*first).error(format!("`{name}` was first given here")));
-        return Err(e);
-    }
-    seen.push((name, keyword.span()));
-    Ok(())
-}
-
-/// Longest range of names; a longer one is a slip of the pen.
-const LONGEST_RANGE: u32 = 64;
-
-impl Names {
-    fn parse(c: &mut Cursor, what: &str) -> Parsed<Names> {
-        let start = c.here();
-        let first = c.ident(what)?;
-        if c.eat_punct("..=").is_none() {
-            return Ok(Names {
-                loc: (&first).into(),
-                idents: vec![first],
-            });
-        }
-        let last = c.ident("the last name of the range")?;
-        let loc = c.since(start);
-        let bad = |why: String| {
-            Err(loc.error(format!(
-                "{why}\nhelp: a range of names looks like `l1..=l6`"
-            )))
-        };
-        let (a, b) = (first.to_string(), last.to_string());
-        let (Some((stem, lo)), Some((stem_b, hi))) = (numbered(&a), numbered(&b)) else {
-            return bad(
-                format!("`{a}..=#{b}` needs a number at the end of both names").replace('#', ""),
-            );
-        };
-        if stem != stem_b {
-            return bad(format!("`{a}` and `{b}` have different stems"));
-        }
-        if hi < lo || hi - lo >= LONGEST_RANGE {
-            return bad(format!(
-                "the range `{a}..={b}` must go up, over at most {LONGEST_RANGE} names"
-            ));
-        }
-        let idents = (lo..=hi)
-            .map(|k| {
-                let span = if k == hi { last.span() } else { first.span() };
-                Ident::new(&format!("{stem}{k}"), span)
-            })
-            .collect();
-        Ok(Names { idents, loc })
-    }
-}
-
-/// Stem and number of `l12`.
-fn numbered(name: &str) -> Option<(&str, u32)> {
-    let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
-    let digits = &name[stem.len()..];
-    let canonical = digits == "0" || !digits.starts_with('0');
-    (!stem.is_empty() && canonical)
-        .then(|| digits.parse().ok())
-        .flatten()
-        .map(|n| (stem, n))
 }

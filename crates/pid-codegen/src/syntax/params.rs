@@ -67,7 +67,7 @@ pub struct InputDecl {
 pub(super) fn parse_block(c: &mut Cursor, diag: &mut Diagnostics) -> Parsed<Vec<ParamDecl>> {
     let group = c.group(Delimiter::Brace, "`{` after `params`")?;
     let mut out = Vec::new();
-    super::items(&mut Cursor::inside(&group), diag, |c, docs, _| {
+    super::items::items(&mut Cursor::inside(&group), diag, |c, docs, _| {
         out.push(ParamDecl::parse(c, docs)?);
         Ok(())
     });

@@ -4,7 +4,7 @@ use proc_macro2::{Delimiter, Ident};
 
 use super::cursor::{Cursor, Parsed};
 use super::expr::{Expr, Vector};
-use super::unknown_item;
+use super::items::unknown_item;
 use crate::diag::{Diagnostics, Loc, nearest, one_of};
 
 /// A homogeneous body, its axes along those of the link, its centre at the link's `com`.
@@ -79,13 +79,13 @@ pub(super) fn parse(c: &mut Cursor, diag: &mut Diagnostics) -> Parsed<Shape> {
         .chain(dimensions.iter().copied())
         .collect();
     let before = diag.count();
-    super::items(&mut Cursor::inside(&group), diag, |c, _, _| {
+    super::items::items(&mut Cursor::inside(&group), diag, |c, _, _| {
         let field = c.ident(&format!("one of {}", one_of(&known)))?;
         let text = field.to_string();
         if !known.contains(&text.as_str()) {
             return Err(unknown_item(&field, &known));
         }
-        let again = super::once(&mut seen, &field);
+        let again = super::items::once(&mut seen, &field);
         c.punct(":", &format!("after `{text}`"))?;
         match text.as_str() {
             "size" => size = Some(Vector::parse(c, "the size of a box")?),

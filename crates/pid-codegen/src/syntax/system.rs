@@ -11,7 +11,7 @@ use super::unit::UnitExpr;
 pub(super) fn parse_coordinates(c: &mut Cursor) -> Parsed<Vec<JointDecl>> {
     let mut out = Vec::new();
     loop {
-        let (docs, _) = super::attributes(c)?;
+        let (docs, _) = super::items::attributes(c)?;
         let name = c.ident("the name of a coordinate")?;
         c.punct(":", &format!("and the unit of coordinate `{name}`"))?;
         let unit = UnitExpr::parse(c)?;

@@ -4,7 +4,9 @@ use proc_macro2::{Delimiter, Ident};
 
 use super::cursor::{Cursor, Parsed};
 use super::expr::Expr;
-use super::{EmitDecl, Names, emit, unknown_item};
+use super::items::unknown_item;
+use super::names::Names;
+use super::{EmitDecl, emit};
 use crate::diag::Diagnostics;
 
 /// A second model from the same description, with joints held.
@@ -49,7 +51,7 @@ pub(super) fn parse(
         emit: None,
     };
     let mut seen = Vec::new();
-    super::items(&mut Cursor::inside(&group), diag, |c, _, _| {
+    super::items::items(&mut Cursor::inside(&group), diag, |c, _, _| {
         let keyword = c.ident("`lock joint = value;` or `emit { … }`")?;
         if keyword == "lock" {
             let joints = Names::parse(c, "the name of a joint after `lock`")?;
@@ -60,7 +62,7 @@ pub(super) fn parse(
             return Ok(());
         }
         if keyword == "emit" {
-            let again = super::once(&mut seen, &keyword);
+            let again = super::items::once(&mut seen, &keyword);
             let e = emit::parse(c)?;
             variant.emit.get_or_insert(e);
             return again;

@@ -22,9 +22,9 @@ use crate::diagnosis::{Magnitude, Named, Residue};
 use crate::effect::Term;
 use crate::fit::{Basis, Effort, Fit, Point, basis, basis_as_run, fit, value};
 use crate::gap::{Floor, Gap};
+use crate::hypothesis::{Hypothesis, Run};
 use crate::noise;
 use crate::screen::screen;
-use crate::simulate::{Hypothesis, Run};
 
 /// What forward selection ended with.
 #[derive(Debug)]

@@ -112,8 +112,8 @@ mod tests {
     use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Site, Unit, parameter};
     use crate::fit::{Effort, Point, basis, fit};
     use crate::free::Form;
+    use crate::hypothesis::Hypothesis;
     use crate::scalar::Scalar;
-    use crate::simulate::Hypothesis;
 
     /// A pendulum that swings and does not turn over.
     fn swung(cause: &Hypothesis, e: &[f64]) -> Case {

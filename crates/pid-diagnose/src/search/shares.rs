@@ -19,7 +19,7 @@ use super::measure::{measured, share};
 use super::settings::Settings;
 use crate::case::Case;
 use crate::fit::{Basis, Effort, Fit, Point, fit};
-use crate::simulate::Hypothesis;
+use crate::hypothesis::Hypothesis;
 
 /// Gaps with and without one effect.
 #[derive(Debug, Clone, Copy, PartialEq)]

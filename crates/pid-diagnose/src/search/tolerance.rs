@@ -15,8 +15,8 @@ use super::settings::Settings;
 use crate::case::Case;
 use crate::diagnosis::{Beyond, Remainder};
 use crate::fit::{Effort, Fit, all_gains, basis, fit};
+use crate::hypothesis::Hypothesis;
 use crate::nominal::role_name;
-use crate::simulate::Hypothesis;
 
 /// The friction values of a joint.
 const FRICTION: [Role; 2] = [Role::Coulomb, Role::Viscous];

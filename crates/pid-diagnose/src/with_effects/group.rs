@@ -1,65 +1,16 @@
 //! The effects at one joint: the change of the residual, and its derivatives.
 
-use std::fmt;
 use std::sync::{Arc, LazyLock};
 
 use pid_runtime::dynamics::{At, Dims};
 
-use super::EffectError;
+use super::error::{EffectError, Obstacle};
 use super::roles::JointRoles;
 use super::smooth::Smooth;
 use crate::constants::{Constant, Constants};
 use crate::effect::{Commands, Effect, Forces, Friction, Law, Site};
 use crate::nominal::Nominal;
 use crate::scalar::Scalar;
-
-/// Why equations of motion cannot take an effect.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Obstacle {
-    /// It splits the joint into rotor and link.
-    Gear,
-    /// It has a state that depends on the motion so far.
-    Memory,
-    /// It looks back in time.
-    Delay,
-    /// It lies between the motion and its reading.
-    Reading,
-    /// It acts on the tool point.
-    Tool,
-    /// It depends on the time.
-    Time,
-    /// It changes masses or gravity.
-    Structure,
-}
-
-impl fmt::Display for Obstacle {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Obstacle::Gear => {
-                "it splits the joint into rotor and link, and a gap has a corner\n  help: `simtrue simulate` and `simtrue diagnose` take it; for an elastic joint declare rotor and link as two joints with a spring"
-            }
-            Obstacle::Memory => {
-                "its state depends on the motion so far\n  help: `simtrue regress --with presliding` works it out from the records; `simtrue simulate` and `simtrue diagnose` take it"
-            }
-            Obstacle::Delay => {
-                "it looks back in time\n  help: shift the input by the delay in the records; `simtrue simulate` and `simtrue diagnose` take it"
-            }
-            Obstacle::Reading => {
-                "it lies between the motion and its reading\n  help: for a velocity that lags use `--velocity-lag`; for positions correct the records; `simtrue simulate` and `simtrue diagnose` take it"
-            }
-            Obstacle::Tool => {
-                "it acts on the tool point within windows of time\n  help: leave the records with the push out; `simtrue simulate` and `simtrue diagnose` take it"
-            }
-            Obstacle::Time => {
-                "it depends on the time, which equations of motion do not have\n  help: use records of a warm joint, or parameters of each record (--private); `simtrue simulate` and `simtrue diagnose` take it"
-            }
-            Obstacle::Structure => {
-                "it changes masses or gravity, which only a nominal description states\n  help: state it in the description (--nominal) or declare it"
-            }
-        })
-    }
-}
 
 /// Places of the arguments: own and partner's position and velocity, input, acceleration, friction,
 /// gain; effects' parameters follow.

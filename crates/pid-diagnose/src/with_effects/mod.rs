@@ -11,6 +11,7 @@
 //! [`LoadDependentFriction`](crate::effects::LoadDependentFriction) depends, is taken as that of
 //! the drive less the friction that the model has: without the part that accelerates the rotor.
 
+mod error;
 mod group;
 mod merge;
 mod roles;
@@ -26,48 +27,14 @@ use pid_runtime::dynamics::{
 
 use crate::case::Case;
 use crate::effect::{Effect, Parameter, Term};
-use crate::extended::{Known, range, unit};
+use crate::known::{Known, range, unit};
 
+pub use error::{EffectError, Obstacle};
 use group::Group;
-pub use group::Obstacle;
 use merge::Merged;
 pub use roles::{JointRoles, roles};
 pub use smooth::Smooth;
 pub use structure::with_masses;
-
-/// An effect that a model cannot take.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum EffectError {
-    /// It has no form in equations of motion with exact derivatives.
-    #[error("effect `{effect}`: {obstacle}")]
-    Obstacle {
-        /// The effect, with its joint.
-        effect: String,
-        /// What stands in the way, and what to use instead.
-        obstacle: Obstacle,
-    },
-    /// It changes what the model does not have.
-    #[error(
-        "effect `{effect}` changes the {what} of joint `{joint}`, which the model has no parameter for\n  help: declare it, or read the robot from a nominal description (--nominal)"
-    )]
-    Missing {
-        /// The effect, with its joint.
-        effect: String,
-        /// `Coulomb friction`, `viscous friction` or `gain`.
-        what: &'static str,
-        /// The joint.
-        joint: String,
-    },
-    /// The same effect at the same joint twice.
-    #[error("the model has a parameter `{parameter}` already\n  help: leave effect `{effect}` out")]
-    Twice {
-        /// The effect, with its joint.
-        effect: String,
-        /// The parameter.
-        parameter: String,
-    },
-}
 
 /// An effect at a joint with the ranges of its parameters.
 #[derive(Debug, Clone)]

@@ -1,6 +1,7 @@
 //! Chooses the parameters that a motion can determine, and the scale of their columns.
 
-use super::{ExciteError, Limits};
+use super::error::ExciteError;
+use super::limits::Limits;
 use nalgebra::DMatrix;
 use pid_runtime::dynamics::{At, Hessian};
 use rand::{RngExt, SeedableRng};

@@ -15,21 +15,28 @@
 
 mod columns;
 mod criterion;
+mod error;
 mod fourier;
+mod limits;
 mod program;
 mod sensitivity;
+mod settings;
 mod workspace;
 
 pub use columns::Without;
 pub use criterion::Criterion;
+pub use error::ExciteError;
 pub use fourier::Fourier;
+pub use limits::Limits;
+pub use settings::Settings;
 pub use workspace::Workspace;
 
 use columns::{Columns, choose};
 use criterion::measure;
+use error::TRIES;
 use pid_nlp::Nlp;
 use pid_nlp::solver::kkt::sparse::SparseKkt;
-use pid_nlp::solver::{self, Iteration, Status, ip};
+use pid_nlp::solver::{Iteration, Status, ip};
 use pid_runtime::dynamics::Hessian;
 use program::{Binding, Program};
 use rand::{RngExt, SeedableRng};
@@ -37,118 +44,10 @@ use rand_chacha::ChaCha8Rng;
 use sensitivity::Sensitivity;
 use std::ops::ControlFlow;
 
-/// A random start is tried this often before the limits count as impossible.
-const TRIES: usize = 200;
 /// Samples of the check per sample of the program.
 const FINER: usize = 10;
 /// Most steps of shrinking, by 0.2 % each: 500 of them leave 37 % of a motion.
 const SHRINKS: usize = 500;
-
-/// Limits of a motion, one entry per joint.
-#[derive(Debug, Clone)]
-pub struct Limits<'a> {
-    /// Range of the position, rad or m; `None`: any.
-    pub q: Vec<Option<(f64, f64)>>,
-    /// Largest |velocity|, rad/s or m/s.
-    pub v: Vec<f64>,
-    /// Largest |acceleration|, rad/s² or m/s².
-    pub a: Vec<f64>,
-    /// Largest |force| the motion may need, N·m or N; infinite: any.
-    pub force: Vec<f64>,
-    /// Boxes in which points of the robot stay; `None`: anywhere.
-    pub workspace: Option<Workspace<'a>>,
-}
-
-impl Limits<'_> {
-    /// Range from which positions are drawn: one turn or two metres where there is no limit.
-    fn range(&self, joint: usize) -> (f64, f64) {
-        self.q[joint].unwrap_or((-std::f64::consts::PI, std::f64::consts::PI))
-    }
-
-    fn check(&self, model: &dyn Hessian) -> Result<(), ExciteError> {
-        let nq = model.dims().nq;
-        for (what, len) in [
-            ("positions", self.q.len()),
-            ("velocities", self.v.len()),
-            ("accelerations", self.a.len()),
-            ("forces", self.force.len()),
-        ] {
-            if len != nq {
-                return Err(ExciteError::Count { what, len, nq });
-            }
-        }
-        for (j, joint) in model.joints().iter().enumerate() {
-            let bad = |what, value| {
-                Err(ExciteError::Limit {
-                    joint: joint.name.to_string(),
-                    what,
-                    value,
-                })
-            };
-            if let Some((low, high)) = self.q[j]
-                && !(low.is_finite() && high.is_finite() && low < high)
-            {
-                return bad("range of the position", high - low);
-            }
-            if !(self.v[j].is_finite() && self.v[j] > 0.0) {
-                return bad("velocity", self.v[j]);
-            }
-            if !(self.a[j].is_finite() && self.a[j] > 0.0) {
-                return bad("acceleration", self.a[j]);
-            }
-            if self.force[j].is_nan() || self.force[j] <= 0.0 {
-                return bad("force", self.force[j]);
-            }
-        }
-        self.workspace.as_ref().map_or(Ok(()), Workspace::check)
-    }
-}
-
-/// Settings of the search for a motion.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Length of a period, s.
-    pub period: f64,
-    /// Harmonics of the series.
-    pub harmonics: usize,
-    /// Samples per period at which information is gathered and limits hold.
-    pub samples: usize,
-    /// The criterion.
-    pub criterion: Criterion,
-    /// Standard deviation of the force at each joint, N·m or N; empty: 1 everywhere.
-    pub deviations: Vec<f64>,
-    /// Share of each limit that stays free, as a reserve for the motion between the samples.
-    pub margin: f64,
-    /// Whether velocity and acceleration vanish where a period begins.
-    pub at_rest: bool,
-    /// Random starts; the best result is returned.
-    pub starts: usize,
-    /// Seed of everything random.
-    pub seed: u64,
-    /// Settings of the solver.
-    pub solver: solver::Settings,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            period: 10.0,
-            harmonics: 5,
-            samples: 100,
-            criterion: Criterion::Determinant,
-            deviations: Vec::new(),
-            margin: 0.02,
-            at_rest: true,
-            starts: 3,
-            seed: 0,
-            solver: solver::Settings {
-                tol: 1e-6,
-                max_iterations: 300,
-                ..solver::Settings::default()
-            },
-        }
-    }
-}
 
 /// Information of one period of a motion.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -183,101 +82,6 @@ pub struct Excitation {
     pub status: Status,
     /// Iterations of the best start.
     pub iterations: usize,
-}
-
-/// Why no motion was found.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ExciteError {
-    /// A list of the limits has the wrong length.
-    #[error("limits of {what} for {len} joints, the model has {nq}")]
-    Count {
-        /// Which list.
-        what: &'static str,
-        /// Its length.
-        len: usize,
-        /// Joints of the model.
-        nq: usize,
-    },
-    /// A limit is not positive, or a range is empty.
-    #[error("joint `{joint}`: limit of the {what} is {value}\n  help: give a positive number")]
-    Limit {
-        /// Name of the joint.
-        joint: String,
-        /// Which limit.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// Not one box per point.
-    #[error("{boxes} boxes for {points} points")]
-    Boxes {
-        /// Boxes given.
-        boxes: usize,
-        /// Points.
-        points: usize,
-    },
-    /// An empty box.
-    #[error(
-        "point `{point}`: the range of {axis} is from {low} to {high}\n  help: give the lower end first"
-    )]
-    Box {
-        /// Name of the point.
-        point: String,
-        /// Which direction.
-        axis: char,
-        /// Lower end, m.
-        low: f64,
-        /// Upper end, m.
-        high: f64,
-    },
-    /// No pose has the points in their boxes.
-    #[error(
-        "no pose was found with all points in their boxes, in {TRIES} tries: in the best one `{point}` is at {axis} = {value:.4} m, its range is {low} to {high}\n  help: widen the box or the ranges of the positions"
-    )]
-    OutOfReach {
-        /// Name of the point.
-        point: String,
-        /// Which direction.
-        axis: char,
-        /// Its coordinate in the best pose, m.
-        value: f64,
-        /// Lower end, m.
-        low: f64,
-        /// Upper end, m.
-        high: f64,
-    },
-    /// Settings that no motion can meet.
-    #[error("{what} is {value}\n  help: {help}")]
-    Setting {
-        /// Which setting.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-        /// The mend.
-        help: &'static str,
-    },
-    /// The model cannot be evaluated.
-    #[error("the force's derivative by `{param}` is not finite within the limits")]
-    NotFinite {
-        /// Name of the parameter.
-        param: String,
-    },
-    /// No parameter has an effect.
-    #[error("no parameter of the model can be determined by a motion within these limits")]
-    NothingToDetermine,
-    /// Not even at rest.
-    #[error(
-        "joint `{joint}` needs {needed:.4} at rest, its limit is {limit:.4}, in each of {TRIES} random poses\n  help: raise the limit of the force or change the range of the positions"
-    )]
-    TooWeak {
-        /// The joint that needs most.
-        joint: String,
-        /// Force it needs in the best pose.
-        needed: f64,
-        /// Its limit.
-        limit: f64,
-    },
 }
 
 fn check(settings: &Settings, nq: usize) -> Result<(), ExciteError> {

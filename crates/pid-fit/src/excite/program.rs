@@ -2,9 +2,10 @@
 
 use super::criterion::{Criterion, Measured, measure};
 use super::fourier::{basis, evaluate};
+use super::limits::Limits;
 use super::sensitivity::Sensitivity;
+use super::settings::Settings;
 use super::workspace::{Places, Side};
-use super::{Limits, Settings};
 use nalgebra::DMatrix;
 use pid_nlp::{Nlp, SparsePattern};
 

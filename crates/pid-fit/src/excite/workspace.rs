@@ -1,6 +1,6 @@
 //! Boxes in which points of the robot stay.
 
-use super::ExciteError;
+use super::error::ExciteError;
 use nalgebra::{DMatrix, DVector};
 use pid_runtime::kinematics::ForwardKinematics;
 

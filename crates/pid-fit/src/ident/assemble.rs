@@ -1,6 +1,8 @@
 //! Training records as windows with weights, and the setup of their transcription.
 
-use super::{IdentError, InitialState, Settings, Weighting};
+use super::error::IdentError;
+use super::parameters::{bounds, scales};
+use super::settings::{InitialState, Settings, Weighting};
 use crate::transcribe::{Body, Loss, Setup, Track};
 use pid_data::signal::{StateEstimate, state_from_data};
 use pid_data::{Dataset, Experiment, InputHold, Role, windows};
@@ -25,7 +27,7 @@ pub(super) fn assemble(
     settings: &Settings,
     start: &[f64],
 ) -> Result<Assembled, IdentError> {
-    let (lower, upper, fixed) = super::bounds(model, start, &settings.hold);
+    let (lower, upper, fixed) = bounds(model, start, &settings.hold);
     let mut tracks = Vec::new();
     let mut records = Vec::new();
     let mut notes = Vec::new();
@@ -70,7 +72,7 @@ pub(super) fn assemble(
     let setup = Setup {
         scheme: settings.scheme,
         curvature: settings.curvature,
-        scale: super::scales(model),
+        scale: scales(model),
         inertia: inertia.mean(),
         hold_initial: held,
         linear_inputs: dataset.input_hold == InputHold::Linear,

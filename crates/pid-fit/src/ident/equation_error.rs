@@ -9,8 +9,11 @@
 //! IDIM-LS procedure: M. Gautier, IEEE ICRA 1997). The weights ω are one over the variance of each
 //! joint's residual, settled in a few passes (weighted least squares).
 
+use super::error::IdentError;
+use super::outcome::{Callback, ForceError, Identification, Progress, Run, best_of};
+use super::parameters::{bounds, scales};
+use super::settings::Settings;
 use super::uncertainty::{self, Solved, Spread};
-use super::{Callback, ForceError, IdentError, Identification, Progress, Run, Settings};
 use crate::transcribe::Loss;
 use faer::Mat;
 use pid_data::signal::{acting_inputs, low_pass_channels, state_from_data};
@@ -411,8 +414,8 @@ pub(super) fn identify(
     start: &[f64],
     callback: &mut Callback<'_>,
 ) -> Result<Identification, IdentError> {
-    let (lower, upper, fixed) = super::bounds(model, start, &settings.hold);
-    let scale = super::scales(model);
+    let (lower, upper, fixed) = bounds(model, start, &settings.hold);
+    let scale = scales(model);
     let samples = Samples::of(dataset, Role::Train, settings)?;
     let mut fit = Fit::new(model, &samples, &lower, &upper, &scale);
     let mut kkt = SparseKkt::new(&fit);
@@ -473,7 +476,7 @@ pub(super) fn identify(
             check,
             log: solution.log,
         });
-        if super::best_of(&runs) == index {
+        if best_of(&runs) == index {
             weights_of_best = used;
         }
         if stopped {
@@ -481,7 +484,7 @@ pub(super) fn identify(
             break;
         }
     }
-    let best = super::best_of(&runs);
+    let best = best_of(&runs);
     fit.weights = weights_of_best;
     let spread = runs.get(best).map_or_else(
         || Spread::none(scale.len()),

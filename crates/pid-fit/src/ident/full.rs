@@ -2,10 +2,12 @@
 
 use super::approach::{APPROACH, LONG_APPROACH, approach, close};
 use super::assemble::{Assembled, assemble, with_bodies};
+use super::error::IdentError;
 use super::motions::Around;
+use super::outcome::{Callback, Identification};
+use super::settings::{Prepare, Settings};
 use super::starts::Report;
 use super::trajectory::{Reached, constrained, from_starts, reached};
-use super::{Callback, IdentError, Identification, Prepare, Settings};
 use crate::transcribe::{Curvature, ExplicitForm, FullDiscretization, ResidualFit, Scheme};
 use pid_data::Dataset;
 use pid_nlp::solver::kkt::sparse::SparseKkt;

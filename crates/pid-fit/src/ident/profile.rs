@@ -9,7 +9,10 @@
 //! finds the ends on √(N (J − J*)/u), which is linear where the objective is quadratic. It starts
 //! from the ends that the Hessian predicts.
 
-use super::{Callback, IdentError, Identification, Prepare, Run, Settings, once};
+use super::error::IdentError;
+use super::estimate::once;
+use super::outcome::{Callback, Identification, Progress, Run};
+use super::settings::{Prepare, Settings};
 use crate::ident::Likelihood;
 use pid_data::Dataset;
 use pid_runtime::dynamics::Hessian;
@@ -131,7 +134,7 @@ impl<'a> Profiler<'a> {
             }
             fits += 1;
             from[parameter] = value;
-            let mut news = |progress: &super::Progress<'_>| {
+            let mut news = |progress: &Progress<'_>| {
                 let flow = callback(progress);
                 stopped |= flow.is_break();
                 flow

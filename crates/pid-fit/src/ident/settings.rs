@@ -1,8 +1,7 @@
 //! Settings of an identification.
 
-use super::likelihood::Likelihood;
 use super::starts::Sampling;
-use crate::transcribe::{Adaptive, Constraint, Curvature, Scheme};
+use crate::transcribe::{Adaptive, Constraint, Curvature, Loss, Prior, Scheme};
 use pid_data::Horizon;
 use pid_nlp::solver;
 use serde::{Deserialize, Serialize};
@@ -59,6 +58,18 @@ pub enum Prepare {
     /// [`Prepare::Motion`] follows.
     #[default]
     Everything,
+}
+
+/// Assumptions about noise and parameters.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Likelihood {
+    /// Standard deviation of the noise of each channel, positions of all joints, then velocities;
+    /// `None` where it is estimated. If empty, all are estimated.
+    pub noise: Vec<Option<f64>>,
+    /// Loss of deviations.
+    pub loss: Loss,
+    /// Prior knowledge of parameters.
+    pub priors: Vec<Prior>,
 }
 
 /// Settings of an identification.

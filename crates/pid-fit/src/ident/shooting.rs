@@ -2,11 +2,13 @@
 
 use super::approach::{APPROACH, approach};
 use super::assemble::{Assembled, assemble, with_bodies};
+use super::error::IdentError;
 use super::full::gains;
 use super::motions::Around;
+use super::outcome::{Callback, Identification};
+use super::settings::{Prepare, Settings};
 use super::starts::Report;
 use super::trajectory::{Reached, constrained, from_starts, reached};
-use super::{Callback, IdentError, Identification, Prepare, Settings};
 use crate::transcribe::{Curvature, FullDiscretization, ResidualFit, Shooting, ShootingKkt};
 use pid_data::Dataset;
 use pid_nlp::solver::kkt::sparse::SparseKkt;

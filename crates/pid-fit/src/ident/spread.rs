@@ -1,7 +1,7 @@
 //! Standard deviations and noise levels of a solved trajectory program, whatever its transcription.
 
-use super::likelihood;
 use super::motions::Motions;
+use super::noise;
 use super::uncertainty::{self, Solved, Spread};
 use pid_nlp::solver::Solution;
 use pid_nlp::solver::kkt::{Condensing, Kkt, KktValues};
@@ -39,7 +39,7 @@ pub(super) fn deviations<P: Motions>(
     let (residuals, channels) = problem.residuals(&solution.x);
     let share = 1.0 / problem.samples() as f64;
     let unknowns = held.iter().filter(|h| !**h).count() + problem.free_initial_states();
-    let noise = likelihood::levels(&residuals, weights, setup.loss, share, unknowns);
+    let noise = noise::levels(&residuals, weights, setup.loss, share, unknowns);
     if kkt.factorise(values).is_err() {
         return (Spread::none(np), noise);
     }

@@ -1,6 +1,6 @@
 //! Several starts: drawing them, running them in parallel, grouping the optima they reach.
 
-use super::{Callback, Progress, Run};
+use super::outcome::{Callback, Optimum, Progress, Run};
 use pid_nlp::solver::Iteration;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -167,17 +167,6 @@ pub(super) fn run_all<T: Send>(
     outcomes.sort_by_key(|(index, _)| *index);
     let stopped = stop.load(Ordering::Relaxed);
     (outcomes.into_iter().map(|(_, o)| o).collect(), stopped)
-}
-
-/// A local optimum that one or more starts reached.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Optimum {
-    /// The lowest objective of its runs.
-    pub objective: f64,
-    /// Positions of its runs among all runs, the lowest objective first.
-    pub runs: Vec<usize>,
-    /// Share of all starts.
-    pub share: f64,
 }
 
 /// Runs within one optimum have objectives that differ by at most this share.

@@ -2,9 +2,10 @@
 
 use super::assemble::Assembled;
 use super::motions::Motions;
+use super::outcome::{Callback, Identification, Run, best_of};
+use super::settings::Settings;
 use super::spread::deviations;
 use super::starts::{self, Report};
-use super::{Callback, Identification, Run, Settings, best_of};
 use crate::transcribe::{Constrained, Constraint, ConstraintError, States};
 use pid_nlp::check_point;
 use pid_nlp::solver::Solution;

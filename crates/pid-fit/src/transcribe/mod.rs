@@ -12,6 +12,7 @@ mod full_discretization;
 mod loss;
 mod residual_fit;
 mod scheme;
+mod setup;
 mod shooting;
 mod step;
 mod step_lanes;
@@ -22,8 +23,9 @@ pub use constrained::{Constrained, Constraint, ConstraintError, Place, Sense, St
 pub use constrained_kkt::{ConstrainedKkt, Roomy, Structured};
 pub use explicit_form::ExplicitForm;
 pub use fit::Output;
-pub use full_discretization::{Curvature, FullDiscretization, Setup, Track};
+pub use full_discretization::FullDiscretization;
 pub use loss::{Loss, Prior};
 pub use residual_fit::ResidualFit;
 pub use scheme::{Scheme, SchemeError, Stages};
+pub use setup::{Curvature, Setup, Track};
 pub use shooting::{Adaptive, Shooting, ShootingKkt, Stepping};

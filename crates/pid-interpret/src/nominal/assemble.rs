@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use pid_derive::model::{About, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot};
 
-use super::general::DriveValues;
 use super::{Measurement, Nominal, Ranges, Role, Tolerance};
 
 /// A value and its tolerance.
@@ -38,6 +37,16 @@ pub(super) struct JointValues {
     pub(super) input_unit: String,
     /// Of the transition of Coulomb friction at rest.
     pub(super) sharpness: f64,
+}
+
+/// Gain and friction of one coordinate.
+#[derive(Debug, Clone)]
+pub(super) struct DriveValues {
+    pub(super) gain: Value,
+    pub(super) coulomb: Value,
+    pub(super) viscous: Value,
+    pub(super) sharpness: f64,
+    pub(super) input_unit: String,
 }
 
 /// A nominal structure in the making.

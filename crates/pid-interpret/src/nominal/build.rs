@@ -4,7 +4,8 @@ use pid_derive::plausible;
 
 use super::assemble::{Assembly, JointValues, Value};
 use super::error::NominalError;
-use super::file::{RawFile, RawHalfWidths, RawJoint, RawTolerance, Source};
+use super::file::{RawFile, RawHalfWidths, RawJoint, RawTolerance};
+use super::source::Source;
 use super::{Nominal, measured, stated};
 
 pub(super) fn nominal(source: &Source<'_>) -> Result<Nominal, NominalError> {

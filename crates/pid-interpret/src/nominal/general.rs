@@ -14,7 +14,7 @@ use pid_derive::model::{Input, Joint, Robot};
 use pid_derive::{Blanks, Symbols};
 use pid_symbolic::{Graph, Program, Tape};
 
-use super::assemble::{Value, drive_force, drive_params};
+use super::assemble::{DriveValues, Value, drive_force, drive_params};
 use super::drives::{Drives, in_drives};
 use super::error::{DeclaredError, NominalError};
 use super::law::{At, Drive, Law};
@@ -165,16 +165,6 @@ fn mechanism(robot: &Robot, values: &[DriveValues]) -> Vec<Tolerance> {
         }
     };
     robot.params.iter().enumerate().map(tolerance).collect()
-}
-
-/// Gain and friction of one coordinate.
-#[derive(Debug, Clone)]
-pub(super) struct DriveValues {
-    pub(super) gain: Value,
-    pub(super) coulomb: Value,
-    pub(super) viscous: Value,
-    pub(super) sharpness: f64,
-    pub(super) input_unit: String,
 }
 
 /// Forces on the coordinates as functions of motion, inputs and parameters.

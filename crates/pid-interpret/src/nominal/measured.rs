@@ -8,8 +8,9 @@ use pid_toml::Spanned;
 
 use super::error::NominalError;
 use super::file::{
-    RawFile, RawJoint, RawMeasuredJoint, RawMeasuredRobot, RawMeasurement, RawRobot, Source,
+    RawFile, RawJoint, RawMeasuredJoint, RawMeasuredRobot, RawMeasurement, RawRobot,
 };
+use super::source::Source;
 use super::{Channel, EncoderSide, Measurement, Velocity};
 
 /// Where neither a sharpness nor a typical velocity is stated, 1/(rad/s) or 1/(m/s).

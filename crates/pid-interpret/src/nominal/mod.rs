@@ -29,6 +29,7 @@ mod file;
 mod general;
 mod law;
 mod measured;
+mod source;
 mod stated;
 mod write;
 
@@ -198,7 +199,7 @@ impl Nominal {
     /// # Errors
     /// As [`read`](Self::read).
     pub fn parse(file: impl AsRef<Path>, text: &str) -> Result<Self, NominalError> {
-        build::nominal(&file::Source {
+        build::nominal(&source::Source {
             file: file.as_ref(),
             text,
         })

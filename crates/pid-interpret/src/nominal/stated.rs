@@ -10,7 +10,7 @@ use pid_toml::{Place, Spanned, nearest};
 use serde::Deserialize;
 
 use super::error::NominalError;
-use super::file::Source;
+use super::source::Source;
 
 /// An effect beside the nominal structure, as written.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,8 +5,8 @@ use std::process::{Command, ExitCode, Stdio};
 
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings as Diagnosing;
-use pid_diagnose::study::{Plan, lay_out};
 use pid_nlp::solver::{Barrier, Oracle, Settings};
+use pid_withheld::{Plan, lay_out};
 use serde_json::{Value, json};
 
 use super::{Failure, Part, Request, compare};

@@ -32,10 +32,10 @@ use crate::criteria::Budget;
 use crate::diagnosis::{Remainder, Round, Tried};
 use crate::fit::{Basis, Effort, Fit, basis, fit};
 use crate::gap::Gap;
+use crate::hypothesis::Run;
 use crate::levels::{follow_slowly, settle};
 use crate::noise;
 use crate::screen::screen;
-use crate::simulate::Run;
 use judge::{Gained, at_an_end, gained, judge, shrinks, sums_of};
 
 /// What the library explains, and what it is judged against.

@@ -3,8 +3,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::estimate::{MissingForceError, MissingForceEstimate, NoiseLevels, Values};
 use super::smoother::{Prior, Smoothed, Step, Variances};
-use super::{MissingForceError, MissingForceEstimate, NoiseLevels, Values};
 use pid_data::signal::{column, fill_missing, noise_level_without_jumps};
 use pid_data::{Dataset, Experiment, InputHold, VelocityKind};
 use pid_runtime::dynamics::{At, Jacobian};

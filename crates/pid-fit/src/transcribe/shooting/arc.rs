@@ -14,8 +14,9 @@
 use super::super::fit::{Fit, FitScratch};
 use super::super::step::{Interval, Rule};
 use super::lu;
+use super::records::Records;
 use super::stepper::{Stepper, unknowns_matrix};
-use super::{Records, Stepping};
+use super::stepping::Stepping;
 
 /// A step of the integration: where it stands, and the sample at its end if there is one.
 #[derive(Debug, Clone, Copy)]

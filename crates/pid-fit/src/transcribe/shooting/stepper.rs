@@ -2,8 +2,8 @@
 
 use super::super::butcher::Butcher;
 use super::super::step::{Interval, Rule, Scratch};
-use super::Adaptive;
 use super::lu;
+use super::stepping::Adaptive;
 use crate::integrate::ForwardDynamics;
 
 /// After a relative Newton correction of this size the next one is below rounding.

@@ -14,7 +14,9 @@
 //! with the exact Hessian, superlinear with damped BFGS (J. Nocedal, S. J. Wright, Numerical
 //! Optimization, 2nd ed. 2006, chapter 18).
 
+mod line_search;
 mod quadratic;
+mod restoration;
 #[cfg(test)]
 mod tests;
 
@@ -24,25 +26,15 @@ use super::outcome::{Counts, Iteration, Seconds, Solution, Status};
 use super::quasi_newton::{self, Shared};
 use super::settings::{Interrupt, Settings};
 use crate::nlp::Nlp;
-use crate::solver::ip::filter::{Filter, GAMMA_PHI, GAMMA_THETA};
-use quadratic::{Model, Nearest, Quadratic, Shifted};
+use crate::solver::ip::filter::Filter;
+use quadratic::{Model, Quadratic, Shifted};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-/// Switching condition and Armijo's constant, as in the interior point.
-const S_THETA: f64 = 1.1;
-const S_PHI: f64 = 2.3;
-const ETA: f64 = 1e-4;
-/// A restoration begins below this step length.
-const SHORTEST: f64 = 1e-8;
 /// Scaling of the optimality error for large multipliers.
 const S_MAX: f64 = 100.0;
 /// Iterations of one quadratic program.
 const INNER: usize = 200;
-/// Weight of the distance in a restoration.
-const ZETA: f64 = 1e-3;
-/// A restoration must reduce the violation by this share.
-const RESTORED: f64 = 0.9;
 /// The method stops after this many iterations at the acceptable level.
 const ACCEPTABLE_ITERATIONS: usize = 15;
 /// Largest stiffness of an active bound or row.
@@ -101,16 +93,6 @@ struct Step {
     lambda: Vec<f64>,
     z: [Vec<f64>; 2],
     slope: f64,
-}
-
-/// A point that the line search accepted.
-struct Accepted {
-    x: Vec<f64>,
-    f: f64,
-    c: Vec<f64>,
-    alpha: f64,
-    trials: usize,
-    kind: char,
 }
 
 impl<'a> Solver<'a> {
@@ -529,172 +511,6 @@ impl<'a> Solver<'a> {
             d: found.x,
             lambda: found.lambda,
             z: [found.z_lower, found.z_upper],
-        })
-    }
-
-    /// Whether the filter accepts; `Some(true)` for a sufficient decrease of the objective.
-    fn judge(&self, theta: f64, f: f64, alpha: f64, slope: f64) -> Option<bool> {
-        let current = self.theta(&self.model.c);
-        let noise = 10.0 * f64::EPSILON * self.model.f.abs().max(1e-8);
-        if !f.is_finite() || !theta.is_finite() || !self.filter.accepts(theta, f - noise) {
-            return None;
-        }
-        let switching = slope < 0.0
-            && current <= self.theta_min
-            && alpha * (-slope).powf(S_PHI) > current.powf(S_THETA);
-        if switching {
-            (f - noise <= self.model.f + ETA * alpha * slope).then_some(true)
-        } else {
-            let better = theta <= (1.0 - GAMMA_THETA) * current
-                || f - noise <= self.model.f - GAMMA_PHI * current;
-            better.then_some(false)
-        }
-    }
-
-    fn moved(&self, d: &[f64], alpha: f64) -> Vec<f64> {
-        let bounds = self.lower.iter().zip(&self.upper);
-        let steps = self.model.x.iter().zip(d).zip(bounds);
-        steps
-            .map(|((x, d), (l, u))| (x + alpha * d).max(*l).min(*u))
-            .collect()
-    }
-
-    /// Backtracks along the step, with a second-order correction of the full one, whose multipliers
-    /// then replace the step's.
-    fn search(&mut self, step: &mut Step) -> Option<Accepted> {
-        let current = self.theta(&self.model.c);
-        let (mut alpha, mut trials) = (1.0, 0);
-        while alpha >= SHORTEST {
-            let x = self.moved(&step.d, alpha);
-            let (f, c) = self.evaluate(&x);
-            trials += 1;
-            let theta = self.theta(&c);
-            if let Some(decrease) = self.judge(theta, f, alpha, step.slope) {
-                return Some(self.accept(x, f, c, alpha, trials, decrease));
-            }
-            if trials == 1
-                && theta.is_finite()
-                && theta >= current
-                && self.settings.max_corrections > 0
-                && let Some((corrected, x, f, c)) = self.corrected(step, &c)
-            {
-                trials += 1;
-                let theta = self.theta(&c);
-                if let Some(decrease) = self.judge(theta, f, 1.0, step.slope) {
-                    *step = corrected;
-                    let mut accepted = self.accept(x, f, c, 1.0, trials, decrease);
-                    accepted.kind = 's';
-                    return Some(accepted);
-                }
-            }
-            if self.stop_requested().is_some() {
-                return None;
-            }
-            alpha *= 0.5;
-        }
-        None
-    }
-
-    /// The step that also takes the curvature of the rows, as the trial point shows it, out of them.
-    fn corrected(&mut self, step: &Step, c: &[f64]) -> Option<(Step, Vec<f64>, f64, Vec<f64>)> {
-        let back: Vec<f64> = step.d.iter().map(|d| -d).collect();
-        let mut constant = c.to_vec();
-        let pattern = self.problem.jacobian_pattern();
-        pattern.multiply_add(&self.model.jacobian, &back, &mut constant);
-        let corrected = self.quadratic_step(&constant, Some(step))?;
-        let x = self.moved(&corrected.d, 1.0);
-        let (f, c) = self.evaluate(&x);
-        Some((corrected, x, f, c))
-    }
-
-    fn accept(
-        &mut self,
-        x: Vec<f64>,
-        f: f64,
-        c: Vec<f64>,
-        alpha: f64,
-        trials: usize,
-        decrease: bool,
-    ) -> Accepted {
-        if !decrease {
-            self.filter.add(self.theta(&self.model.c), self.model.f);
-        }
-        Accepted {
-            x,
-            f,
-            c,
-            alpha,
-            trials,
-            kind: if decrease { 'f' } else { 'h' },
-        }
-    }
-
-    /// Goes to a point near this one that the filter accepts with less violation.
-    fn restore(&mut self) -> Result<Iteration, Status> {
-        let theta = self.theta(&self.model.c);
-        if theta <= 1e-2 * self.settings.tol {
-            return Err(Status::NoProgress);
-        }
-        self.counts.restorations += 1;
-        self.filter.add(theta, self.model.f);
-        let settings = Settings {
-            tol: self.settings.tol,
-            max_iterations: self.settings.max_restoration,
-            max_time: self.time_left(),
-            interrupt: self.settings.interrupt.clone(),
-            max_gradient: f64::INFINITY,
-            mu_start: 1e-2,
-            ..Settings::default()
-        };
-        let from = self.model.x.clone();
-        let mut near = Nearest {
-            problem: &mut *self.problem,
-            from: from.clone(),
-            zeta: ZETA,
-        };
-        let mut system = Shifted {
-            inner: &mut *self.kkt,
-            shift: ZETA,
-            sigma: Vec::new(),
-        };
-        let begun = Instant::now();
-        let enough = 1e-2 * theta / self.c_lower.len().max(1) as f64;
-        let mut news = |line: &Iteration, _: &[f64]| {
-            if line.iteration > 0 && line.primal_inf <= enough {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
-        };
-        let found = ip::solve(&mut near, &mut system, &from, &settings, &mut news);
-        self.counts.add(&found.counts);
-        self.seconds.linear += begun.elapsed().as_secs_f64();
-        if let Some(status) = self.stop_requested() {
-            return Err(status);
-        }
-        let (f, c) = self.evaluate(&found.x);
-        let reached = self.theta(&c);
-        if !f.is_finite() || reached.is_nan() || reached > RESTORED * theta {
-            return Err(if found.status == Status::LocallyInfeasible {
-                Status::LocallyInfeasible
-            } else {
-                Status::RestorationFailed
-            });
-        }
-        let distance = found.x.iter().zip(&from).map(|(a, b)| (a - b).abs());
-        let step = distance.fold(0.0, f64::max);
-        (self.model.x, self.model.f, self.model.c) = (found.x, f, c);
-        self.lambda.fill(0.0);
-        self.z.iter_mut().for_each(|z| z.fill(0.0));
-        if !self.derivatives() {
-            return Err(Status::InvalidNumber);
-        }
-        Ok(Iteration {
-            step,
-            alpha: 1.0,
-            trials: 1,
-            kind: 'R',
-            ..Iteration::blank(0.0)
         })
     }
 }

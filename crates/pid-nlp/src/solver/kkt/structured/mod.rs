@@ -14,10 +14,12 @@
 //! size of p and moves only directions of wrong curvature (reflection: Y. Dauphin et al. 2014,
 //! "saddle-free Newton"; here on the reduced Hessian).
 
+mod coarse;
 mod conjugate;
 mod group;
 mod plan;
 mod reduced;
+mod refine;
 mod small;
 
 use super::layout::Layout;
@@ -273,31 +275,6 @@ impl StructuredKkt {
         }
     }
 
-    /// Visits the lower triangle of the coarse matrix without the parameters, always in the same order.
-    fn coarse_entries(&self, mut visit: impl FnMut(usize, usize, f64)) {
-        let Sizes { nx, w, .. } = self.sizes;
-        for s in 0..self.start_at.len() {
-            let (group, l) = (&self.groups[s / LANES], s % LANES);
-            if let Some(x) = self.start_at[s] {
-                for i in 0..nx {
-                    for j in 0..=i {
-                        visit(x + i, x + j, group.v[i * w + j][l]);
-                    }
-                }
-            }
-            if let Some(link) = self.link_at[s] {
-                for i in 0..nx {
-                    if let Some(x) = self.start_at[s] {
-                        for j in 0..nx {
-                            visit(link + i, x + j, group.c[i * w + j][l]);
-                        }
-                    }
-                    visit(link + nx + i, link + i, -1.0);
-                }
-            }
-        }
-    }
-
     fn condense(&mut self, values: &KktValues<'_>) -> Result<(), KktError> {
         let (plan, layout) = (&self.plan, &self.layout);
         let one = |group: &mut Group| {
@@ -308,159 +285,6 @@ impl StructuredKkt {
             self.groups.iter_mut().try_for_each(one)
         } else {
             self.groups.par_iter_mut().try_for_each(one)
-        }
-    }
-
-    fn load_coarse(&mut self, delta_x: f64) {
-        let mut ldl = std::mem::replace(&mut self.ldl, SparseLdl::new(0, &[]));
-        ldl.clear();
-        let mut k = 0;
-        self.coarse_entries(|_, _, value| {
-            ldl.add(k, value);
-            k += 1;
-        });
-        let Sizes { nx, w, .. } = self.sizes;
-        for s in 0..self.start_at.len() {
-            if let Some(x) = self.start_at[s] {
-                (x..x + nx).for_each(|i| ldl.add_diagonal(i, delta_x));
-            }
-            if let Some(link) = self.link_at[s] {
-                let (behind, l) = (&self.groups[(s + 1) / LANES], (s + 1) % LANES);
-                for i in 0..nx {
-                    let curvature = behind.v[i * w + i][l].abs();
-                    let shift = match self.whole {
-                        true => STATIC / curvature.max(1.0),
-                        false => STATIC,
-                    };
-                    self.shifts[link + i] = shift;
-                    ldl.add_diagonal(link + i, -shift);
-                }
-            }
-        }
-        self.ldl = ldl;
-    }
-
-    /// Factorises the coarse matrix, regularising the segment starts until it has one negative
-    /// eigenvalue a link.
-    fn factorise_coarse(&mut self) -> Result<(f64, usize), KktError> {
-        let mut delta = 0.0;
-        let mut tried = 0;
-        loop {
-            self.load_coarse(delta);
-            tried += 1;
-            let inertia = self.ldl.factorise();
-            if inertia.negative == self.links && inertia.zero == 0 {
-                break;
-            }
-            delta = match (delta, self.last_delta) {
-                (0.0, 0.0) => 1e-6,
-                (0.0, last) => (last / 3.0).max(1e-12),
-                (delta, _) => 10.0 * delta,
-            };
-            if delta > 1e20 {
-                return Err(KktError::WrongInertia { delta });
-            }
-        }
-        if delta > 0.0 {
-            self.last_delta = delta;
-        }
-        Ok((delta, tried))
-    }
-
-    /// Solves with the coarse matrix without its static regularisation, for `width` right-hand
-    /// sides row by row: one step of refinement, the solution as a whole is refined later.
-    fn coarse_solve(
-        ldl: &mut SparseLdl,
-        shifts: &[f64],
-        rhs: &[f64],
-        x: &mut [f64],
-        r: &mut [f64],
-        width: usize,
-    ) {
-        x.copy_from_slice(rhs);
-        ldl.solve_rows(x, width);
-        r.fill(0.0);
-        ldl.multiply_add_rows(x, r, width);
-        for (i, shift) in shifts.iter().enumerate() {
-            for k in i * width..(i + 1) * width {
-                r[k] = rhs[k] - (r[k] + shift * x[k]);
-            }
-        }
-        ldl.solve_rows(r, width);
-        for (x, r) in x.iter_mut().zip(r) {
-            *x += *r;
-        }
-    }
-
-    /// Schur complement of the coarse matrix in the free parameters.
-    fn reduce_to_parameters(&mut self) {
-        let Sizes { nx, np, w, .. } = self.sizes;
-        let wp = self.wp;
-        let reduced = &mut self.reduced.hessian;
-        reduced.fill(0.0);
-        for group in &self.groups {
-            for i in 0..np {
-                for j in i..np {
-                    reduced[(j, i)] += group.kpp[i * np + j].iter().sum::<f64>();
-                }
-            }
-        }
-        for s in 0..self.start_at.len() {
-            let (group, l) = (&self.groups[s / LANES], s % LANES);
-            for i in 0..nx {
-                for (at, rows) in [(self.start_at[s], &group.v), (self.link_at[s], &group.c)] {
-                    if let Some(at) = at {
-                        let to = &mut self.kxp[(at + i) * wp..(at + i) * wp + np];
-                        for (to, from) in to.iter_mut().zip(&rows[i * w + nx..]) {
-                            *to = from[l];
-                        }
-                    }
-                }
-            }
-        }
-        let offset = self.layout.nodes() * nx;
-        for (k, &(row, col)) in self.layout.parameter_hessian.iter().enumerate() {
-            if let (Some(i), Some(j)) = (self.columns[row as usize], self.columns[col as usize]) {
-                reduced[(i.max(j) as usize, i.min(j) as usize)] += self.diagonal[offset + k];
-            }
-        }
-        let p = self.layout.p();
-        for (j, column) in self.columns.iter().enumerate() {
-            if let Some(i) = column {
-                let i = *i as usize;
-                reduced[(i, i)] += self.sigma[p + j];
-            }
-        }
-        Self::coarse_solve(
-            &mut self.ldl,
-            &self.shifts,
-            &self.kxp,
-            &mut self.z,
-            &mut self.correction,
-            wp,
-        );
-        self.product.fill(0.0);
-        for (k, z) in self
-            .kxp
-            .chunks_exact(wp.max(1))
-            .zip(self.z.chunks_exact(wp.max(1)))
-        {
-            for j in 0..np {
-                let row = &mut self.product[j * wp..(j + 1) * wp];
-                for (out, k) in row.iter_mut().zip(k) {
-                    *out += z[j] * k;
-                }
-            }
-        }
-        for j in 0..np {
-            for i in j..np {
-                reduced[(i, j)] -= self.product[j * wp + i];
-            }
-        }
-        for j in 0..np {
-            for i in 0..j {
-                reduced[(i, j)] = reduced[(j, i)];
-            }
         }
     }
 
@@ -609,123 +433,6 @@ impl Kkt for StructuredKkt {
             return self.conjugate(rx, rc, dx, dlambda);
         }
         relative
-    }
-}
-
-impl StructuredKkt {
-    /// Solves with the regularised matrix, refined; returns the relative residual that is left.
-    fn refine(&mut self, rx: &[f64], rc: &[f64], dx: &mut [f64], dlambda: &mut [f64]) -> f64 {
-        let scale = rx.iter().chain(rc).fold(0.0_f64, |a, v| a.max(v.abs()));
-        dx.fill(0.0);
-        dlambda.fill(0.0);
-        let mut relative = f64::INFINITY;
-        for pass in 0..4 {
-            self.residual_x.copy_from_slice(rx);
-            self.residual_c.copy_from_slice(rc);
-            if pass > 0 {
-                self.subtract_product(dx, dlambda);
-            }
-            self.hold();
-            let norm = self
-                .residual_x
-                .iter()
-                .chain(&self.residual_c)
-                .fold(0.0_f64, |a, v| a.max(v.abs()));
-            let next = if scale > 0.0 { norm / scale } else { 0.0 };
-            if next <= self.refined || pass > 1 && next > 0.5 * relative {
-                return next.min(relative);
-            }
-            relative = next;
-            self.solve_once();
-            if pass == 0 {
-                self.reduced.remember(&self.dp);
-            }
-            for (d, s) in dx.iter_mut().zip(&self.step_x) {
-                *d += s;
-            }
-            for (d, s) in dlambda.iter_mut().zip(&self.step_c) {
-                *d += s;
-            }
-        }
-        relative
-    }
-
-    /// `residual −= K (dx, dλ)` with the regularised matrix.
-    fn subtract_product(&mut self, dx: &[f64], dlambda: &[f64]) {
-        let (rx, rc) = (&mut self.residual_x, &mut self.residual_c);
-        // Accumulate the product with its sign reversed.
-        for (r, (s, d)) in rx.iter_mut().zip(self.sigma.iter().zip(dx)) {
-            *r = s * d - *r;
-        }
-        rc.iter_mut().for_each(|r| *r = -*r);
-        let (layout, nx) = (&self.layout, self.sizes.nx);
-        let p = layout.p();
-        let (rest, parameters) = rx.split_at_mut(p);
-        for group in &self.groups {
-            let to = (&mut *rest, rc.as_mut_slice());
-            group.add_product(layout, (dx, dlambda), to, (&mut self.local, parameters));
-        }
-        let (nodes, between) = self.diagonal.split_at(layout.nodes() * nx);
-        let mut diagonal = nodes.chunks_exact(nx);
-        for window in &layout.windows {
-            for (k, values) in (0..=window.steps).zip(&mut diagonal) {
-                let at = layout.state(window, k);
-                for i in 0..nx {
-                    rest[at + i] += values[i] * dx[at + i];
-                }
-            }
-        }
-        for (&(i, j), a) in layout.parameter_hessian.iter().zip(between) {
-            let (i, j) = (i as usize, j as usize);
-            parameters[i] += a * dx[p + j];
-            if i != j {
-                parameters[j] += a * dx[p + i];
-            }
-        }
-        for (segment, start) in self
-            .groups
-            .iter()
-            .flat_map(|g| &g.segments)
-            .zip(&self.start_at)
-        {
-            if start.is_some() {
-                let at = layout.state(&segment.window, segment.start);
-                for i in at..at + nx {
-                    rx[i] += self.delta_x * dx[i];
-                }
-            }
-        }
-        let p = self.layout.p();
-        for (a, i) in self
-            .columns
-            .iter()
-            .enumerate()
-            .filter_map(|(a, c)| c.map(|i| (a, i)))
-        {
-            for (b, j) in self
-                .columns
-                .iter()
-                .enumerate()
-                .filter_map(|(b, c)| c.map(|j| (b, j)))
-            {
-                rx[p + a] += self.reduced.modification[(i as usize, j as usize)] * dx[p + b];
-            }
-        }
-        rx.iter_mut().for_each(|r| *r = -*r);
-        rc.iter_mut().for_each(|r| *r = -*r);
-    }
-
-    /// Clears the rows of held variables.
-    fn hold(&mut self) {
-        let p = self.layout.p();
-        for (j, column) in self.columns.iter().enumerate() {
-            if column.is_none() {
-                self.residual_x[p + j] = 0.0;
-            }
-        }
-        for window in self.layout.windows.iter().filter(|w| w.held) {
-            self.residual_x[window.x..window.x + self.sizes.nx].fill(0.0);
-        }
     }
 }
 

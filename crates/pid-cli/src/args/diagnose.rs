@@ -1,0 +1,45 @@
+//! Arguments of `simtrue diagnose`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use pid_diagnose::search::Settings;
+
+use super::parse::positive;
+
+/// Arguments of `simtrue diagnose`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct DiagnoseArgs {
+    /// Folders with dataset.toml, nominal.toml and CSV files.
+    #[arg(required = true)]
+    pub(crate) folders: Vec<PathBuf>,
+    /// Nominal description of the robot, in place of the nominal.toml of each folder.
+    #[arg(long, value_name = "FILE", conflicts_with = "model")]
+    pub(crate) nominal: Option<PathBuf>,
+    /// Folder for the results: diagnosis.json, or one folder per data folder if several are given.
+    #[arg(
+        long,
+        short,
+        value_name = "FOLDER",
+        default_value = "simtrue-diagnosis"
+    )]
+    pub(crate) out: PathBuf,
+    /// Diagnose again where a result is already there.
+    #[arg(long)]
+    pub(crate) again: bool,
+    /// Declared model in place of nominal.toml: nominal values and tolerances are those of its
+    /// parameters. A measurement.toml in the folder may state how the robot is measured.
+    #[arg(long, value_name = "MODEL")]
+    pub(crate) model: Option<String>,
+    /// Look for the motion that separates the first two candidates even where the records do so already.
+    #[arg(long)]
+    pub(crate) next: bool,
+    /// Refit every candidate to its end instead of the best ones of the screening. Slow; use it to
+    /// judge the screening.
+    #[arg(long)]
+    pub(crate) refit_all: bool,
+    /// Length of the train records that is fitted, seconds times the number of joints; of longer
+    /// records it takes the parts that decide. Gaps use the whole test records.
+    #[arg(long, value_name = "SECONDS", default_value_t = Settings::default().joint_seconds, value_parser = positive)]
+    pub(crate) joint_seconds: f64,
+}

@@ -1,0 +1,114 @@
+//! Arguments of the command line.
+
+pub(crate) mod diagnose;
+pub(crate) mod excite;
+pub(crate) mod identify;
+pub(crate) mod parse;
+pub(crate) mod regress;
+pub(crate) mod source;
+#[cfg(test)]
+mod tests;
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+use diagnose::DiagnoseArgs;
+use excite::ExciteArgs;
+use identify::IdentifyArgs;
+use regress::RegressArgs;
+use source::Source;
+
+/// Identify the parameters of a robot from its records, and show where model and robot differ.
+///
+/// Without arguments, the two-link robot is identified from embedded records of a robot that has
+/// one effect more than its model, and the report is written to `simtrue-report`.
+#[derive(Debug, Parser)]
+#[command(name = "simtrue", version, args_conflicts_with_subcommands = true)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Option<Command>,
+    #[command(flatten)]
+    pub(crate) identify: IdentifyArgs,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Identify a model on a data folder and write fit.json and report.html.
+    Identify(IdentifyArgs),
+    /// Compare a model that has given parameters with a data folder; nothing is identified.
+    Simulate(SimulateArgs),
+    /// Regress the equations of motion on records filtered without phase shift: base parameters
+    /// with deviations, friction laws beyond the model, checks on test records, physically
+    /// consistent values.
+    Regress(RegressArgs),
+    /// Name the physical effect that the model in a data folder lacks, its joint, and how far it
+    /// shrinks the gap.
+    Diagnose(DiagnoseArgs),
+    /// List the models.
+    Models,
+    /// Make the embedded demonstration data anew.
+    DemoData(DemoArgs),
+    /// Show what `robot!` makes of the declarations in a Rust source file.
+    Dump(DumpArgs),
+    /// Find the motion from which a record tells most: optimal excitation within limits.
+    Excite(ExciteArgs),
+    /// A study of the project, which is run from the source tree.
+    #[command(hide = true, alias = "coverage", alias = "paper")]
+    Study(StudyArgs),
+}
+
+/// Arguments of a study; they are not read here.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct StudyArgs {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    words: Vec<String>,
+}
+
+/// Arguments of `simtrue dump`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct DumpArgs {
+    /// Rust source file with `robot! { … }`.
+    pub(crate) file: PathBuf,
+    /// Show this robot only.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) robot: Option<String>,
+    #[command(flatten)]
+    pub(crate) parts: DumpParts,
+}
+
+/// Parts to show; without any: equations as text, and counts.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct DumpParts {
+    /// Generated code, formatted.
+    #[arg(long)]
+    pub(crate) code: bool,
+    /// Equations of motion as text.
+    #[arg(long)]
+    pub(crate) text: bool,
+    /// Equations of motion as LaTeX (amsmath).
+    #[arg(long)]
+    pub(crate) latex: bool,
+    /// Operations of every function.
+    #[arg(long)]
+    pub(crate) counts: bool,
+}
+
+/// Arguments of `simtrue simulate`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct SimulateArgs {
+    #[command(flatten)]
+    pub(crate) source: Source,
+    /// Parameters: a fit.json, or a TOML file of lines `name = value`; nominal ones if absent.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) parameters: Option<PathBuf>,
+}
+
+/// Arguments of `simtrue demo-data`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct DemoArgs {
+    /// Folder for the data; made if needed.
+    #[arg(long, short, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
+}

@@ -1,0 +1,146 @@
+//! Data sets made of data sets: other inputs, further records, fewer records.
+
+use crate::{Dataset, Experiment, InputHold, InputQuantity, Role};
+
+/// A data set that cannot be changed so.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ChangeError {
+    /// Factors of inputs that are not one per joint.
+    #[error(
+        "--input-gain has {found} factors, the data set {joints} joints\n  help: give one per joint, separated by commas"
+    )]
+    InputGains {
+        /// How many were given.
+        found: usize,
+        /// Joints of the data set.
+        joints: usize,
+    },
+    /// A record without measured torques.
+    #[error(
+        "record `{record}` has no measured torques (columns tau1 …)\n  help: leave --measured-torque out"
+    )]
+    NoTorque {
+        /// Its name.
+        record: String,
+    },
+    /// Records of different robots.
+    #[error(
+        "the records of `{second}` are not like those of `{first}`: joints, input units, velocity channels and the hold of inputs must agree\n  help: with --controller the units of inputs do not count"
+    )]
+    OtherRobot {
+        /// The first data set.
+        first: String,
+        /// The one that differs from it.
+        second: String,
+    },
+    /// A training record that does not exist.
+    #[error("--train: no training record named `{name}`; they are {records}")]
+    NoSuchRecord {
+        /// Its name.
+        name: String,
+        /// The names there are.
+        records: String,
+    },
+}
+
+impl Dataset {
+    /// The records of several data sets of one robot as one.
+    ///
+    /// # Errors
+    /// [`ChangeError::OtherRobot`].
+    pub fn merged(mut self, also: Vec<Dataset>) -> Result<Self, ChangeError> {
+        for other in also {
+            let alike = other.joints.len() == self.joints.len()
+                && other.input_hold == self.input_hold
+                && self.joints.iter().zip(&other.joints).all(|(a, b)| {
+                    (a.prismatic, &a.input_unit, a.velocity)
+                        == (b.prismatic, &b.input_unit, b.velocity)
+                });
+            if !alike {
+                return Err(ChangeError::OtherRobot {
+                    first: self.name,
+                    second: other.name,
+                });
+            }
+            self.name = format!("{} and {}", self.name, other.name);
+            self.experiments.extend(other.experiments);
+            self.warnings.extend(other.warnings);
+        }
+        Ok(self)
+    }
+
+    /// The data with the measured torques as inputs.
+    ///
+    /// # Errors
+    /// [`ChangeError::NoTorque`].
+    pub fn with_measured_torques(mut self) -> Result<Self, ChangeError> {
+        for experiment in &mut self.experiments {
+            match experiment.tau.clone() {
+                Some(tau) => experiment.u = tau,
+                None => {
+                    return Err(ChangeError::NoTorque {
+                        record: experiment.name.clone(),
+                    });
+                }
+            }
+        }
+        self.inputs_are_forces();
+        self.input_hold = InputHold::Linear;
+        Ok(self)
+    }
+
+    /// The data with every input column multiplied by its factor (one per joint, N·m or N per unit
+    /// of the column), as torques or forces at the joints.
+    ///
+    /// # Errors
+    /// [`ChangeError::InputGains`].
+    pub fn with_input_gains(mut self, gains: &[f64]) -> Result<Self, ChangeError> {
+        let nq = self.nq();
+        if gains.len() != nq {
+            return Err(ChangeError::InputGains {
+                found: gains.len(),
+                joints: nq,
+            });
+        }
+        self.inputs_are_forces();
+        for experiment in &mut self.experiments {
+            for row in experiment.u.chunks_exact_mut(nq) {
+                row.iter_mut().zip(gains).for_each(|(u, k)| *u *= k);
+            }
+        }
+        Ok(self)
+    }
+
+    /// The data without the training records that are not named; all of them if none is.
+    ///
+    /// # Errors
+    /// [`ChangeError::NoSuchRecord`].
+    pub fn keeping(mut self, names: &[String]) -> Result<Self, ChangeError> {
+        let known = |e: &Experiment| e.role == Role::Train;
+        let there = |name: &String| self.experiments.iter().any(|e| known(e) && e.name == *name);
+        if let Some(name) = names.iter().find(|name| !there(name)) {
+            let records = self.with_role(Role::Train);
+            let records: Vec<&str> = records.map(|e| e.name.as_str()).collect();
+            return Err(ChangeError::NoSuchRecord {
+                name: name.clone(),
+                records: records.join(", "),
+            });
+        }
+        if !names.is_empty() {
+            self.experiments
+                .retain(|e| !known(e) || names.contains(&e.name));
+        }
+        Ok(self)
+    }
+
+    fn inputs_are_forces(&mut self) {
+        for joint in &mut self.joints {
+            joint.input = match joint.prismatic {
+                true => InputQuantity::Force,
+                false => InputQuantity::Torque,
+            };
+            joint.input_unit = joint.force_unit().to_owned();
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! Innovations and their exact derivatives, a few directions per pass; the directions that the
+//! records determine.
+
+use nalgebra::{DMatrix, DVector};
+use pid_data::Role;
+use rayon::prelude::*;
+
+use super::value::{LARGEST, all_gains, tame};
+use crate::case::{Case, Record};
+use crate::effect::{FEW, LANES, Pick};
+use crate::hypothesis::{Hypothesis, Run};
+use crate::observer::Gain;
+use crate::point::Point;
+use crate::predict::Runner;
+use crate::scalar::{Lanes, Scalar};
+
+/// Innovations and, on request, derivatives in directions.
+#[derive(Debug, Clone)]
+pub struct Linear {
+    /// Innovations.
+    pub r: DVector<f64>,
+    /// Derivatives, one column per direction.
+    pub j: DMatrix<f64>,
+}
+
+/// Directions of θ that the records determine, as columns.
+#[derive(Debug, Clone)]
+pub struct Basis {
+    /// Deviations × r, orthonormal.
+    pub columns: DMatrix<f64>,
+}
+
+impl Basis {
+    /// The directions, one by one.
+    pub fn directions(&self) -> Vec<Vec<f64>> {
+        self.columns
+            .column_iter()
+            .map(|c| c.iter().copied().collect())
+            .collect()
+    }
+
+    /// No directions: a fit moves the effects' parameters only.
+    pub fn frozen(&self) -> Self {
+        Basis {
+            columns: DMatrix::zeros(self.columns.nrows(), 0),
+        }
+    }
+}
+
+/// A direction in which to differentiate.
+#[derive(Debug, Clone, Copy)]
+pub enum Direction<'a> {
+    /// Of the deviations.
+    Theta(&'a [f64]),
+    /// A parameter of the effects.
+    Effect(usize),
+}
+
+/// Innovations and derivatives on the records of a role.
+pub fn linearise(
+    case: &Case,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    gains: &[Vec<Gain>],
+    role: Role,
+    directions: &[Direction<'_>],
+) -> Linear {
+    let records: Vec<usize> = (0..case.records.len())
+        .filter(|&i| case.records[i].role == role)
+        .collect();
+    // Wide passes as long as they are more than half full.
+    let mut passes: Vec<&[Direction<'_>]> = Vec::new();
+    let mut left = directions;
+    while left.len() > FEW {
+        let (pass, rest) = left.split_at(left.len().min(LANES));
+        passes.push(pass);
+        left = rest;
+    }
+    if !left.is_empty() || passes.is_empty() {
+        passes.push(left);
+    }
+    let jobs: Vec<(usize, usize)> = (0..passes.len())
+        .flat_map(|p| records.iter().map(move |&r| (p, r)))
+        .collect();
+    let results: Vec<Vec<f64>> = jobs
+        .par_iter()
+        .map(|&(pass, r)| {
+            let own = passes[pass];
+            let over = if own.len() > FEW {
+                one_pass::<LANES>
+            } else {
+                one_pass::<FEW>
+            };
+            over(case, &case.records[r], hypothesis, at, &gains[r], own)
+        })
+        .collect();
+    let width = |pass: usize| 1 + passes[pass].len();
+    let lengths: Vec<usize> = (0..records.len())
+        .map(|slot| results[slot].len() / width(0))
+        .collect();
+    let mut out = Linear {
+        r: DVector::zeros(lengths.iter().sum()),
+        j: DMatrix::zeros(lengths.iter().sum(), directions.len()),
+    };
+    let mut column = 0;
+    for (pass, of_records) in results.chunks(records.len().max(1)).enumerate() {
+        let mut row = 0;
+        for rows in of_records {
+            for x in rows.chunks_exact(width(pass)) {
+                out.r[row] = x[0];
+                for (lane, slope) in x[1..].iter().enumerate() {
+                    out.j[(row, column + lane)] = *slope;
+                }
+                row += 1;
+            }
+        }
+        column += passes[pass].len();
+    }
+    out
+}
+
+/// Innovations of one record, each followed by its derivatives in the directions, at most `N`.
+fn one_pass<const N: usize>(
+    case: &Case,
+    record: &Record,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    gains: &[Gain],
+    directions: &[Direction<'_>],
+) -> Vec<f64>
+where
+    Lanes<N>: Pick,
+{
+    let lift = |x: &[f64]| x.iter().map(|&x| Lanes::<N>::constant(x)).collect();
+    let (mut theta, mut e): (Vec<Lanes<N>>, Vec<Lanes<N>>) = (lift(&at.theta), lift(&at.e));
+    for (lane, d) in directions.iter().enumerate() {
+        match d {
+            Direction::Theta(x) => {
+                for (t, x) in theta.iter_mut().zip(*x) {
+                    t.eps[lane] = *x;
+                }
+            }
+            Direction::Effect(i) => e[*i].eps[lane] = 1.0,
+        }
+    }
+    let mut rows = Vec::with_capacity(record.len() * case.n() * 2 * (1 + directions.len()));
+    Runner::<Lanes<N>>::new(case, record, hypothesis, &theta, &e).predict(
+        gains,
+        &mut |_, _, _, x| {
+            let fine = x.re.abs() < LARGEST && x.eps.iter().all(|e| e.abs() < 1e12);
+            if fine {
+                rows.push(x.re);
+                rows.extend_from_slice(&x.eps[..directions.len()]);
+            } else {
+                rows.push(tame(x.re));
+                rows.resize(rows.len() + directions.len(), 0.0);
+            }
+        },
+        &mut |_, _| {},
+    );
+    rows
+}
+
+/// Directions of θ that the train records determine beyond their tolerance, from the Jacobian at
+/// the nominal values.
+pub fn basis(case: &Case) -> Basis {
+    basis_as_run(case, Run::default())
+}
+
+/// The same of the nominal structure run in a way.
+pub(crate) fn basis_as_run(case: &Case, run: Run) -> Basis {
+    let at = Point {
+        theta: vec![0.0; case.nominal.size()],
+        e: Vec::new(),
+    };
+    let terms = Vec::new();
+    basis_beside(case, &Hypothesis { terms, run }, &at)
+}
+
+/// The same beside effects, at a point: a gear that gives way tells the inertia of its rotor from
+/// that of the link behind it.
+pub fn basis_beside(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Basis {
+    let size = case.nominal.size();
+    let unit = DMatrix::<f64>::identity(size, size);
+    let directions: Vec<Direction<'_>> = (0..size)
+        .map(|i| Direction::Theta(&unit.as_slice()[i * size..(i + 1) * size]))
+        .collect();
+    let gains = all_gains(case, hypothesis, at);
+    let lin = linearise(case, hypothesis, at, &gains, Role::Train, &directions);
+    let eigen = (lin.j.transpose() * &lin.j).symmetric_eigen();
+    let keep: Vec<usize> = (0..size).filter(|&i| eigen.eigenvalues[i] > 0.3).collect();
+    let mut columns = DMatrix::zeros(size, keep.len());
+    for (c, &i) in keep.iter().enumerate() {
+        columns.set_column(c, &eigen.eigenvectors.column(i));
+    }
+    Basis { columns }
+}

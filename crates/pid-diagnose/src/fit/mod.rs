@@ -1,0 +1,358 @@
+//! Prediction-error fit within the tolerances, by Gauss-Newton steps on bounded quadratic models.
+//!
+//! ```text
+//! minimise  ½ Σ ε_i(θ, e)²  +  ½ Σ (θ_k / 0.55)²     with |θ_k| ≤ 1,  lower ≤ e ≤ upper
+//! ```
+//!
+//! ε are whitened innovations on the train records, θ deviations in units of their tolerances
+//! (0.55: the standard deviation of a value anywhere within 95 % of its tolerance). The Jacobian is
+//! exact, a few directions per pass.
+
+mod linear;
+mod quadratic;
+#[cfg(test)]
+mod tests;
+mod value;
+
+use nalgebra::{DMatrix, DVector};
+use pid_data::Role;
+
+use crate::case::{Case, Record};
+use crate::hypothesis::Hypothesis;
+use crate::observer::Gain;
+pub use crate::point::Point;
+use crate::predict::Runner;
+pub(crate) use linear::basis_as_run;
+pub use linear::{Basis, Direction, Linear, basis, basis_beside, linearise};
+pub use quadratic::Quadratic;
+pub use value::{PRIOR, Value, all_gains, log_dets, value, value_below};
+
+/// Ranges of the parameters of a hypothesis, SI.
+pub fn ranges(case: &Case, hypothesis: &Hypothesis) -> Vec<(f64, f64)> {
+    hypothesis
+        .terms
+        .iter()
+        .flat_map(|t| {
+            t.effect
+                .info()
+                .parameters
+                .iter()
+                .map(|p| {
+                    let unit = case.unit(p.unit, t.joint);
+                    (p.lower * unit, p.upper * unit)
+                })
+                .collect::<Vec<_>>()
+        })
+        .collect()
+}
+
+/// A converged fit.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The hypothesis.
+    pub hypothesis: Hypothesis,
+    /// Where it ended.
+    pub point: Point,
+    /// Gains at its end.
+    pub gains: Vec<Vec<Gain>>,
+    /// Objective on the train records.
+    pub train: Value,
+    /// Quadratic model at the end, unless [`Effort::curvature`] says otherwise.
+    pub quadratic: Quadratic,
+    /// Steps taken.
+    pub steps: usize,
+    /// Trial points of the steps that are no minimiser of their quadratic model; see [`Quadratic::minimise`].
+    pub unsettled: usize,
+}
+
+/// How much a fit may cost.
+#[derive(Debug, Clone, Copy)]
+pub struct Effort<'a> {
+    /// Steps at most.
+    pub steps: usize,
+    /// Derivatives along the basis from a neighbouring fit, rows as on the train records: the first
+    /// steps use them and differentiate in the effects' parameters only (a chord method; P.
+    /// Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 2.1). They are renewed when
+    /// the model they give no longer predicts the decrease.
+    pub slopes: Option<&'a DMatrix<f64>>,
+    /// Whether the end must be an optimum with derivatives of its own, and not only of the neighbour.
+    pub exact: bool,
+    /// Whether [`Fit::quadratic`] is asked for where the steps end before the optimum; it is empty otherwise.
+    pub curvature: bool,
+}
+
+impl Effort<'_> {
+    /// Derivatives of its own in every step.
+    pub fn full(steps: usize) -> Self {
+        Effort {
+            steps,
+            slopes: None,
+            exact: true,
+            curvature: true,
+        }
+    }
+    /// The same for a point on the way, of which nothing but the point and its value is asked.
+    pub fn on_the_way(steps: usize) -> Self {
+        Effort {
+            curvature: false,
+            ..Effort::full(steps)
+        }
+    }
+}
+
+impl Fit {
+    /// Innovations on the train records with derivatives at the point of the fit, along a basis and
+    /// then in the effects' parameters.
+    pub fn linearised(&self, case: &Case, basis: &Basis) -> Linear {
+        let columns = basis.directions();
+        slopes(
+            case,
+            &self.hypothesis,
+            &self.point,
+            &self.gains,
+            &columns,
+            None,
+        )
+    }
+
+    /// The fitted model, to be run along a record.
+    pub fn runner<'a>(&'a self, case: &'a Case, record: &'a Record) -> Runner<'a, 'a, f64> {
+        Runner::new(
+            case,
+            record,
+            &self.hypothesis,
+            &self.point.theta,
+            &self.point.e,
+        )
+    }
+}
+
+/// Decrease below which a fit has come to rest: absolute, and relative to the objective.
+const REST: (f64, f64) = (0.05, 1e-4);
+/// Share of the predicted decrease that borrowed derivatives must bring to be kept.
+const TRUSTED: f64 = 0.5;
+
+/// Derivatives of one step: those along the basis may be borrowed, those in the effects' parameters are new.
+fn slopes(
+    case: &Case,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    gains: &[Vec<Gain>],
+    columns: &[Vec<f64>],
+    borrowed: Option<&DMatrix<f64>>,
+) -> Linear {
+    let ne = at.e.len();
+    let effects = (0..ne).map(Direction::Effect);
+    if let Some(old) = borrowed {
+        let directions: Vec<Direction<'_>> = effects.clone().collect();
+        let own = linearise(case, hypothesis, at, gains, Role::Train, &directions);
+        if own.r.len() == old.nrows() {
+            let mut j = DMatrix::zeros(old.nrows(), columns.len() + ne);
+            j.columns_mut(0, columns.len()).copy_from(old);
+            j.columns_mut(columns.len(), ne).copy_from(&own.j);
+            return Linear { r: own.r, j };
+        }
+    }
+    let mut directions: Vec<Direction<'_>> = columns.iter().map(|c| Direction::Theta(c)).collect();
+    directions.extend(effects);
+    linearise(case, hypothesis, at, gains, Role::Train, &directions)
+}
+
+/// Fits a hypothesis from a start.
+pub fn fit(
+    case: &Case,
+    basis: &Basis,
+    hypothesis: &Hypothesis,
+    start: Point,
+    effort: Effort<'_>,
+) -> Fit {
+    let mut path = Path::new(case, basis, hypothesis, start);
+    let rank = path.columns.len();
+    let mut steps = 0;
+    let mut own: Option<DMatrix<f64>> = None;
+    let mut borrowed = effort.slopes.is_some();
+    let mut quadratic = Quadratic {
+        h: DMatrix::zeros(0, 0),
+        g: DVector::zeros(0),
+    };
+    loop {
+        if steps >= effort.steps && !effort.curvature {
+            break;
+        }
+        let old = if borrowed {
+            own.as_ref().or(effort.slopes)
+        } else {
+            None
+        };
+        let lin = path.slopes(old);
+        quadratic = Quadratic::new(basis, &lin, &path.at);
+        if !borrowed {
+            own = Some(lin.j.columns(0, rank).into_owned());
+        }
+        if steps >= effort.steps {
+            break;
+        }
+        let tried = path.step(&quadratic, if borrowed { 3 } else { 7 });
+        steps += 1;
+        let resting = tried.decrease < REST.0 + REST.1 * path.now.objective();
+        if borrowed {
+            let at_rest = tried.predicted < REST.0 + REST.1 * path.now.objective();
+            let untrue = !tried.improved || tried.decrease < TRUSTED * tried.predicted;
+            if untrue || (resting && !at_rest) {
+                // The neighbour's derivatives no longer serve.
+                borrowed = false;
+                continue;
+            }
+            if resting {
+                if !effort.exact {
+                    break;
+                }
+                borrowed = false;
+                continue;
+            }
+        } else {
+            if !tried.improved || (resting && steps > 1) {
+                break;
+            }
+            // Derivatives of this fit serve its next steps.
+            borrowed = rank > 0 && tried.decrease > 0.7 * tried.predicted;
+        }
+        if !path.at.e.is_empty() && steps < 4 {
+            path.renew_gains();
+        }
+    }
+    Fit {
+        hypothesis: hypothesis.clone(),
+        point: path.at,
+        gains: path.gains,
+        train: path.now,
+        quadratic,
+        steps,
+        unsettled: path.unsettled,
+    }
+}
+
+/// A fit on its way.
+struct Path<'a> {
+    case: &'a Case,
+    hypothesis: &'a Hypothesis,
+    /// Directions of θ in which it differentiates.
+    columns: Vec<Vec<f64>>,
+    /// Ranges of the effects' parameters, SI.
+    bounds: Vec<(f64, f64)>,
+    at: Point,
+    gains: Vec<Vec<Gain>>,
+    now: Value,
+    damping: f64,
+    unsettled: usize,
+}
+
+/// What became of a step.
+struct Tried {
+    improved: bool,
+    /// Of the objective, as it is and as the model has it.
+    decrease: f64,
+    predicted: f64,
+}
+
+impl<'a> Path<'a> {
+    fn new(case: &'a Case, basis: &Basis, hypothesis: &'a Hypothesis, mut at: Point) -> Self {
+        let bounds = ranges(case, hypothesis);
+        for (e, (low, high)) in at.e.iter_mut().zip(&bounds) {
+            *e = e.clamp(*low, *high);
+        }
+        let gains = all_gains(case, hypothesis, &at);
+        let now = value(case, hypothesis, &at, &gains, Role::Train);
+        Self {
+            case,
+            hypothesis,
+            columns: basis.directions(),
+            bounds,
+            at,
+            gains,
+            now,
+            damping: 1e-3,
+            unsettled: 0,
+        }
+    }
+
+    fn slopes(&self, borrowed: Option<&DMatrix<f64>>) -> Linear {
+        slopes(
+            self.case,
+            self.hypothesis,
+            &self.at,
+            &self.gains,
+            &self.columns,
+            borrowed,
+        )
+    }
+
+    fn renew_gains(&mut self) {
+        self.gains = all_gains(self.case, self.hypothesis, &self.at);
+        self.now = value(
+            self.case,
+            self.hypothesis,
+            &self.at,
+            &self.gains,
+            Role::Train,
+        );
+    }
+
+    /// How far every unknown may move: (θ, e) less the point.
+    fn room(&self) -> (DVector<f64>, DVector<f64>) {
+        let (size, ne) = (self.at.theta.len(), self.at.e.len());
+        let mut low = DVector::zeros(size + ne);
+        let mut high = DVector::zeros(size + ne);
+        for i in 0..size {
+            (low[i], high[i]) = (-1.0 - self.at.theta[i], 1.0 - self.at.theta[i]);
+        }
+        for i in 0..ne {
+            let (lower, upper) = self.bounds[i];
+            (low[size + i], high[size + i]) = (lower - self.at.e[i], upper - self.at.e[i]);
+        }
+        (low, high)
+    }
+
+    /// One step: the damping grows until the objective decreases, in at most `trials` trials.
+    fn step(&mut self, quadratic: &Quadratic, trials: usize) -> Tried {
+        let (size, ne) = (self.at.theta.len(), self.at.e.len());
+        let (low, high) = self.room();
+        let mut tried = Tried {
+            improved: false,
+            decrease: 0.0,
+            predicted: 0.0,
+        };
+        for _ in 0..trials {
+            let mut damped = quadratic.clone();
+            for i in 0..size {
+                damped.h[(i, i)] += self.damping * 4.0;
+            }
+            for i in 0..ne {
+                let k = size + i;
+                damped.h[(k, k)] += self.damping * quadratic.h[(k, k)] + 1e-300;
+            }
+            let (x, minimal) = damped.minimise(&low, &high);
+            self.unsettled += usize::from(!minimal);
+            tried.predicted = -2.0 * quadratic.at(&x);
+            let mut next = self.at.clone();
+            for i in 0..size {
+                next.theta[i] += x[i];
+            }
+            for i in 0..ne {
+                next.e[i] += x[size + i];
+            }
+            let bound = self.now.objective();
+            if let Some(there) = value_below(bound, self.case, self.hypothesis, &next, &self.gains)
+            {
+                tried.decrease = bound - there.objective();
+                tried.improved = true;
+                self.at = next;
+                self.now = there;
+                self.damping = (self.damping * 0.1).max(1e-6);
+                break;
+            }
+            self.damping = (self.damping * 10.0).max(1e-2);
+        }
+        tried
+    }
+}

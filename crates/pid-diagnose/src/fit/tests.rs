@@ -1,0 +1,33 @@
+use super::*;
+use crate::bench::{SIZE, named, pendulum};
+
+#[test]
+fn a_gear_with_play_shows_the_rotor_apart_from_the_link() {
+    let play = named(&["backlash"]);
+    let e = [0.03, 6.7e-4, 2.6e-4];
+    let case = pendulum(&play, &e, 6.0, &|_| {});
+    let at = Point {
+        theta: vec![0.0; SIZE],
+        e: e.to_vec(),
+    };
+    let rigid = basis(&case).columns.ncols();
+    let beside = basis_beside(&case, &play, &at).columns.ncols();
+    assert!(beside > rigid, "{beside} directions, {rigid} without play");
+}
+
+#[test]
+fn a_fit_on_the_way_ends_where_the_same_steps_with_curvature_end() {
+    let spring = named(&["spring"]);
+    let case = pendulum(&spring, &[0.9, 0.2], 6.0, &|_| {});
+    let basis = basis(&case);
+    let start = || Point {
+        theta: vec![0.0; SIZE],
+        e: vec![0.1, 0.0],
+    };
+    let whole = fit(&case, &basis, &spring, start(), Effort::full(2));
+    let part = fit(&case, &basis, &spring, start(), Effort::on_the_way(2));
+    assert_eq!(whole.point, part.point);
+    assert_eq!(whole.train, part.train);
+    assert_eq!(whole.quadratic.h.nrows(), SIZE + 2);
+    assert_eq!(part.steps, 2);
+}

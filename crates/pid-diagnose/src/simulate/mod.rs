@@ -1,0 +1,264 @@
+//! One substep of the robot with its effects, over any [`Scalar`](crate::scalar::Scalar); see
+//! [`effect`](crate::effect) for the equation.
+
+mod contact;
+mod step;
+#[cfg(test)]
+mod tests;
+
+use std::borrow::Cow;
+
+use pid_interpret::links;
+
+use crate::constants::{Constant, Constants};
+use crate::effect::{Gear, Law, Pick};
+use crate::hypothesis::Hypothesis;
+use crate::known::Known;
+
+/// Everything that moves.
+#[derive(Debug, Clone)]
+pub struct State<D> {
+    /// Link positions.
+    pub q: Vec<D>,
+    /// Link velocities.
+    pub v: Vec<D>,
+    /// Drive-side positions; equal to the link's where the joint is rigid.
+    pub drive_q: Vec<D>,
+    /// Drive-side velocities.
+    pub drive_v: Vec<D>,
+    /// Memory of the effects.
+    pub memory: Vec<D>,
+    /// Torque through the gear in the step before.
+    pub load: Vec<D>,
+    /// Accelerations of the step before, of links and then rotors.
+    acceleration: Vec<D>,
+    /// What the links' velocities have changed by since mass matrix and bias were evaluated.
+    gained: Vec<D>,
+}
+
+/// The robot under a hypothesis, ready to step.
+pub struct Machine<'h, D: Pick> {
+    /// The constants, those of the effects included.
+    pub constants: Constants<'h, D>,
+    hypothesis: Cow<'h, Hypothesis>,
+    e: Vec<D>,
+    starts: Vec<usize>,
+    cells: Vec<usize>,
+    memory: usize,
+    /// Gear of each joint.
+    pub gears: Vec<Option<Gear<D>>>,
+    /// Time of the first command since the start of what was recorded, s: effects that depend on
+    /// time count from there.
+    pub begin: f64,
+    rotors: Vec<usize>,
+    links: links::Work<D>,
+    /// Row by row.
+    mass: Vec<D>,
+    bias: Vec<D>,
+    matrix: Vec<D>,
+    rhs: Vec<D>,
+    values: Vec<f64>,
+    value_rhs: Vec<f64>,
+    levels: Vec<Option<(D, D)>>,
+    status: Vec<i8>,
+    half_q: Vec<D>,
+    half_v: Vec<D>,
+    site_q: Vec<D>,
+    site_v: Vec<D>,
+    force: Vec<D>,
+    rate: Vec<D>,
+    next: Vec<D>,
+    scratch: Vec<D>,
+    value_x: Vec<f64>,
+    value_scratch: Vec<f64>,
+    /// Steps whose dry friction did not settle within `ROUNDS`.
+    pub unsettled: usize,
+}
+
+impl<'h, D: Pick> Machine<'h, D> {
+    /// From constants at the nominal parameters; `e` are the effects' parameters in SI units.
+    pub fn new(constants: Constants<'h, D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+        Self::over(constants, Cow::Borrowed(hypothesis), e)
+    }
+
+    /// The same beside effects that are known.
+    pub fn beside(
+        known: &Known,
+        constants: Constants<'h, D>,
+        hypothesis: &'h Hypothesis,
+        e: Vec<D>,
+    ) -> Self {
+        if known.is_empty() {
+            return Self::new(constants, hypothesis, e);
+        }
+        let mut all = known.hypothesis.clone();
+        all.terms.extend(hypothesis.terms.iter().cloned());
+        let held = known.e.iter().map(|&x| D::constant(x));
+        Self::over(constants, Cow::Owned(all), held.chain(e).collect())
+    }
+
+    fn over(mut constants: Constants<'h, D>, hypothesis: Cow<'h, Hypothesis>, e: Vec<D>) -> Self {
+        let n = constants.nominal().n();
+        let (starts, _) = hypothesis.offsets();
+        let mut gears = vec![None; n];
+        let mut cells = Vec::new();
+        let mut memory = 0;
+        for (term, &at) in hypothesis.terms.iter().zip(&starts) {
+            let law = D::of(&*term.effect);
+            let own = &e[at..at + term.effect.info().parameters.len()];
+            law.constants(own, term.joint, &mut constants);
+            if let Some(g) = law.gear(own) {
+                gears[term.joint] = Some(g);
+            }
+            cells.push(memory);
+            memory += term.effect.memory();
+        }
+        let rotors: Vec<usize> = (0..n).filter(|&j| gears[j].is_some()).collect();
+        let m = n + rotors.len();
+        let zero = D::nil();
+        let links = constants.prepared();
+        Machine {
+            constants,
+            hypothesis,
+            e,
+            starts,
+            cells,
+            memory,
+            gears,
+            begin: 0.0,
+            rotors,
+            links,
+            mass: vec![zero; n * n],
+            bias: vec![zero; n],
+            matrix: vec![zero; m * m],
+            rhs: vec![zero; m],
+            values: vec![0.0; m * m],
+            value_rhs: vec![0.0; m],
+            levels: vec![None; m],
+            status: vec![0; m],
+            half_q: vec![zero; n],
+            half_v: vec![zero; n],
+            site_q: vec![zero; n],
+            site_v: vec![zero; n],
+            force: vec![zero; n],
+            rate: vec![zero; n],
+            next: vec![zero; m],
+            scratch: vec![zero; m * m],
+            value_x: vec![0.0; m],
+            value_scratch: vec![0.0; m * m],
+            unsettled: 0,
+        }
+    }
+
+    /// Number of joints.
+    pub fn n(&self) -> usize {
+        self.bias.len()
+    }
+
+    fn own(&self, i: usize) -> &[D] {
+        let at = self.starts[i];
+        &self.e[at..at + self.hypothesis.terms[i].effect.info().parameters.len()]
+    }
+
+    #[inline(always)]
+    fn tip_force(&self, t: f64, dt: f64) -> Option<[D; 3]> {
+        let mut tip_force: Option<[D; 3]> = None;
+        for (i, term) in self.hypothesis.terms.iter().enumerate() {
+            if let Some(f) = D::of(&*term.effect).tip_force(self.own(i), t, dt) {
+                let sum = tip_force.unwrap_or([D::nil(); 3]);
+                tip_force = Some([sum[0] + f[0], sum[1] + f[1], sum[2] + f[2]]);
+            }
+        }
+        tip_force
+    }
+
+    /// Bias torque at rest at a position.
+    fn rest_bias(&mut self, q: &[D]) {
+        let n = self.n();
+        self.half_q.copy_from_slice(q);
+        self.half_v.copy_from_slice(&vec![D::nil(); n]);
+        let force = self.tip_force(self.begin, 1e-3);
+        self.links_at_half(force);
+    }
+
+    /// The state in which the drives at their first inputs hold the robot at the drive-side
+    /// positions `q`, `v`.
+    pub fn rest(&mut self, q: &[f64], v: &[f64], u: &[f64]) -> State<D> {
+        let n = self.n();
+        let lift = |x: &[f64]| x.iter().map(|&x| D::constant(x)).collect::<Vec<D>>();
+        let mut state = State {
+            q: lift(q),
+            v: lift(v),
+            drive_q: lift(q),
+            drive_v: lift(v),
+            memory: vec![D::nil(); self.memory],
+            load: vec![D::nil(); n],
+            acceleration: vec![D::nil(); n + self.rotors.len()],
+            gained: vec![D::nil(); n],
+        };
+        self.rest_bias(&state.q.clone());
+        state.load.copy_from_slice(&self.bias);
+        for j in 0..n {
+            if let Some(gear) = self.gears[j] {
+                let b = self.bias[j];
+                let side = if b.value() < 0.0 { -0.5 } else { 0.5 };
+                state.q[j] = state.drive_q[j] - b / gear.stiffness - gear.gap * side;
+            }
+        }
+        for i in 0..self.hypothesis.terms.len() {
+            let term = &self.hypothesis.terms[i];
+            let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
+            let j = term.joint;
+            let balance = self.constants.get(Constant::Gain(j)) * u[j] - self.bias[j];
+            D::of(&*term.effect).start(
+                self.own(i),
+                balance,
+                self.constants.get(Constant::Coulomb(j)),
+                u[j],
+                &mut state.memory[a..b],
+            );
+        }
+        state
+    }
+
+    /// Memory cells whose value at the start no reading tells, with their joint and their largest value.
+    pub fn unknown_cells(&self) -> Vec<(usize, usize, f64)> {
+        let terms = self.hypothesis.terms.iter().zip(&self.cells);
+        terms
+            .filter_map(|(term, &at)| Some((at, term.joint, term.effect.largest_memory()?)))
+            .collect()
+    }
+
+    /// Reading of joint `j`: position and velocity as the encoder sees them.
+    pub fn sense(&self, j: usize, q: D, v: D) -> (D, D) {
+        let mut reading = (q, v);
+        for (i, term) in self.hypothesis.terms.iter().enumerate() {
+            if term.joint == j && term.effect.info().has_joint {
+                reading = D::of(&*term.effect).sense(self.own(i), reading.0, reading.1);
+            }
+        }
+        reading
+    }
+
+    /// Sum of the delays of the readings of joint `j`, s.
+    pub fn reading_delay(&self, j: usize) -> Option<D> {
+        self.collect(j, |law, e| law.reading_delay(e))
+    }
+
+    /// Sum of the time constants of additional velocity filters of joint `j`, s.
+    pub fn velocity_lag(&self, j: usize) -> Option<D> {
+        self.collect(j, |law, e| law.velocity_lag(e))
+    }
+
+    fn collect(&self, j: usize, f: impl Fn(&dyn Law<D>, &[D]) -> Option<D>) -> Option<D> {
+        let mut out: Option<D> = None;
+        for (i, term) in self.hypothesis.terms.iter().enumerate() {
+            if term.joint == j
+                && let Some(x) = f(D::of(&*term.effect), self.own(i))
+            {
+                out = Some(out.map_or(x, |o| o + x));
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,68 @@
+//! `pid-studies withheld`: drawn cases with a withheld effect, diagnosed blind, then scored.
+
+pub mod null;
+mod page;
+mod score;
+mod study;
+
+use std::path::PathBuf;
+
+use clap::Args;
+use pid_cli::output;
+use pid_cli::progress::Progress;
+use pid_diagnose::search::Settings;
+use pid_withheld::Plan;
+
+pub use page::to_html;
+pub use score::{Bin, Interval, Outcome, Share, Summary, summary};
+pub use study::diagnose_all;
+
+use crate::{Failure, write};
+
+/// Arguments of `pid-studies withheld`.
+#[derive(Debug, Clone, Args)]
+pub struct WithheldArgs {
+    /// Number of cases.
+    #[arg(long, default_value_t = 300)]
+    cases: usize,
+    /// Seed of robots, causes, magnitudes, motions and noise.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Most joints of a robot.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=6))]
+    joints: u8,
+    /// Only cases without a cause: the rate of false alarms.
+    #[arg(long)]
+    nulls: bool,
+    /// Folder for cases, causes, diagnoses and the report; results that are there already are kept.
+    #[arg(long, short, value_name = "FOLDER", default_value = "simtrue-study")]
+    out: PathBuf,
+}
+
+/// Runs or continues the study and writes summary.json and report.html.
+///
+/// # Errors
+/// What stops it.
+pub fn run(args: &WithheldArgs) -> Result<u8, Failure> {
+    let plan = Plan {
+        seed: args.seed,
+        cases: args.cases,
+        joints: usize::from(args.joints),
+        nulls: args.nulls,
+    };
+    let progress = Progress::start("drawing cases");
+    let outcomes = diagnose_all(&plan, &Settings::default(), &args.out, &|done, of| {
+        progress.step(format!("{done} of {of} cases"));
+    })?;
+    drop(progress);
+    let figures = summary(&outcomes);
+    let json = serde_json::to_string_pretty(&figures).unwrap_or_default();
+    write(&args.out.join("summary.json"), &json)?;
+    write(&args.out.join("report.html"), &to_html(&figures, &outcomes))?;
+    let mut text = format!("{} cases\n", outcomes.len());
+    for (name, figures) in figures.lines() {
+        text.push_str(&format!("  {name:42} {figures}\n"));
+    }
+    output::print(&text);
+    Ok(0)
+}

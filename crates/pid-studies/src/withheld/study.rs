@@ -1,0 +1,63 @@
+//! Cases whose cause is known are diagnosed blind, then the causes are opened.
+//!
+//! A case and its cause are laid out by [`pid_withheld`], its diagnosis is `results/ID.json` beside
+//! them. What is there already is not made again, so that an interrupted study goes on where it
+//! stopped.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use pid_diagnose::case::Case;
+use pid_diagnose::diagnosis::Diagnosis;
+use pid_diagnose::search::{Settings, diagnose};
+use pid_withheld::{Plan, folder, lay_out, read};
+use rayon::prelude::*;
+
+use super::score::Outcome;
+use crate::{Failure, write};
+
+/// Makes the cases of a plan, diagnoses them and opens the causes; `progress` is told how many are
+/// done, of how many.
+///
+/// # Errors
+/// If a file cannot be written, or one of an earlier run cannot be read.
+pub fn diagnose_all(
+    plan: &Plan,
+    settings: &Settings,
+    out: &Path,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Vec<Outcome>, Failure> {
+    let truths = out.join("truth");
+    let results = folder(out.join("results"))?;
+    let done = AtomicUsize::new(0);
+    let mut outcomes: Vec<Outcome> = (0..plan.cases)
+        .into_par_iter()
+        .map(|i| {
+            let id = plan.id(i);
+            let result_path = results.join(format!("{id}.json"));
+            let here = lay_out(plan, i, out)?;
+            if read::<Diagnosis>(&result_path)?.is_none() {
+                let case = Case::read(&here).map_err(|error| format!("case {id}: {error}"))?;
+                write(&result_path, &diagnose(&case, settings).to_json())?;
+            }
+            progress(done.fetch_add(1, Ordering::Relaxed) + 1, plan.cases);
+            Ok(id)
+        })
+        .collect::<Result<Vec<String>, Failure>>()?
+        .into_iter()
+        .map(|id| {
+            let missing = |path: &Path| format!("{}: is gone", path.display());
+            let (t, r) = (
+                truths.join(format!("{id}.json")),
+                results.join(format!("{id}.json")),
+            );
+            Ok(Outcome {
+                truth: read(&t)?.ok_or_else(|| missing(&t))?,
+                diagnosis: read(&r)?.ok_or_else(|| missing(&r))?,
+                id,
+            })
+        })
+        .collect::<Result<Vec<Outcome>, Failure>>()?;
+    outcomes.sort_by(|a, b| a.id.cmp(&b.id));
+    Ok(outcomes)
+}

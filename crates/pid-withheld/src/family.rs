@@ -1,0 +1,142 @@
+//! The robots of a study: four families, sizes from a seed.
+
+use pid_interpret::nominal::{Nominal, NominalError};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use crate::motion::{LENGTH, Room};
+use crate::plant::{PER_JOINT, Plant};
+use crate::robot::{Joint, Robot};
+use crate::text;
+
+/// Range of the drive noise, share of the largest usual torque.
+const DRIVE_NOISE: (f64, f64) = (0.0012, 0.006);
+
+/// One of the families: a pendulum; a planar arm; a slide with an arm; a chain of up to six spatial
+/// joints.
+///
+/// # Errors
+/// If what is drawn is no robot; none is known.
+pub(crate) fn draw(
+    family: usize,
+    most: usize,
+    random: &mut ChaCha8Rng,
+) -> Result<Robot, NominalError> {
+    let (axes, planar) = axes(family, most);
+    let n = axes.len();
+    let mut scale = random.random_range(1.0..8.0);
+    let mut joints = Vec::new();
+    for (k, (prismatic, axis)) in axes.into_iter().enumerate() {
+        joints.push(joint(k, (prismatic, axis), planar, scale, random));
+        scale *= 0.6;
+    }
+    let mut robot = Robot {
+        joints,
+        tool: [0.0, 0.0, if planar { -0.35 } else { 0.2 }],
+        planar,
+        rate: [250.0, 400.0, 500.0, 1000.0][random.random_range(0..4usize)],
+        horizon: if n == 1 { LENGTH } else { 2.0 },
+        drive_noise: random
+            .random_range(DRIVE_NOISE.0.ln()..DRIVE_NOISE.1.ln())
+            .exp(),
+    };
+    size_drives(&mut robot, random)?;
+    Ok(robot)
+}
+
+/// Hinges and slides of a family, base to tip, and whether they move in one plane: whether each
+/// slides, and its axis.
+fn axes(family: usize, most: usize) -> (Vec<(bool, [f64; 3])>, bool) {
+    let (y, z) = ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+    match family {
+        0 => (vec![(false, y)], true),
+        1 => (vec![(false, y); 2], true),
+        2 => (vec![(true, [1.0, 0.0, 0.0]), (false, y)], true),
+        _ => {
+            let axes = &[z, y, y, z, y, z][..most.clamp(3, 6)];
+            (axes.iter().map(|a| (false, *a)).collect(), false)
+        }
+    }
+}
+
+/// The `k`-th joint with its link, of about `scale` kg; the drive has no size yet.
+fn joint(
+    k: usize,
+    (prismatic, axis): (bool, [f64; 3]),
+    planar: bool,
+    scale: f64,
+    random: &mut ChaCha8Rng,
+) -> Joint {
+    let length = random.random_range(0.3..0.45);
+    let mass = scale * random.random_range(0.8..1.2);
+    let transverse = mass * length * length / 12.0;
+    let (height, middle) = match (prismatic, planar) {
+        (true, _) => (0.0, 0.0),
+        // Links of a plane hang.
+        (false, true) => (-length, -0.45 * length),
+        (false, false) => (length, 0.45 * length),
+    };
+    Joint {
+        prismatic,
+        axis,
+        origin: [0.0, 0.0, if k == 0 { 0.8 } else { height }],
+        mass,
+        com: [0.0, 0.0, middle],
+        inertia: [transverse, transverse * 1.03, 0.1 * transverse],
+        rotor: 0.0,
+        coulomb: 0.0,
+        viscous: 0.0,
+        gain: random.random_range(1.5..12.0),
+        torque: 0.0,
+        q_noise: random.random_range(3e-5..1e-4),
+        q_step: random.random_range(1e-5..8e-5),
+        v_noise: random.random_range(5e-3..1.5e-2),
+        room: Room {
+            centre: if prismatic {
+                0.0
+            } else {
+                random.random_range(0.1..0.5)
+            },
+            amplitude: if prismatic {
+                0.35
+            } else {
+                random.random_range(0.8..1.2)
+            },
+            speed: if prismatic {
+                1.5
+            } else {
+                random.random_range(3.0..5.0)
+            },
+            frequency: random.random_range(1.5..2.2),
+        },
+        length: if prismatic { 0.35 } else { 1.0 },
+    }
+}
+
+/// Rotors, friction and torques in proportion to what the joint moves.
+fn size_drives(robot: &mut Robot, random: &mut ChaCha8Rng) -> Result<(), NominalError> {
+    let n = robot.joints.len();
+    let bare = Nominal::parse("nominal.toml", &text::nominal(robot, false, "derived"))?;
+    let plant = Plant::<f64>::new(&bare, &vec![0.0; n * PER_JOINT]);
+    let q: Vec<f64> = robot.joints.iter().map(|j| j.room.centre).collect();
+    let (m, _) = plant.mass_and_bias(&q, &vec![0.0; n]);
+    let far: Vec<f64> = robot
+        .joints
+        .iter()
+        .map(|j| j.room.centre + 0.8 * j.room.amplitude)
+        .collect();
+    let (_, weight) = plant.mass_and_bias(&far, &vec![0.0; n]);
+    for (k, j) in robot.joints.iter_mut().enumerate() {
+        j.rotor = m[(k, k)] * random.random_range(0.15..0.35);
+        let turning = (m[(k, k)] + j.rotor) * 3.0 * j.room.speed;
+        j.torque = weight[k].abs() + turning;
+        j.coulomb = j.torque * random.random_range(0.03..0.07);
+        j.viscous = j.torque / j.room.speed * random.random_range(0.05..0.12);
+        if j.prismatic {
+            j.q_noise *= 0.4;
+            j.q_step *= 0.3;
+            j.v_noise *= 0.35;
+        }
+    }
+    Ok(())
+}
