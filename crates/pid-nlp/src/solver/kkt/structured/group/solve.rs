@@ -1,7 +1,7 @@
 //! Solves with the condensed segments: right-hand sides in, steps out; products with the matrix.
 
-use pid_lanes::{LANES, Lane};
 use pid_lanes::kernel::{Simd, SimdFloat, all, axpy, axpy2, load, widest};
+use pid_lanes::{LANES, Lane};
 
 use super::{Group, ZERO, dot, mul, pack, pick, places, put, set};
 use crate::solver::kkt::layout::Layout;
