@@ -292,6 +292,34 @@ pub struct After<D> {
     pub coulomb: D,
 }
 
+/// What a memory sees in equations of motion: see [`Law::flow`].
+#[derive(Debug, Clone, Copy)]
+pub struct Flow<D> {
+    /// Velocity of the drive side.
+    pub v: D,
+    /// Its absolute value, smooth at rest.
+    pub speed: D,
+    /// Commanded input.
+    pub u: D,
+    /// The memory.
+    pub w: D,
+    /// Nominal Coulomb friction.
+    pub coulomb: D,
+}
+
+/// A memory as a state of equations of motion: `time · dw/dt = rate`.
+#[derive(Debug, Clone, Copy)]
+pub struct Flowing<D> {
+    /// Positive factor of dw/dt.
+    pub time: D,
+    /// What it equals.
+    pub rate: D,
+    /// Input that acts, where the memory is a drive's.
+    pub input: Option<D>,
+    /// Friction in place of dry friction, where it is one of friction.
+    pub friction: Option<D>,
+}
+
 /// Equation of an effect at one joint; all hooks have a default that does nothing. `e`: the
 /// parameters, SI units.
 pub trait Law<D: Scalar>: Send + Sync {
@@ -333,6 +361,11 @@ pub trait Law<D: Scalar>: Send + Sync {
     }
     /// Time constant of an additional filter of the velocity reading, s.
     fn velocity_lag(&self, _e: &[D]) -> Option<D> {
+        None
+    }
+    /// The first memory cell as a state in continuous time, for equations of motion that are
+    /// integrated by other schemes than the simulation's substeps; `None` if it has no such form.
+    fn flow(&self, _e: &[D], _at: &Flow<D>) -> Option<Flowing<D>> {
         None
     }
     /// Memory at the start of a record. `balance`: drive torque less gravity at rest; `u`: first input.

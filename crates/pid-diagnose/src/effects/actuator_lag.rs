@@ -2,7 +2,7 @@
 //!
 //! Source: G. F. Franklin, J. D. Powell, M. Workman, Digital Control of Dynamic Systems, 1998, section 4.3.
 
-use crate::effect::{Commands, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Commands, Flow, Flowing, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The drive answers with a first-order lag.
@@ -48,6 +48,14 @@ impl<D: Scalar> Law<D> for ActuatorLag {
         let gone = memory[0] - u;
         memory[0] = u + gone * fade;
         u + gone * e[0] * (-fade + 1.0) / at.dt
+    }
+    fn flow(&self, e: &[D], at: &Flow<D>) -> Option<Flowing<D>> {
+        Some(Flowing {
+            time: e[0],
+            rate: at.u - at.w,
+            input: Some(at.w),
+            friction: None,
+        })
     }
     fn start(&self, _e: &[D], _balance: D, _coulomb: D, u: f64, memory: &mut [D]) {
         memory[0] = D::constant(u);

@@ -5,7 +5,9 @@
 //! 40(3), 1995, with a constant level.
 
 use crate::constants::{Constant, Constants};
-use crate::effect::{After, Forces, Friction, Info, Kind, Law, Model, Site, Unit, parameter};
+use crate::effect::{
+    After, Flow, Flowing, Forces, Friction, Info, Kind, Law, Model, Site, Unit, parameter,
+};
 use crate::scalar::Scalar;
 
 /// The joint gives way elastically before it slides.
@@ -100,6 +102,16 @@ impl<D: Scalar> Law<D> for PreslidingHysteresis {
         let w = after.v * after.dt / e[0];
         let (decay, mean, _) = passage(w.magnitude());
         memory[0] = memory[0] * decay + w * mean;
+    }
+    fn flow(&self, e: &[D], at: &Flow<D>) -> Option<Flowing<D>> {
+        // w = z / z_s.
+        let rate = at.v - at.speed * at.w;
+        Some(Flowing {
+            time: e[0],
+            rate,
+            input: None,
+            friction: Some(at.coulomb * (at.w + e[1] / e[0] * rate)),
+        })
     }
     fn start(&self, _e: &[D], balance: D, coulomb: D, _u: f64, memory: &mut [D]) {
         memory[0] = (balance / (coulomb + 1e-12)).limit(D::constant(-1.0), D::constant(1.0));

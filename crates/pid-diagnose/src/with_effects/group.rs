@@ -107,7 +107,7 @@ pub(super) struct Group {
 }
 
 /// Transition velocity where the model has no Coulomb friction, rad/s or m/s.
-const REST: f64 = 0.02;
+pub(super) const REST: f64 = 0.02;
 
 /// Commands of effects without a look back in time.
 fn nothing<'a>(u: &'a [f64]) -> Commands<'a> {

@@ -11,10 +11,12 @@
 //! [`LoadDependentFriction`](crate::effects::LoadDependentFriction) depends, is taken as that of
 //! the drive less the friction that the model has: without the part that accelerates the rotor.
 
+mod assembled;
 mod group;
 mod merge;
 mod roles;
 mod smooth;
+mod states;
 mod structure;
 
 use std::borrow::Cow;
@@ -28,11 +30,13 @@ use crate::case::Case;
 use crate::effect::{Effect, Parameter, Term};
 use crate::extended::{Known, range, unit};
 
+pub use assembled::{AssembleError, Assembled};
 use group::Group;
 pub use group::Obstacle;
 use merge::Merged;
 pub use roles::{JointRoles, roles};
 pub use smooth::Smooth;
+pub use states::{Drives, WithStates};
 pub use structure::with_masses;
 
 /// An effect that a model cannot take.

@@ -56,6 +56,24 @@ impl SubAssign for Smooth {
     }
 }
 
+impl Smooth {
+    /// What a travel exceeds a gap by, and its slope: zero within ± gap/2, the corners rounded as
+    /// those of [`Scalar::limit`]. Without a gap the travel itself.
+    pub fn beyond(self, gap: Self) -> (Self, Self) {
+        if gap.0.re == 0.0 {
+            return (self, Smooth::constant(1.0));
+        }
+        let half = gap * 0.5;
+        let round = gap * CORNER;
+        let slope = |end: Self| {
+            let x = self - end;
+            x / (x * x + round * round).root()
+        };
+        let touch = (slope(half) - slope(-half)) * 0.5 + 1.0;
+        (self - self.limit(-half, half), touch)
+    }
+}
+
 impl Scalar for Smooth {
     fn constant(x: f64) -> Self {
         Smooth(HyperDual64::from_re(x))
