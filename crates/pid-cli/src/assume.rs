@@ -6,7 +6,7 @@ use pid_data::Dataset;
 use pid_diagnose::with_effects::Assembled;
 use pid_fit::ident::assumptions::Assumptions;
 use pid_fit::ident::{Likelihood, Settings};
-use pid_fit::transcribe::{Loss, Prior};
+use pid_fit::transcribe::Loss;
 use pid_interpret::nominal::Nominal;
 use pid_runtime::dynamics::Hessian;
 
@@ -74,18 +74,7 @@ fn from_nominal(nominal: &Nominal, with: &Assembled) -> Likelihood {
     Likelihood {
         noise: with.noise.clone(),
         loss: Loss::Square,
-        priors: nominal
-            .tolerances()
-            .iter()
-            .filter(|t| t.half_width > 0.0)
-            .filter_map(|t| {
-                Some(Prior {
-                    parameter: with.model.params().iter().position(|p| p.name == t.name)?,
-                    mean: t.nominal,
-                    deviation: t.half_width / 3.0_f64.sqrt(),
-                })
-            })
-            .collect(),
+        priors: with.priors(nominal),
     }
 }
 

@@ -3,7 +3,7 @@
 use super::magnitude::{covariances, curvature};
 use crate::case::Case;
 use crate::criteria::Criteria;
-use crate::extended::range;
+use crate::described::range;
 use crate::fit::Fit;
 
 /// Deviations to either side of an interval of 95 %.
