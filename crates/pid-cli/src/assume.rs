@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use pid_data::Dataset;
+use pid_diagnose::with_effects::Assembled;
 use pid_fit::ident::assumptions::Assumptions;
 use pid_fit::ident::{Likelihood, Settings};
-use pid_fit::transcribe::{Loss, Prior};
-use pid_interpret::nominal::{Nominal, Velocity};
+use pid_fit::transcribe::Loss;
+use pid_interpret::nominal::Nominal;
 use pid_runtime::dynamics::Hessian;
 
 use crate::args::identify::IdentifyArgs;
@@ -24,7 +25,7 @@ pub(crate) fn apply(
 ) -> Result<Vec<(usize, f64)>, CliError> {
     let model = subject.model();
     let mut values = Vec::new();
-    let mut likelihood = subject.nominal().map(|n| from_nominal(n, model));
+    let mut likelihood = subject.nominal().map(|(n, with)| from_nominal(n, with));
     if let Some(path) = &args.assume {
         let found = read(path, model, dataset)?;
         settings.hold.extend(found.hold);
@@ -69,29 +70,10 @@ pub(crate) fn read(
 }
 
 /// Priors from tolerances (uniform within ± tolerance: a deviation of tolerance/√3), stated noise of sensors.
-fn from_nominal(nominal: &Nominal, model: &dyn Hessian) -> Likelihood {
-    let channels = &nominal.measurement().channels;
-    // Noise of zero means that nobody measured it.
-    let stated = |x: Option<f64>| x.filter(|x| *x > 0.0);
-    let position = channels.iter().map(|c| stated(c.position_std()));
-    let velocity = channels.iter().map(|c| match c.velocity {
-        Velocity::Measured { noise } => stated(noise),
-        Velocity::Derived { .. } | Velocity::Absent => None,
-    });
+fn from_nominal(nominal: &Nominal, with: &Assembled) -> Likelihood {
     Likelihood {
-        noise: position.chain(velocity).collect(),
+        noise: with.noise.clone(),
         loss: Loss::Square,
-        priors: nominal
-            .tolerances()
-            .iter()
-            .filter(|t| t.half_width > 0.0)
-            .filter_map(|t| {
-                Some(Prior {
-                    parameter: model.params().iter().position(|p| p.name == t.name)?,
-                    mean: t.nominal,
-                    deviation: t.half_width / 3.0_f64.sqrt(),
-                })
-            })
-            .collect(),
+        priors: with.priors(nominal),
     }
 }

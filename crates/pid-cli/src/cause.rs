@@ -27,8 +27,9 @@ impl Cause {
     pub(crate) fn find(subject: &Subject, dataset: &Dataset) -> Result<Self, CliError> {
         let settings = Settings::default();
         let report = match subject.nominal() {
-            Some(nominal) => {
+            Some((nominal, with)) => {
                 let nominal = Nominal::new(nominal.clone());
+                let dataset = with.read.as_ref().unwrap_or(dataset);
                 Report::new(nominal, dataset, &settings, false)?
             }
             None => Report::of_dataset(subject.model(), dataset, &settings, false)?,

@@ -5,11 +5,12 @@ use std::path::Path;
 use pid_diagnose::diagnosis::{Diagnosis, Share};
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
+use pid_diagnose::with_effects::{Placed, source};
 use pid_runtime::dynamics::Hessian;
 use rayon::prelude::*;
 
 use crate::args::diagnose::DiagnoseArgs;
-use crate::error::CliError;
+use crate::error::{CliError, write};
 use crate::{models, output};
 
 /// Diagnoses all folders, several at a time. Names those that cannot be read and goes on.
@@ -71,7 +72,34 @@ fn one(
         (None, None) => Report::of_folder(folder, &settings, args.next)?,
     };
     report.write(out)?;
+    if let Some(model) = model {
+        write_items(model, &report, out)?;
+    }
     Ok(report.diagnosis)
+}
+
+/// Writes what a declared robot lacks as items for its declaration, with the values that the
+/// diagnosis found for the rest.
+fn write_items(model: &dyn Hessian, report: &Report, out: &Path) -> Result<(), CliError> {
+    let placed = Placed::of(&report.extended)?;
+    if placed.is_empty() {
+        return Ok(());
+    }
+    let items = match source(model, &placed) {
+        Ok(items) => items,
+        Err(error) => {
+            output::print(&format!("no items for `robot!`: {error}\n"));
+            return Ok(());
+        }
+    };
+    let mut text = format!(
+        "// What `{}` lacks: items for its `robot! {{ … }}`.\n// Values of its parameters with them:\n",
+        model.name()
+    );
+    for p in &report.extended.robot().params {
+        text.push_str(&format!("//   {} = {:?} {}\n", p.name, p.nominal, p.unit));
+    }
+    write(&out.join("robot_items.rs"), &format!("{text}{items}"))
 }
 
 /// A few lines for the terminal.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use pid_data::{ChangeError, DataError};
 use pid_diagnose::case::CaseError;
 use pid_diagnose::report::WriteError;
-use pid_diagnose::with_effects::EffectError;
+use pid_diagnose::with_effects::{AssembleError, EffectError};
 use pid_fit::excite::ExciteError;
 use pid_fit::ident::assumptions::AssumptionsError;
 use pid_fit::identify::IdentifyError;
@@ -151,4 +151,15 @@ pub(crate) fn make_folder(path: &Path) -> Result<(), CliError> {
         path: path.to_owned(),
         error,
     })
+}
+
+impl From<AssembleError> for CliError {
+    fn from(error: AssembleError) -> Self {
+        match error {
+            AssembleError::Nominal(error) => error.into(),
+            AssembleError::Model(error) => error.into(),
+            AssembleError::Effect(error) => error.into(),
+            AssembleError::Lag(error) => error.into(),
+        }
+    }
 }

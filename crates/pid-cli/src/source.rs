@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use pid_data::{Dataset, InputHold};
-use pid_diagnose::nominal::Nominal as Simulated;
-use pid_diagnose::with_effects::{Placed, WithEffects, with_masses};
+use pid_diagnose::with_effects::Assembled;
 use pid_fit::wrap::controllers::{ControlError, Controllers};
 use pid_fit::wrap::lag::Lagging;
 use pid_fit::wrap::private::PerRecord;
@@ -39,7 +38,7 @@ enum Origin {
     /// With the records as they were read.
     Lagging(Box<(Lagging<'static>, Dataset)>),
     Urdf(Box<FromUrdf>),
-    Nominal(Box<(Box<dyn Hessian>, Nominal)>),
+    Nominal(Box<(Assembled, Nominal)>),
     WithEffects(Box<dyn Hessian>),
 }
 
@@ -59,7 +58,7 @@ impl Subject {
             Origin::PerRecord(model) => model.as_ref(),
             Origin::Lagging(lagging) => &lagging.0,
             Origin::Urdf(urdf) => &urdf.model,
-            Origin::Nominal(nominal) => nominal.0.as_ref(),
+            Origin::Nominal(nominal) => nominal.0.model.as_ref(),
             Origin::WithEffects(model) => model.as_ref(),
         }
     }
@@ -95,33 +94,40 @@ impl Subject {
         }
     }
 
-    /// The nominal description it came from, if it came from one.
-    pub(crate) fn nominal(&self) -> Option<&Nominal> {
+    /// The nominal description it came from, if it came from one, and its model.
+    pub(crate) fn nominal(&self) -> Option<(&Nominal, &Assembled)> {
         match &self.origin {
-            Origin::Nominal(nominal) => Some(&nominal.1),
+            Origin::Nominal(nominal) => Some((&nominal.1, &nominal.0)),
             _ => None,
         }
     }
 
+    /// Of a description, without its effects.
     fn from_nominal(file: &Path) -> Result<Self, CliError> {
         let nominal = Nominal::read(file)?;
-        let effects = Placed::of(&nominal)?;
-        let (robot, effects) = match effects.is_empty() {
-            true => (nominal.robot().clone(), effects),
-            false => with_masses(&Simulated::new(nominal.clone()), effects),
-        };
-        let model: Box<dyn Hessian> = Box::new(Model::new(&robot)?);
-        let model: Box<dyn Hessian> = match effects.is_empty() {
-            true => model,
-            false => Box::new(WithEffects::new(model, &effects)?),
-        };
-        let dims = model.dims();
-        Ok(Self {
-            name: model.name().to_owned(),
+        let plain = Assembled::without_effects(&nominal)?;
+        Ok(Self::described(nominal, plain))
+    }
+
+    /// The same with the effects of its description; records get the columns that these need.
+    fn with_described(self, dataset: &mut Dataset) -> Result<Self, CliError> {
+        match self.origin {
+            Origin::Nominal(nominal) if !nominal.1.effects().is_empty() => {
+                let with = Assembled::new(&nominal.1, dataset)?;
+                Ok(Self::described(nominal.1, with))
+            }
+            origin => Ok(Self { origin, ..self }),
+        }
+    }
+
+    fn described(nominal: Nominal, with: Assembled) -> Self {
+        let dims = with.model.dims();
+        Self {
+            name: with.model.name().to_owned(),
             summary: format!("{} coordinates, {} parameters", dims.nq, dims.np),
-            source: file.display().to_string(),
-            origin: Origin::Nominal(Box::new((model, nominal))),
-        })
+            source: nominal.file().display().to_string(),
+            origin: Origin::Nominal(Box::new((with, nominal))),
+        }
     }
 
     fn compiled(name: &str, terms: &[Request]) -> Result<Self, CliError> {
@@ -235,8 +241,9 @@ fn load_with(
     let (subject, mut dataset) = match controller {
         Some(file) => subject.closed(file, (dataset, also), &terms, &effects)?,
         None => {
-            let dataset = dataset.merged(also)?;
-            (subject.with_effects(&effects, &dataset)?, dataset)
+            let mut dataset = dataset.merged(also)?;
+            let described = subject.with_described(&mut dataset)?;
+            (described.with_effects(&effects, &dataset)?, dataset)
         }
     };
     let subject = subject.wrapped(source, &mut dataset)?;

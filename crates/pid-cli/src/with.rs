@@ -140,7 +140,9 @@ pub(crate) fn extended(
         };
         for joint in joints {
             let effect = effect.clone();
-            placed.push(Placed::at(Term { effect, joint }, &case));
+            let size = |unit, joint| case.unit(unit, joint);
+            let description = &case.nominal.description;
+            placed.push(Placed::at(Term { effect, joint }, description, &size));
         }
     }
     Ok(Box::new(WithEffects::new(inner, &placed)?))

@@ -1,40 +1,14 @@
-//! Effects in a nominal description, as they are written after a diagnosis (`extended.toml`).
+//! What the diagnosis found as a description (`extended.toml`).
 
 use pid_data::{Dataset, Role};
-use pid_interpret::nominal::{
-    self as description, Effect as Stated, EffectParameter, Simulated, SimulatedJoint, Written,
-};
+use pid_interpret::nominal::{self as description, Simulated, SimulatedJoint};
 
 use crate::case::{Case, CaseError};
-use crate::effect::{Info, Term};
+use crate::described::stated;
 use crate::gap::{Gap, gap};
 use crate::hypothesis::Hypothesis;
-use crate::known::unit;
 use crate::nominal::Nominal;
 use crate::search::{Evidence, intervals};
-
-/// An effect with its parameters as a description states it.
-pub fn stated(
-    nominal: &description::Nominal,
-    term: &Term,
-    e: &[f64],
-    intervals: &[Option<(f64, f64)>],
-) -> Stated {
-    let info: &Info = term.effect.info();
-    let parameters = info.parameters.iter().zip(e).zip(intervals);
-    Stated {
-        id: Written::new(info.id.to_owned()),
-        joint: info.has_joint.then(|| Written::new(term.joint)),
-        parameters: parameters
-            .map(|((p, &x), &interval)| EffectParameter {
-                name: p.name.to_owned(),
-                value: Written::new(x),
-                unit: Some(Written::new(unit(nominal, term.joint, p))),
-                interval,
-            })
-            .collect(),
-    }
-}
 
 /// The nominal description of a diagnosed case with the values and effects that the diagnosis
 /// found. `case` is the one that was diagnosed, its records in the roles of the data set.

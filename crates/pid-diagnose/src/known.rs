@@ -1,14 +1,8 @@
-//! Effects of a nominal description, checked against the library.
+//! Effects of a nominal description as the diagnosis takes them.
 
-use std::sync::Arc;
+use pid_interpret::nominal::{self as description, NominalError};
 
-use pid_interpret::nominal::{
-    self as description, Effect as Stated, EffectParameter, Fault, NominalError,
-};
-use pid_toml::{Place, nearest};
-
-use crate::effect::{Effect, Parameter, Term, Unit};
-use crate::effects;
+use crate::described::described;
 use crate::hypothesis::Hypothesis;
 
 /// Effects that are taken as known: part of every hypothesis, their parameters held.
@@ -27,11 +21,8 @@ impl Known {
     /// If the library has no such effect, a joint or a parameter is missing or too many, a unit is
     /// another, or a value is outside its range: file, line, key, value, mend.
     pub fn of(nominal: &description::Nominal) -> Result<Self, NominalError> {
-        let library = effects::all();
         let mut known = Known::default();
-        for stated in nominal.effects() {
-            let (term, e) =
-                term(nominal, stated, &library).map_err(|fault| fault.within(nominal.file()))?;
+        for (term, e) in described(nominal)? {
             known.hypothesis.terms.push(term);
             known.e.extend(e);
         }
@@ -49,144 +40,5 @@ impl Known {
         let mut terms = self.hypothesis.terms.iter().zip(starts);
         let own = terms.find(|(t, _)| t.effect.info().id == id && t.joint == joint);
         own.map(|(t, at)| &self.e[at..at + t.effect.info().parameters.len()])
-    }
-}
-
-/// One effect at its place with its parameters.
-fn term(
-    nominal: &description::Nominal,
-    stated: &Stated,
-    library: &[Arc<dyn Effect>],
-) -> Result<(Term, Vec<f64>), Fault> {
-    let id = &stated.id;
-    let fault = |place: &Option<Place>, key, found: String, mend: String| Fault {
-        place: place.clone(),
-        item: format!("effect {}", id.value),
-        key,
-        found,
-        mend,
-    };
-    let ids = || library.iter().map(|e| e.info().id);
-    let Some(effect) = library.iter().find(|e| e.info().id == id.value) else {
-        let like = nearest(&id.value, ids());
-        let like = like.map_or(String::new(), |n| format!("did you mean `{n}`? "));
-        let all: Vec<&str> = ids().collect();
-        let mend = format!("{like}the effects of the library are {}", all.join(", "));
-        return Err(fault(&id.place, "id", format!("\"{}\"", id.value), mend));
-    };
-    let info = effect.info();
-    let joint = match (&stated.joint, info.has_joint) {
-        (Some(joint), true) => joint.value,
-        (None, false) => 0,
-        (None, true) => {
-            let mend = "name the joint it acts on, `joint = \"…\"`".to_owned();
-            return Err(fault(&id.place, "joint", "absent".to_owned(), mend));
-        }
-        (Some(joint), false) => {
-            let mend = "it acts on the whole robot; leave the key out".to_owned();
-            return Err(fault(&joint.place, "joint", "given".to_owned(), mend));
-        }
-    };
-    if effect.needs_partner() && effect.partner(joint).is_none() {
-        let mend = "it acts between a joint and the one before; name a joint that has one";
-        return Err(fault(
-            &id.place,
-            "joint",
-            "the first".to_owned(),
-            mend.to_owned(),
-        ));
-    }
-    let names: Vec<&str> = info.parameters.iter().map(|p| p.name).collect();
-    for own in &stated.parameters {
-        if !names.contains(&own.name.as_str()) {
-            let like = nearest(&own.name, names.iter().copied());
-            let like = like.map_or(String::new(), |n| format!("did you mean `{n}`? "));
-            let mend = format!("{like}its parameters are {}", names.join(", "));
-            return Err(fault(
-                &own.value.place,
-                "parameters",
-                own.name.clone(),
-                mend,
-            ));
-        }
-    }
-    let mut e = Vec::with_capacity(names.len());
-    for p in info.parameters {
-        let Some(own) = stated.parameters.iter().find(|own| own.name == p.name) else {
-            let mend = format!("add `{} = {{ value = … }}`", p.name);
-            let found = format!("without `{}`", p.name);
-            return Err(fault(&id.place, "parameters", found, mend));
-        };
-        e.push(value(nominal, joint, p, own, &fault)?);
-    }
-    let effect = effect.clone();
-    Ok((Term { effect, joint }, e))
-}
-
-/// Makes the error at an effect: place, key, what was found, mend.
-type AtEffect<'a> = dyn Fn(&Option<Place>, &'static str, String, String) -> Fault + 'a;
-
-/// The value of a parameter, its unit and range checked.
-fn value(
-    nominal: &description::Nominal,
-    joint: usize,
-    p: &Parameter,
-    own: &EffectParameter,
-    fault: &AtEffect<'_>,
-) -> Result<f64, Fault> {
-    let unit = unit(nominal, joint, p);
-    if let Some(stated) = &own.unit
-        && stated.value != unit
-    {
-        let mend = format!("`{}` is in {unit} here; convert the value", p.name);
-        return Err(fault(
-            &stated.place,
-            "unit",
-            format!("\"{}\"", stated.value),
-            mend,
-        ));
-    }
-    let x = own.value.value;
-    let (low, high) = range(p);
-    let positive = p.lower > 0.0 && x <= 0.0;
-    if x < low || x > high || positive {
-        let mend = match (positive, low.is_finite(), high.is_finite()) {
-            (true, ..) => format!("`{}` is positive", p.name),
-            (_, true, true) => format!("`{}` is from {low} to {high} {unit}", p.name),
-            _ => format!("`{}` is at least {low} {unit}", p.name),
-        };
-        return Err(fault(&own.value.place, "value", format!("{x}"), mend));
-    }
-    Ok(x)
-}
-
-/// Range of a parameter on any robot: ranges in sizes of the motion keep their sign only.
-pub fn range(p: &Parameter) -> (f64, f64) {
-    match p.unit {
-        Unit::One | Unit::Angle | Unit::Time => (p.lower, p.upper),
-        _ if p.lower >= 0.0 => (0.0, f64::INFINITY),
-        _ => (f64::NEG_INFINITY, f64::INFINITY),
-    }
-}
-
-/// SI unit of a parameter at a joint of a robot: with its kind of motion and of input.
-pub fn unit(nominal: &description::Nominal, joint: usize, p: &Parameter) -> String {
-    let robot = nominal.robot();
-    let input = robot.inputs.get(joint).map_or("A", |i| i.unit.as_str());
-    match p.unit {
-        Unit::Input => return input.to_owned(),
-        Unit::InverseSquareInput => return format!("1/({input})^2"),
-        _ => {}
-    }
-    let mut joints = robot.joints.iter();
-    let own = joints.find(|j| j.coord == Some(joint));
-    let prismatic = own.is_some_and(|j| j.kind.is_length());
-    if !prismatic {
-        return p.si.to_owned();
-    }
-    match p.si {
-        "kg*m^2" => "kg".to_owned(),
-        "rad/(N*m)" => "m/N".to_owned(),
-        si => si.replace("N*m", "N").replace("rad", "m"),
     }
 }

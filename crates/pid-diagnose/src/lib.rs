@@ -60,12 +60,8 @@
 mod bench;
 pub mod case;
 pub mod channel;
-pub mod circumstances;
-pub mod constants;
 pub mod criteria;
 pub mod diagnosis;
-pub mod effect;
-pub mod effects;
 pub mod excerpt;
 pub mod extended;
 pub mod fit;
@@ -78,7 +74,6 @@ mod levels;
 pub mod locate;
 pub mod next;
 pub mod noise;
-pub mod nominal;
 mod numerics;
 pub mod observer;
 mod page;
@@ -87,11 +82,13 @@ mod point;
 pub mod predict;
 pub mod regular;
 pub mod report;
-pub mod scalar;
 pub mod screen;
 pub mod search;
 pub mod simulate;
 pub mod timing;
 pub mod windows;
-pub mod with_effects;
 mod write;
+
+pub use pid_effects::{
+    circumstances, constants, described, effect, effects, nominal, scalar, with_effects,
+};

@@ -3,8 +3,8 @@
 use super::magnitude::{covariances, curvature};
 use crate::case::Case;
 use crate::criteria::Criteria;
+use crate::described::range;
 use crate::fit::Fit;
-use crate::known::range;
 
 /// Deviations to either side of an interval of 95 %.
 const SIDES: f64 = 1.96;

@@ -57,8 +57,14 @@ pub(super) fn assemble(
         Some(likelihood) => {
             let level = |l: &Option<f64>| l.map_or(0.0, |l| 1.0 / (l * l));
             let weights: Vec<f64> = likelihood.noise.iter().map(level).collect();
+            let unread = |c: usize| likelihood.noise.get(c) == Some(&Some(f64::INFINITY));
             for track in &mut tracks {
                 track.weights.clone_from(&weights);
+                for row in track.measured.chunks_exact_mut(weights.len().max(1)) {
+                    // The value starts the state and is no reading.
+                    let own = row.iter_mut().enumerate().filter(|(c, _)| unread(*c));
+                    own.for_each(|(_, x)| *x = f64::NAN);
+                }
             }
             (loss, priors) = (likelihood.loss, likelihood.priors.clone());
         }

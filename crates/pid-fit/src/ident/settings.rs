@@ -64,7 +64,8 @@ pub enum Prepare {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Likelihood {
     /// Standard deviation of the noise of each channel, positions of all joints, then velocities;
-    /// `None` where it is estimated. If empty, all are estimated.
+    /// `None` where it is estimated, infinite for values that start a state and are no readings. If
+    /// empty, all are estimated.
     pub noise: Vec<Option<f64>>,
     /// Loss of deviations.
     pub loss: Loss,

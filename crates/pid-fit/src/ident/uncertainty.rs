@@ -195,9 +195,20 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
         .iter()
         .map(|j| solved.priors.iter().any(|p| p.parameter == *j))
         .collect();
+    let mut prior = vec![0.0; n];
+    for p in solved.priors {
+        if let Some(i) = free.iter().position(|&j| j == p.parameter) {
+            prior[i] += 2.0 * solved.share * (width[i] / p.deviation).powi(2);
+        }
+    }
     // Priors on all the parameters of a direction determine it, even if they are wide beside the
-    // ranges.
-    let by_prior = |k: usize| (0..n).all(|i| expected[i] || u[(i, k)] * u[(i, k)] <= 1e-6);
+    // ranges. They do so too where half of its curvature is theirs: a parameter without a prior that
+    // moves a little with others then has a deviation.
+    let by_prior = |k: usize| {
+        let own = (0..n).map(|i| prior[i] * u[(i, k)] * u[(i, k)]);
+        own.sum::<f64>() > 0.5 * d[k]
+            || (0..n).all(|i| expected[i] || u[(i, k)] * u[(i, k)] <= 1e-6)
+    };
     let known = |k: usize| d[k] > least || d[k] > rounding && by_prior(k);
     let inverse = Mat::from_fn(n, n, |i, j| {
         (0..n)
@@ -205,12 +216,6 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
             .map(|k| u[(i, k)] * u[(j, k)] / d[k])
             .sum::<f64>()
     });
-    let mut prior = vec![0.0; n];
-    for p in solved.priors {
-        if let Some(i) = free.iter().position(|&j| j == p.parameter) {
-            prior[i] += 2.0 * solved.share * (width[i] / p.deviation).powi(2);
-        }
-    }
     let certain = |i: usize, k: usize| {
         if i == k {
             2.0 * solved.share * prior[i]

@@ -43,6 +43,35 @@ pub enum LagError {
     },
 }
 
+/// A lag and what is known of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lag {
+    /// Joint whose velocity reading it is.
+    pub joint: String,
+    /// Name of its parameter.
+    pub name: String,
+    /// Start, lower and upper end of the time constant, s.
+    pub range: (f64, f64, f64),
+    /// Whether it is held at its start.
+    pub fixed: bool,
+    /// How much sooner the reading answers than a lag in continuous time, s: a filter that runs at
+    /// the samples has half a sample less delay.
+    pub sooner: f64,
+}
+
+impl Lag {
+    /// Of a joint, unknown.
+    fn unknown(joint: &str) -> Self {
+        Self {
+            joint: joint.to_owned(),
+            name: format!("velocity_lag_{joint}"),
+            range: (TIME.1, TIME.0, TIME.2),
+            fixed: false,
+            sooner: 0.0,
+        }
+    }
+}
+
 thread_local! {
     /// Inner inputs; kept so that evaluations do not allocate.
     static SCRATCH: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
@@ -54,6 +83,8 @@ pub struct Lagging<'m> {
     inner: Box<dyn Hessian + 'm>,
     /// Joint of each lag.
     lags: Vec<usize>,
+    /// How much sooner each answers, s.
+    sooner: Vec<f64>,
     dims: Dims,
     joints: Vec<JointInfo>,
     params: Vec<ParamInfo>,
@@ -73,27 +104,39 @@ impl<'m> Lagging<'m> {
         names: &[String],
         dataset: &mut Dataset,
     ) -> Result<Self, LagError> {
+        let all: Vec<String> = match names {
+            [] => inner.joints().iter().map(|j| j.name.to_string()).collect(),
+            names => names.to_vec(),
+        };
+        let lags: Vec<Lag> = all.iter().map(|name| Lag::unknown(name)).collect();
+        Self::of(inner, &lags, dataset)
+    }
+
+    /// Adds stated lags.
+    ///
+    /// # Errors
+    /// [`LagError`].
+    pub fn of(
+        inner: Box<dyn Hessian + 'm>,
+        stated: &[Lag],
+        dataset: &mut Dataset,
+    ) -> Result<Self, LagError> {
         let before = inner.dims();
-        let mut lags = Vec::new();
-        for name in names {
-            let joint = inner.joints().iter().position(|j| j.name == *name);
-            lags.push(joint.ok_or_else(|| {
+        let mut each = Vec::new();
+        for lag in stated {
+            let joint = inner.joints().iter().position(|j| j.name == lag.joint);
+            let joint = joint.ok_or_else(|| {
+                let all = inner.joints().iter().map(|j| j.name.as_ref());
                 LagError::UnknownJoint {
-                    joint: name.clone(),
-                    joints: inner
-                        .joints()
-                        .iter()
-                        .map(|j| j.name.as_ref())
-                        .collect::<Vec<_>>()
-                        .join(", "),
+                    joint: lag.joint.clone(),
+                    joints: all.collect::<Vec<_>>().join(", "),
                 }
-            })?);
+            })?;
+            each.push((joint, lag));
         }
-        if lags.is_empty() {
-            lags = (0..before.nq).collect();
-        }
-        lags.sort_unstable();
-        lags.dedup();
+        each.sort_by_key(|(joint, _)| *joint);
+        each.dedup_by_key(|(joint, _)| *joint);
+        let lags: Vec<usize> = each.iter().map(|(joint, _)| *joint).collect();
         for &j in &lags {
             if dataset.joints[j].velocity == VelocityKind::Absent {
                 return Err(LagError::NoVelocity {
@@ -110,7 +153,7 @@ impl<'m> Lagging<'m> {
         };
         let (mut joints, mut params) = (inner.joints().to_vec(), inner.params().to_vec());
         let mut inputs = inner.inputs().to_vec();
-        for (k, &j) in lags.iter().enumerate() {
+        for (k, &(j, lag)) in each.iter().enumerate() {
             let joint = &inner.joints()[j];
             joints.push(JointInfo {
                 name: Cow::Owned(format!("reading_{}", joint.name)),
@@ -118,13 +161,13 @@ impl<'m> Lagging<'m> {
                 ..joint.clone()
             });
             params.push(ParamInfo {
-                name: Cow::Owned(format!("velocity_lag_{}", joint.name)),
+                name: Cow::Owned(lag.name.clone()),
                 unit: Cow::Borrowed("s"),
                 doc: Cow::Borrowed("time constant between the velocity and its reading"),
-                nominal: TIME.1,
-                lower: TIME.0,
-                upper: TIME.2,
-                fixed: false,
+                nominal: lag.range.0,
+                lower: lag.range.1,
+                upper: lag.range.2,
+                fixed: lag.fixed,
             });
             inputs.insert(
                 before.nq + k,
@@ -191,6 +234,7 @@ impl<'m> Lagging<'m> {
         }
         Ok(Self {
             inner,
+            sooner: each.iter().map(|(_, lag)| lag.sooner).collect(),
             lags,
             dims,
             joints,
@@ -228,13 +272,13 @@ impl<'m> Lagging<'m> {
         out
     }
 
-    /// Of each lag: its coordinate, joint, time constant.
+    /// Of each lag: its coordinate, joint, and the factor of its acceleration.
     fn each<'a>(&'a self, at: &'a At<'_>) -> impl Iterator<Item = (usize, usize, f64)> + 'a {
         let (nq, np) = (self.inner.dims().nq, self.inner.dims().np);
         self.lags
             .iter()
             .enumerate()
-            .map(move |(k, &j)| (nq + k, j, at.p[np + k]))
+            .map(move |(k, &j)| (nq + k, j, at.p[np + k] - self.sooner[k]))
     }
 }
 

@@ -1,0 +1,161 @@
+//! The constants of a robot that effects read and change, by what they are.
+
+use pid_interpret::links;
+use pid_interpret::nominal::Role;
+use pid_symbolic::program::Element;
+
+use crate::nominal::Nominal;
+use crate::scalar::Scalar;
+
+/// A constant of the robot. Bodies and coordinates count from 0, base to tip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Constant {
+    /// Component of the acceleration of gravity in base axes, m/s².
+    Gravity(usize),
+    /// Mass of a body, kg.
+    Mass(usize),
+    /// Component of the first moment m·c of a body in its frame, kg·m: body, axis.
+    Moment(usize, usize),
+    /// Entry xx, yy, zz, xy, xz, yz of the inertia of a body about the origin of its frame, kg·m²:
+    /// body, entry.
+    Inertia(usize, usize),
+    /// Rotor inertia (kg·m²) or mass (kg) at a coordinate.
+    Rotor(usize),
+    /// Torque or force at a coordinate per unit of its input.
+    Gain(usize),
+    /// Coulomb friction of a coordinate, N·m or N.
+    Coulomb(usize),
+    /// Viscous friction of a coordinate, N·m·s/rad or N·s/m.
+    Viscous(usize),
+}
+
+/// Values of all constants of one simulated robot.
+#[derive(Debug, Clone)]
+pub struct Constants<'n, D> {
+    nominal: &'n Nominal,
+    /// Parameters of the description's robot.
+    p: Vec<D>,
+    /// In the order of [`links::Links::place`].
+    links: Vec<D>,
+    gain: Vec<D>,
+    coulomb: Vec<D>,
+    viscous: Vec<D>,
+}
+
+impl<'n, D: Scalar + Element> Constants<'n, D> {
+    /// At deviations `theta` of the nominal parameters, in tolerances.
+    pub fn new(nominal: &'n Nominal, theta: &[D]) -> Self {
+        let p = nominal.parameters(theta);
+        let of = |role: Role| -> Vec<D> {
+            (0..nominal.n())
+                .map(|j| {
+                    nominal
+                        .place(j, role)
+                        .map_or_else(D::nil, |i| nominal.value(i, theta))
+                })
+                .collect()
+        };
+        Constants {
+            nominal,
+            links: nominal.links.constants(&p),
+            gain: of(Role::Gain),
+            coulomb: of(Role::Coulomb),
+            viscous: of(Role::Viscous),
+            p,
+        }
+    }
+
+    /// Everything of mass matrix and bias that depends on constants alone.
+    pub fn prepared(&self) -> links::Work<D> {
+        self.nominal.links.prepare(&self.p, &self.links)
+    }
+}
+
+impl<'n, D: Scalar> Constants<'n, D> {
+    /// None of them: for forces that are evaluated apart from a robot. Allocates nothing.
+    pub fn none(nominal: &'n Nominal) -> Self {
+        Constants {
+            nominal,
+            p: Vec::new(),
+            links: Vec::new(),
+            gain: Vec::new(),
+            coulomb: Vec::new(),
+            viscous: Vec::new(),
+        }
+    }
+
+    /// The robot they are constants of.
+    pub fn nominal(&self) -> &'n Nominal {
+        self.nominal
+    }
+
+    /// A constant; zero if the robot has no such.
+    #[inline(always)]
+    pub fn get(&self, which: Constant) -> D {
+        let found = match which {
+            Constant::Gain(j) => self.gain.get(j),
+            Constant::Coulomb(j) => self.coulomb.get(j),
+            Constant::Viscous(j) => self.viscous.get(j),
+            _ => self.place(which).and_then(|i| self.links.get(i)),
+        };
+        found.copied().unwrap_or_else(D::nil)
+    }
+
+    /// Changes a constant; does nothing if the robot has no such.
+    pub fn set(&mut self, which: Constant, value: D) {
+        let place = self.place(which);
+        let found = match which {
+            Constant::Gain(j) => self.gain.get_mut(j),
+            Constant::Coulomb(j) => self.coulomb.get_mut(j),
+            Constant::Viscous(j) => self.viscous.get_mut(j),
+            _ => place.and_then(|i| self.links.get_mut(i)),
+        };
+        if let Some(found) = found {
+            *found = value;
+        }
+    }
+
+    /// Adds to a constant; does nothing if the robot has no such.
+    pub fn add(&mut self, which: Constant, more: D) {
+        let sum = self.get(which) + more;
+        self.set(which, sum);
+    }
+
+    fn place(&self, which: Constant) -> Option<usize> {
+        let which = match which {
+            Constant::Gravity(i) => links::Constant::Gravity(i),
+            Constant::Mass(b) => links::Constant::Mass(b),
+            Constant::Moment(b, i) => links::Constant::Moment(b, i),
+            Constant::Inertia(b, i) => links::Constant::Inertia(b, i),
+            Constant::Rotor(j) => links::Constant::Rotor(j),
+            Constant::Gain(_) | Constant::Coulomb(_) | Constant::Viscous(_) => return None,
+        };
+        self.nominal.links.place(which)
+    }
+
+    /// The body that carries the tool point, and the point in its frame, m; `None` for a robot
+    /// without bodies.
+    pub fn tool(&self) -> Option<(usize, [f64; 3])> {
+        self.nominal.links.tool()
+    }
+
+    /// Adds a point mass, kg, to a body at a point of its frame, m.
+    pub fn add_point_mass(&mut self, body: usize, mass: D, at: [f64; 3]) {
+        let [x, y, z] = at;
+        let shares = [
+            y * y + z * z,
+            x * x + z * z,
+            x * x + y * y,
+            -x * y,
+            -x * z,
+            -y * z,
+        ];
+        self.add(Constant::Mass(body), mass);
+        for (i, at) in at.into_iter().enumerate() {
+            self.add(Constant::Moment(body, i), mass * at);
+        }
+        for (i, share) in shares.into_iter().enumerate() {
+            self.add(Constant::Inertia(body, i), mass * share);
+        }
+    }
+}

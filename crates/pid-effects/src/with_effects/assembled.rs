@@ -1,0 +1,222 @@
+//! The model of a description with its effects, whatever they act on, and the records as it takes
+//! them.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use pid_data::Dataset;
+use pid_fit::transcribe::Prior;
+use pid_fit::wrap::lag::{Lag, LagError, Lagging};
+use pid_interpret::Model;
+use pid_interpret::nominal::{self as description, NominalError, Role, Velocity};
+use pid_runtime::dynamics::{Dynamics, Hessian};
+
+use super::states::{self, Drives, WithStates};
+use super::{EffectError, Placed, WithEffects, with_masses};
+use crate::circumstances::Circumstances;
+use crate::effect::Effect;
+use crate::effects::by_id;
+use crate::nominal::Nominal;
+
+/// A description with effects that no estimator takes.
+#[derive(Debug, thiserror::Error)]
+pub enum AssembleError {
+    /// The library does not have an effect as it is stated.
+    #[error(transparent)]
+    Nominal(#[from] NominalError),
+    /// The robot has no equations of motion.
+    #[error(transparent)]
+    Model(#[from] pid_interpret::Error),
+    /// The equations cannot take an effect.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// The records have no velocity that could lag.
+    #[error(transparent)]
+    Lag(#[from] LagError),
+}
+
+/// A model with effects.
+pub struct Assembled {
+    /// The model.
+    pub model: Box<dyn Hessian>,
+    /// Stated standard deviation of each channel, positions first: `None` where none is stated,
+    /// without bound where no sensor reads.
+    pub noise: Vec<Option<f64>>,
+    /// The records as they were read, where they have got columns since.
+    pub read: Option<Dataset>,
+}
+
+impl Assembled {
+    /// Prior knowledge of the description's parameters: uniform within ± tolerance, a deviation of
+    /// tolerance/√3.
+    pub fn priors(&self, nominal: &description::Nominal) -> Vec<Prior> {
+        let all = nominal.tolerances().iter().filter(|t| t.half_width > 0.0);
+        all.filter_map(|t| {
+            let mut params = self.model.params().iter();
+            Some(Prior {
+                parameter: params.position(|p| p.name == t.name)?,
+                mean: t.nominal,
+                deviation: t.half_width / 3.0_f64.sqrt(),
+            })
+        })
+        .collect()
+    }
+}
+
+/// Puts an effect that equations of motion do not take as one that no motion tells from it on this
+/// robot and that they take: on one joint a late reading is a late input.
+fn as_equal(nominal: &description::Nominal, own: &mut Placed) {
+    let takes = |effect: &dyn Effect| super::takes(effect).is_ok() || states::takes(effect);
+    if takes(&*own.term.effect) || filters(own) || nominal.drives().is_some() {
+        return;
+    }
+    let at = Circumstances::of(nominal, own.term.joint);
+    let mut equal = own.term.effect.info().equal_to(&at).filter_map(by_id);
+    let alike = |e: &Arc<dyn Effect>| {
+        let (a, b) = (e.info().parameters, own.term.effect.info().parameters);
+        takes(&**e) && a == b
+    };
+    if let Some(effect) = equal.find(alike) {
+        own.term.effect = effect;
+    }
+}
+
+/// Whether an effect is a filter of a velocity reading.
+fn filters(own: &Placed) -> bool {
+    let e = vec![1.0; own.ranges.len()];
+    own.term.effect.plain().velocity_lag(&e).is_some()
+}
+
+impl Assembled {
+    /// Of a description, without its effects.
+    ///
+    /// # Errors
+    /// If the robot has no equations of motion.
+    pub fn without_effects(nominal: &description::Nominal) -> Result<Self, AssembleError> {
+        Ok(Self {
+            model: Box::new(Model::new(nominal.robot())?),
+            noise: stated_noise(nominal),
+            read: None,
+        })
+    }
+
+    /// Of a description with its effects. Records get columns for states that no sensor reads, for
+    /// inputs that act later, and for velocities whose readings lag.
+    ///
+    /// # Errors
+    /// [`AssembleError`].
+    pub fn new(
+        nominal: &description::Nominal,
+        dataset: &mut Dataset,
+    ) -> Result<Self, AssembleError> {
+        let mut placed = Placed::of(nominal)?;
+        placed.iter_mut().for_each(|own| as_equal(nominal, own));
+        let (robot, placed) = match placed.is_empty() {
+            true => (nominal.robot().clone(), placed),
+            false => with_masses(&Nominal::new(nominal.clone()), placed),
+        };
+        let (lags, placed): (Vec<_>, Vec<_>) = placed.into_iter().partition(filters);
+        let (stateful, smooth): (Vec<_>, Vec<_>) =
+            (placed.into_iter()).partition(|own| states::takes(&*own.term.effect));
+        let mut model: Box<dyn Hessian> = Box::new(Model::new(&robot)?);
+        if !smooth.is_empty() {
+            model = Box::new(WithEffects::new(model, &smooth)?);
+        }
+        let mut noise = stated_noise(nominal);
+        let wide = !stateful.is_empty() || !lags.is_empty();
+        let read = wide.then(|| dataset.clone());
+        if !stateful.is_empty() {
+            let drives = drives(nominal, model.as_ref());
+            let with = WithStates::new(model, &stateful, &drives, dataset)?;
+            noise = with.noise(&noise);
+            model = Box::new(with);
+        }
+        if !lags.is_empty() {
+            (model, noise) = lagging(nominal, model, noise, &lags, dataset)?;
+        }
+        Ok(Self { model, noise, read })
+    }
+}
+
+/// Stated noise of sensors; noise of zero means that nobody measured it.
+fn stated_noise(nominal: &description::Nominal) -> Vec<Option<f64>> {
+    let channels = &nominal.measurement().channels;
+    let stated = |x: Option<f64>| x.filter(|x| *x > 0.0);
+    let position = channels.iter().map(|c| stated(c.position_std()));
+    let velocity = channels.iter().map(|c| match c.velocity {
+        Velocity::Measured { noise } => stated(noise),
+        Velocity::Derived { .. } | Velocity::Absent => None,
+    });
+    position.chain(velocity).collect()
+}
+
+/// Side of the encoders, and the rotor inertias among the parameters.
+fn drives(nominal: &description::Nominal, model: &dyn Dynamics) -> Drives {
+    let rotor = |joint: usize| {
+        let mut all = nominal.tolerances().iter();
+        let own = all.find(|t| t.joint == Some(joint) && t.role == Role::RotorInertia)?;
+        model.params().iter().position(|p| p.name == own.name)
+    };
+    Drives {
+        side: nominal.measurement().encoder_side,
+        rotors: (0..model.dims().nq).map(rotor).collect(),
+    }
+}
+
+/// Lags of velocity readings: where the velocity is derived from positions, behind the filter of
+/// the derivative.
+fn lagging(
+    nominal: &description::Nominal,
+    mut model: Box<dyn Hessian>,
+    mut noise: Vec<Option<f64>>,
+    lags: &[Placed],
+    dataset: &mut Dataset,
+) -> Result<(Box<dyn Hessian>, Vec<Option<f64>>), LagError> {
+    let h = states::step(dataset);
+    for own in lags {
+        let joint = own.term.joint;
+        let mut name = model.joints()[joint].name.to_string();
+        let info = own.term.effect.info();
+        let parameter = format!("{}_{}_{name}", info.id, info.parameters[0].name);
+        let channel = nominal.measurement().channels.get(joint);
+        let derived = channel.and_then(|c| match c.velocity {
+            Velocity::Derived { filter_hz } => filter_hz,
+            _ => None,
+        });
+        let mut stages = Vec::new();
+        if let Some(hz) = derived {
+            // The difference quotient has half a sample more delay, the filter at the samples half
+            // a sample less.
+            let time = 1.0 / (TAU * hz);
+            stages.push(Lag {
+                joint: name.clone(),
+                name: format!("velocity_filter_{name}"),
+                range: (time, time, time),
+                fixed: true,
+                sooner: 0.0,
+            });
+        }
+        let (start, lower, upper) = own.ranges[0];
+        stages.push(Lag {
+            joint: String::new(),
+            name: parameter,
+            range: (start, lower.max(h), upper),
+            fixed: false,
+            sooner: 0.5 * h,
+        });
+        let mut at = joint;
+        for mut stage in stages {
+            stage.joint.clone_from(&name);
+            let n = model.dims().nq;
+            let lagging = Lagging::of(model, &[stage], dataset)?;
+            // The reading moves to the coordinate of the lag; its position is read nowhere.
+            let velocity = std::mem::replace(&mut noise[n + at], Some(f64::INFINITY));
+            noise.insert(n, Some(f64::INFINITY));
+            noise.push(velocity);
+            at = n;
+            name = lagging.joints()[at].name.to_string();
+            model = Box::new(lagging);
+        }
+    }
+    Ok((model, noise))
+}
