@@ -7,7 +7,7 @@ use pid_runtime::dynamics::{At, Dims};
 
 use super::super::group::{Obstacle, hooks};
 use super::super::smooth::Smooth;
-use crate::effect::{Commands, Effect, Flow};
+use crate::effect::{Commands, Effect, Flow, Flowing};
 use crate::scalar::Scalar;
 
 /// Places of the arguments: position, velocity, acceleration and input of the joint; position,
@@ -56,26 +56,26 @@ pub(super) struct Member {
     pub(super) linear: bool,
 }
 
+/// The memory of an effect in continuous time, at one point.
+pub(super) fn flowing(effect: &dyn Effect) -> Option<Flowing<Smooth>> {
+    let one = Smooth::constant(1.0);
+    let e = vec![one; effect.info().parameters.len()];
+    let at = Flow {
+        v: one,
+        speed: one,
+        u: one,
+        w: one,
+        coulomb: one,
+    };
+    effect.smooth().flow(&e, &at)
+}
+
 /// Which of the kinds an effect is.
 pub(super) fn kind(effect: &dyn Effect) -> Result<Kind, Obstacle> {
     match hooks(effect) {
         Err(Obstacle::Gear) => Ok(Kind::Gear),
         Err(Obstacle::Delay) => Ok(Kind::Delay),
-        Err(Obstacle::Memory) => {
-            let e = vec![Smooth::constant(1.0); effect.info().parameters.len()];
-            let one = Smooth::constant(1.0);
-            let at = Flow {
-                v: one,
-                speed: one,
-                u: one,
-                w: one,
-                coulomb: one,
-            };
-            match effect.smooth().flow(&e, &at) {
-                Some(_) => Ok(Kind::Memory),
-                None => Err(Obstacle::Memory),
-            }
-        }
+        Err(Obstacle::Memory) if flowing(effect).is_some() => Ok(Kind::Memory),
         Err(other) => Err(other),
         Ok(_) => Err(Obstacle::Structure),
     }

@@ -69,6 +69,15 @@ pub(super) fn takes(effect: &dyn Effect) -> bool {
     kind(effect).is_ok()
 }
 
+/// Whether the friction of the joint is that of a state: a rotor's, or a memory's own.
+pub(super) fn moves_friction(effect: &dyn Effect) -> bool {
+    match kind(effect) {
+        Ok(Kind::Gear) => true,
+        Ok(Kind::Memory) => member::flowing(effect).is_some_and(|f| f.friction.is_some()),
+        _ => false,
+    }
+}
+
 /// A model that is being widened.
 struct Widening<'a> {
     inner: &'a dyn Hessian,
