@@ -220,6 +220,24 @@ fn a_spring_goes_round() {
     closed_loop("spring", &[0.6, 0.1], (&[50.0], 1));
 }
 
+/// On the signal path, looking back in time.
+#[test]
+fn a_late_input_goes_round() {
+    closed_loop("input_delay", &[0.0105], (&[200.0, 400.0], 4));
+}
+
+/// On the signal path, with a state.
+#[test]
+fn a_slow_drive_goes_round() {
+    closed_loop("actuator_lag", &[0.02], (&[200.0, 400.0], 4));
+}
+
+/// With a rotor of its own.
+#[test]
+fn an_elastic_joint_goes_round() {
+    closed_loop("joint_elasticity", &[0.012, 0.001], (&[200.0, 400.0], 4));
+}
+
 /// Diagnosis, extended model, its gap and its identification on records of others: effect, joint,
 /// and the parameters whose intervals must overlap.
 fn goes_round(

@@ -12,7 +12,7 @@ use pid_interpret::nominal::{self as description, NominalError, Role, Velocity};
 use pid_runtime::dynamics::{Dynamics, Hessian};
 
 use super::states::{self, Drives, WithStates};
-use super::{EffectError, Placed, WithEffects, with_masses};
+use super::{EffectError, Obstacle, Placed, WithEffects, group, with_masses};
 use crate::circumstances::Circumstances;
 use crate::effect::Effect;
 use crate::effects::by_id;
@@ -81,6 +81,24 @@ fn as_equal(nominal: &description::Nominal, own: &mut Placed) {
     }
 }
 
+/// Refuses a law of friction or of the input at a joint where a state takes the place of these.
+fn clash(smooth: &[Placed], stateful: &[Placed]) -> Result<(), EffectError> {
+    for own in smooth {
+        let Ok(hooks) = group::hooks(&*own.term.effect) else {
+            continue;
+        };
+        let friction = hooks.friction || hooks.viscous || hooks.load;
+        let mut at = stateful.iter().filter(|s| s.term.joint == own.term.joint);
+        if at.any(|s| hooks.input || friction && states::moves_friction(&*s.term.effect)) {
+            return Err(EffectError::Obstacle {
+                effect: own.term.label(),
+                obstacle: Obstacle::Together,
+            });
+        }
+    }
+    Ok(())
+}
+
 /// Whether an effect is a filter of a velocity reading.
 fn filters(own: &Placed) -> bool {
     let e = vec![1.0; own.ranges.len()];
@@ -118,6 +136,7 @@ impl Assembled {
         let (lags, placed): (Vec<_>, Vec<_>) = placed.into_iter().partition(filters);
         let (stateful, smooth): (Vec<_>, Vec<_>) =
             (placed.into_iter()).partition(|own| states::takes(&*own.term.effect));
+        clash(&smooth, &stateful)?;
         let mut model: Box<dyn Hessian> = Box::new(Model::new(&robot)?);
         if !smooth.is_empty() {
             model = Box::new(WithEffects::new(model, &smooth)?);
@@ -131,10 +150,8 @@ impl Assembled {
             noise = with.noise(&noise);
             model = Box::new(with);
         }
-        if !lags.is_empty() {
-            (model, noise) = lagging(nominal, model, noise, &lags, dataset)?;
-        }
-        Ok(Self { model, noise, read })
+        let with = Self { model, noise, read };
+        Ok(lagging(nominal, with, &lags, dataset)?)
     }
 }
 
@@ -167,11 +184,15 @@ fn drives(nominal: &description::Nominal, model: &dyn Dynamics) -> Drives {
 /// the derivative.
 fn lagging(
     nominal: &description::Nominal,
-    mut model: Box<dyn Hessian>,
-    mut noise: Vec<Option<f64>>,
+    with: Assembled,
     lags: &[Placed],
     dataset: &mut Dataset,
-) -> Result<(Box<dyn Hessian>, Vec<Option<f64>>), LagError> {
+) -> Result<Assembled, LagError> {
+    let Assembled {
+        mut model,
+        mut noise,
+        read,
+    } = with;
     let h = states::step(dataset);
     for own in lags {
         let joint = own.term.joint;
@@ -210,7 +231,7 @@ fn lagging(
             let n = model.dims().nq;
             let lagging = Lagging::of(model, &[stage], dataset)?;
             // The reading moves to the coordinate of the lag; its position is read nowhere.
-            let velocity = std::mem::replace(&mut noise[n + at], Some(f64::INFINITY));
+            let velocity = noise[n + at].replace(f64::INFINITY);
             noise.insert(n, Some(f64::INFINITY));
             noise.push(velocity);
             at = n;
@@ -218,5 +239,5 @@ fn lagging(
             model = Box::new(lagging);
         }
     }
-    Ok((model, noise))
+    Ok(Assembled { model, noise, read })
 }

@@ -54,6 +54,8 @@ pub enum Obstacle {
     Time,
     /// It changes masses or gravity.
     Structure,
+    /// It changes friction or input of a joint where another effect's state takes their place.
+    Together,
 }
 
 impl fmt::Display for Obstacle {
@@ -76,6 +78,9 @@ impl fmt::Display for Obstacle {
             }
             Obstacle::Time => {
                 "it depends on the time, which equations of motion do not have\n  help: use records of a warm joint, or parameters of each record (--private); `simtrue simulate` and `simtrue diagnose` take it"
+            }
+            Obstacle::Together => {
+                "a state of another effect takes the place of the friction or input that it changes\n  help: leave one of the two out; `simtrue simulate` and `simtrue diagnose` take both"
             }
             Obstacle::Structure => {
                 "it changes masses or gravity, which only a nominal description states\n  help: state it in the description (--nominal) or declare it"

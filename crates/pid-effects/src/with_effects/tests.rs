@@ -470,3 +470,19 @@ fn readings_are_those_of_the_encoders_side() {
         ]
     );
 }
+
+#[test]
+fn a_state_and_a_law_that_it_replaces_are_refused() {
+    let stribeck = "[[effect]]\nid = \"stribeck\"\njoint = \"elbow\"\n[effect.parameters]\nexcess = { value = 1.0 }\nstribeck_velocity = { value = 0.2 }\n";
+    let elastic = "[[effect]]\nid = \"joint_elasticity\"\njoint = \"elbow\"\n[effect.parameters]\ncompliance = { value = 0.01 }\ndamping_time = { value = 0.001 }\n";
+    let assemble = |effects: &str| {
+        let text = format!("{ARM}\n{effects}");
+        let nominal = description::Nominal::parse("arm.toml", &text).expect(&text);
+        Assembled::new(&nominal, &mut records()).map(|with| with.model.dims().nq)
+    };
+    let error = assemble(&format!("{stribeck}{elastic}")).expect_err("one friction");
+    assert!(error.to_string().contains("stribeck:2"), "{error}");
+    let elsewhere = stribeck.replace("elbow", "shoulder");
+    let found = assemble(&format!("{elsewhere}{elastic}"));
+    assert_eq!(found.expect("other joints"), 3);
+}
