@@ -73,20 +73,20 @@ pub mod known;
 mod levels;
 pub mod locate;
 pub mod next;
-pub mod noise;
+mod noise;
 mod numerics;
-pub mod observer;
+mod observer;
 mod page;
 mod plot;
 mod point;
 pub mod predict;
-pub mod regular;
+mod regular;
 pub mod report;
 pub mod screen;
 pub mod search;
-pub mod simulate;
+mod simulate;
 pub mod timing;
-pub mod windows;
+mod windows;
 mod write;
 
 pub use pid_effects::{

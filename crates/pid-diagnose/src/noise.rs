@@ -28,7 +28,7 @@ const SWEEPS: usize = 2;
 
 /// Sets the drive noise of every joint whose noise is not stated to its most likely value under a
 /// fit. Returns whether there was one.
-pub fn settle(case: &mut Case, fit: &Fit) -> bool {
+pub(crate) fn settle(case: &mut Case, fit: &Fit) -> bool {
     let open: Vec<usize> = (0..case.n()).filter(|&j| !case.noise[j].stated).collect();
     if open.is_empty() {
         return false;

@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, Matrix2};
 
 /// What the gain is designed for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Design {
+pub(crate) struct Design {
     /// Sample time, s.
     pub h: f64,
     /// Rotor inertia where there is a gear, all of it otherwise.
@@ -106,7 +106,7 @@ fn steady_covariance(
 }
 
 /// Gain from the steady state of the Riccati recursion.
-pub fn gain(d: &Design) -> Gain {
+pub(crate) fn gain(d: &Design) -> Gain {
     let size = if d.gear.is_some() { 4 } else { 2 };
     let mut a = DMatrix::<f64>::zeros(size, size);
     a[(0, 1)] = 1.0;

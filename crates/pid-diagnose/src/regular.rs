@@ -22,7 +22,7 @@ const TOLERATED: f64 = 2e-3;
 const AROUND: usize = 3;
 
 /// Equal times with the mean step of `t`, if these stray from equal steps.
-pub fn needed(t: &[f64]) -> Option<Vec<f64>> {
+pub(crate) fn needed(t: &[f64]) -> Option<Vec<f64>> {
     let (first, last) = (*t.first()?, *t.last()?);
     let n = t.len();
     let steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
@@ -42,7 +42,7 @@ pub fn needed(t: &[f64]) -> Option<Vec<f64>> {
 
 /// Readings at the times `at`, each from the nearest one, moved along the motion; missing (NaN)
 /// where that one is missing or more than half a step away.
-pub fn readings(t: &[f64], x: &[f64], at: &[f64]) -> Vec<f64> {
+pub(crate) fn readings(t: &[f64], x: &[f64], at: &[f64]) -> Vec<f64> {
     let half = 0.5 * (at[1] - at[0]);
     let mut i = 0;
     at.iter()
@@ -89,12 +89,12 @@ fn moved(t: &[f64], x: &[f64], i: usize, s: f64) -> f64 {
 }
 
 /// An input at the times `at` on straight lines between its samples.
-pub fn lines(t: &[f64], u: &[f64], at: &[f64]) -> Vec<f64> {
+pub(crate) fn lines(t: &[f64], u: &[f64], at: &[f64]) -> Vec<f64> {
     pid_data::signal::resample(t, u, at, pid_data::signal::Interpolation::Linear)
 }
 
 /// Mean over each new step of an input that holds its value until the next sample.
-pub fn held(t: &[f64], u: &[f64], at: &[f64]) -> Vec<f64> {
+pub(crate) fn held(t: &[f64], u: &[f64], at: &[f64]) -> Vec<f64> {
     let end = at.len() - 1;
     let mut i = 0;
     (0..at.len())

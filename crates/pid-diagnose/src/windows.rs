@@ -35,7 +35,7 @@ const NEVER: f64 = 2e5;
 
 /// Start parameters of a timed effect for a refit, one set for each length of bins; none if the
 /// effect is not timed or shows in no bin.
-pub fn starts(case: &Case, basis: &Basis, fit: &Fit, term: &Term) -> Vec<Vec<f64>> {
+pub(crate) fn starts(case: &Case, basis: &Basis, fit: &Fit, term: &Term) -> Vec<Vec<f64>> {
     BINS.iter()
         .filter_map(|&bins| found(case, basis, fit, term, bins))
         .flatten()

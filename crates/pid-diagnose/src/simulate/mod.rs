@@ -37,7 +37,7 @@ pub struct State<D> {
 }
 
 /// The robot under a hypothesis, ready to step.
-pub struct Machine<'h, D: Pick> {
+pub(crate) struct Machine<'h, D: Pick> {
     /// The constants, those of the effects included.
     pub constants: Constants<'h, D>,
     hypothesis: Cow<'h, Hypothesis>,
@@ -77,12 +77,12 @@ pub struct Machine<'h, D: Pick> {
 
 impl<'h, D: Pick> Machine<'h, D> {
     /// From constants at the nominal parameters; `e` are the effects' parameters in SI units.
-    pub fn new(constants: Constants<'h, D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
+    pub(crate) fn new(constants: Constants<'h, D>, hypothesis: &'h Hypothesis, e: Vec<D>) -> Self {
         Self::over(constants, Cow::Borrowed(hypothesis), e)
     }
 
     /// The same beside effects that are known.
-    pub fn beside(
+    pub(crate) fn beside(
         known: &Known,
         constants: Constants<'h, D>,
         hypothesis: &'h Hypothesis,
@@ -151,7 +151,7 @@ impl<'h, D: Pick> Machine<'h, D> {
     }
 
     /// Number of joints.
-    pub fn n(&self) -> usize {
+    pub(crate) fn n(&self) -> usize {
         self.bias.len()
     }
 
@@ -183,7 +183,7 @@ impl<'h, D: Pick> Machine<'h, D> {
 
     /// The state in which the drives at their first inputs hold the robot at the drive-side
     /// positions `q`, `v`.
-    pub fn rest(&mut self, q: &[f64], v: &[f64], u: &[f64]) -> State<D> {
+    pub(crate) fn rest(&mut self, q: &[f64], v: &[f64], u: &[f64]) -> State<D> {
         let n = self.n();
         let lift = |x: &[f64]| x.iter().map(|&x| D::constant(x)).collect::<Vec<D>>();
         let mut state = State {
@@ -222,7 +222,7 @@ impl<'h, D: Pick> Machine<'h, D> {
     }
 
     /// Memory cells whose value at the start no reading tells, with their joint and their largest value.
-    pub fn unknown_cells(&self) -> Vec<(usize, usize, f64)> {
+    pub(crate) fn unknown_cells(&self) -> Vec<(usize, usize, f64)> {
         let terms = self.hypothesis.terms.iter().zip(&self.cells);
         terms
             .filter_map(|(term, &at)| Some((at, term.joint, term.effect.largest_memory()?)))
@@ -230,7 +230,7 @@ impl<'h, D: Pick> Machine<'h, D> {
     }
 
     /// Reading of joint `j`: position and velocity as the encoder sees them.
-    pub fn sense(&self, j: usize, q: D, v: D) -> (D, D) {
+    pub(crate) fn sense(&self, j: usize, q: D, v: D) -> (D, D) {
         let mut reading = (q, v);
         for (i, term) in self.hypothesis.terms.iter().enumerate() {
             if term.joint == j && term.effect.info().has_joint {
@@ -241,12 +241,12 @@ impl<'h, D: Pick> Machine<'h, D> {
     }
 
     /// Sum of the delays of the readings of joint `j`, s.
-    pub fn reading_delay(&self, j: usize) -> Option<D> {
+    pub(crate) fn reading_delay(&self, j: usize) -> Option<D> {
         self.collect(j, |law, e| law.reading_delay(e))
     }
 
     /// Sum of the time constants of additional velocity filters of joint `j`, s.
-    pub fn velocity_lag(&self, j: usize) -> Option<D> {
+    pub(crate) fn velocity_lag(&self, j: usize) -> Option<D> {
         self.collect(j, |law, e| law.velocity_lag(e))
     }
 

@@ -27,7 +27,12 @@ impl<D: Pick> Machine<'_, D> {
     /// `None`: those of the steps before serve. Contacts and resonances of a gear need short steps,
     /// the links behind it do not (C. W. Gear, D. R. Wells, Multirate linear multistep methods, BIT
     /// 24, 1984).
-    pub fn step(&mut self, state: &mut State<D>, commands: &[Commands<'_>], links: Option<f64>) {
+    pub(crate) fn step(
+        &mut self,
+        state: &mut State<D>,
+        commands: &[Commands<'_>],
+        links: Option<f64>,
+    ) {
         advance(self, state, commands, links);
     }
 
