@@ -115,7 +115,10 @@ pub(crate) fn summary(d: &Diagnosis) -> String {
     ));
     for e in &d.effects {
         let joint = e.joint.map_or(String::new(), |j| format!(" at joint {j}"));
-        text.push_str(&format!("  {}{joint}:", e.effect));
+        let share = e.share.map_or(String::new(), |s| {
+            format!(", {:.0} % of the gap", 100.0 * s)
+        });
+        text.push_str(&format!("  {}{joint}{share}:", e.effect));
         for p in &e.parameters {
             match p.std {
                 Some(s) => text.push_str(&format!(" {} = {:.5} ± {:.1e}", p.name, p.value, s)),
@@ -131,8 +134,9 @@ pub(crate) fn summary(d: &Diagnosis) -> String {
         match d.effects.is_empty() {
             true => text.push_str("  no effect of the library pays on the records never fitted\n"),
             false => text.push_str(&format!(
-                "  explained: {:.0} % of the squared gap beyond the floor; the rest is unknown\n",
-                100.0 * left.explained
+                "  explained: {:.0} % of the squared gap beyond the floor; {:.0} % is left\n",
+                100.0 * left.explained,
+                100.0 * (1.0 - left.explained)
             )),
         }
         if let Some(law) = &left.nameless {

@@ -48,6 +48,7 @@ fn content(report: &Report) -> Markup {
     let d = report.diagnosis();
     html! {
         @if let Some(law) = law(d) { section { (nameless(report, law)) } }
+        @if let Some(budget) = budget(d) { section { (budget) } }
         @for e in &d.effects { section { (effect(e)) } }
         @if !d.beyond_tolerance.is_empty() {
             section {
@@ -57,6 +58,7 @@ fn content(report: &Report) -> Markup {
             }
         }
         @if let Some(left) = &d.remainder { section { (remainder(d, left)) } }
+        @if !d.rounds.is_empty() { section { (rounds(d)) } }
         section {
             h2 { "How far" }
             p class="quiet" { "Free-run error on records that were not fitted, relative to the motion; the floor is what noise alone leaves. Intervals of 95 % from the windows of the records." }
@@ -264,7 +266,7 @@ fn verdict(d: &Diagnosis) -> String {
             "Something is missing, but no effect of the library explains it.".to_owned()
         }
         Verdict::Unknown => format!(
-            "Something is missing that no effect of the library explains; {} of it goes with {}.",
+            "Something is missing that no effect of the library explains; {} of the gap goes with {}.",
             d.remainder
                 .as_ref()
                 .map_or_else(String::new, |r| format!("{:.0} %", 100.0 * r.explained)),
@@ -272,22 +274,80 @@ fn verdict(d: &Diagnosis) -> String {
         ),
         Verdict::Effect { .. } | Verdict::Several => match &d.remainder {
             Some(r) => format!(
-                "{}: {:.0} % of the squared gap; the rest is unknown.",
+                "{} explain{} {:.0} % of the squared gap beyond the floor; {:.0} % is left.",
                 all(d),
-                100.0 * r.explained
+                if d.effects.len() == 1 { "s" } else { "" },
+                100.0 * r.explained,
+                100.0 * (1.0 - r.explained)
             ),
             None => all(d),
         },
     }
 }
 
-/// All named effects.
+/// All named effects, with their shares where there are several.
 fn all(d: &Diagnosis) -> String {
-    d.effects
+    let words = |e: &Named| {
+        let share = e.share.filter(|_| d.effects.len() > 1);
+        let share = share.map_or_else(String::new, |s| format!(" ({:.0} %)", 100.0 * s));
+        format!("{}{share}", place(&e.effect, e.joint))
+    };
+    let words: Vec<String> = d.effects.iter().map(words).collect();
+    words.join(" and ")
+}
+
+/// How the squared gap beyond the floor is shared out, where effects explain a part of it.
+fn budget(d: &Diagnosis) -> Option<Markup> {
+    let left = 1.0 - d.remainder.as_ref()?.explained;
+    let bar = |label: String, share: f64| Bar {
+        label,
+        value: share,
+        text: format!("{:.0} %", 100.0 * share),
+    };
+    let mut shares: Vec<Bar> = d
+        .effects
         .iter()
-        .map(|e| place(&e.effect, e.joint))
-        .collect::<Vec<_>>()
-        .join(" and ")
+        .filter_map(|e| Some(bar(place(&e.effect, e.joint), e.share?)))
+        .collect();
+    if shares.is_empty() {
+        return None;
+    }
+    shares.push(bar("left".to_owned(), left));
+    Some(html! {
+        h2 { "The budget of the gap" }
+        p {
+            "Shares of the squared gap beyond the floor on motions that were never fitted: the mean of what is lost "
+            "without an effect and of what it explains alone, in proportion to what all explain together."
+        }
+        (bars("Share of each effect in the squared gap beyond the floor", &shares))
+    })
+}
+
+/// What the search tried beside the effects taken before, and why it was refused.
+fn rounds(d: &Diagnosis) -> Markup {
+    html! {
+        h2 { "What was tried" }
+        @for round in &d.rounds {
+            p {
+                @if round.beside.is_empty() { "Beside the nominal model:" } @else { "Beside " (round.beside.join(", ")) ":" }
+            }
+            div.scroll { table {
+                thead { tr { th { "candidate" } th class="num" { "score" } th class="num" { "gain on records never fitted" } th class="num" { "gap" } th { "outcome" } } }
+                @for c in &round.candidates {
+                    tr {
+                        td { (c.label) }
+                        td class="num" { (format!("{:.1}", c.score)) }
+                        td class="num" { (format!("{:.1}", c.held_out)) }
+                        td class="num" { (format!("{:.4}", c.gap)) }
+                        td { (c.refused.as_deref().unwrap_or("taken")) }
+                    }
+                }
+            } }
+            @if !round.dropped.is_empty() {
+                p { "It made superfluous: " (round.dropped.join(", ")) "." }
+            }
+        }
+    }
 }
 
 /// The law without a name that describes the records better than any effect.
