@@ -429,7 +429,9 @@ pub(super) fn add_part(evidence: Evidence, settings: &Settings) -> Evidence {
         let own = floor_of_records(&evidence);
         floor = if nothing_left(own) { own } else { floor };
     }
-    let coloured = taken.is_empty() && nothing_left(floor);
+    // A hum is no noise, however little it moves the robot.
+    let lines = criteria.allowance * criteria.line(evidence.residue.of.frequencies);
+    let coloured = taken.is_empty() && nothing_left(floor) && evidence.residue.line < lines;
     let explained = |gap: f64| share(before.total, gap, floor);
     let nameless = law
         .as_ref()
