@@ -69,9 +69,9 @@ pub(super) fn without(case: &Case, basis: &Basis, settings: &Settings, at: &Fit,
     with(case, basis, settings, at, |k| k != i)
 }
 
-/// [`Parts`] of every effect of a fit under the levels of `case`, gaps under those of `sensors`; `before` and `after` are the gaps without any and with all.
+/// [`Parts`] of every effect of a fit; `before` and `after` are the gaps without any and with all.
 pub(super) fn parts(
-    (case, sensors): (&Case, &Case),
+    case: &Case,
     basis: &Basis,
     settings: &Settings,
     at: &Fit,
@@ -84,7 +84,7 @@ pub(super) fn parts(
             alone: after,
         }];
     }
-    let gap = |fit: Fit| measured(sensors, &fit).total;
+    let gap = |fit: Fit| measured(case, &fit).total;
     (0..count)
         .into_par_iter()
         .map(|i| Parts {

@@ -69,7 +69,7 @@ struct Stand {
     gap: Gap,
 }
 
-/// The nominal structure under the levels of its own errors; `sensors` has those of the readings: free runs start from what these tell.
+/// The nominal structure under the levels of its own errors; `sensors` has those of the readings.
 fn tuned(case: &Case, settings: &Settings, nominal: &Fit, sensors: &Case) -> Stand {
     let mut case = case.clone();
     follow_slowly(&mut case);
@@ -87,7 +87,7 @@ fn tuned(case: &Case, settings: &Settings, nominal: &Fit, sensors: &Case) -> Sta
         (fitted, directions) = renewed(&mut case, settings, &fitted, sensors);
     }
     Stand {
-        gap: measured(sensors, &fitted),
+        gap: measured(&case, &fitted),
         case,
         directions,
         fit: fitted,
@@ -138,7 +138,7 @@ fn round(
     let held_out = judge(&now.case, &now.fit, &mut tried, list.len());
     let gaps: Vec<Gap> = tried
         .par_iter()
-        .map(|r| measured(sensors, &r.fit))
+        .map(|r| measured(&now.case, &r.fit))
         .collect();
     let mut candidates: Vec<Tried> = Vec::with_capacity(tried.len());
     let mut taken = None;
@@ -221,7 +221,7 @@ fn led_to(
 ) -> Result<Stand, &'static str> {
     let mut case = now.case.clone();
     let (fit, directions) = renewed(&mut case, settings, &tried.fit, sensors);
-    let gap = measured(sensors, &fit);
+    let gap = measured(&case, &fit);
     if gap.total >= now.gap.total {
         return Err("free runs grow under the levels it leaves");
     }
@@ -254,7 +254,7 @@ fn pruned(now: &mut Stand, settings: &Settings, sensors: &Case) -> Vec<usize> {
                 let less = without(&now.case, &now.directions, settings, &now.fit, i);
                 let parameters = terms[i].effect.info().parameters.len();
                 let gained = gained(&now.case, &sums_of(&now.case, &less), &now.fit);
-                let gap = measured(sensors, &less).total;
+                let gap = measured(&now.case, &less).total;
                 (gained.score(parameters, 1), gap, less)
             })
             .collect();
@@ -267,7 +267,7 @@ fn pruned(now: &mut Stand, settings: &Settings, sensors: &Case) -> Vec<usize> {
             return dropped;
         };
         (now.fit, now.directions) = renewed(&mut now.case, settings, &less, sensors);
-        now.gap = measured(sensors, &now.fit);
+        now.gap = measured(&now.case, &now.fit);
         dropped.push(i);
     }
 }
@@ -325,7 +325,7 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
             number,
         } = gained(&now.case, &sums_of(&now.case, &now.fit), &law.fit);
         imitated_in_part(&settings.criteria, (&now.fit, &law), train + test, number)
-            .then(|| measured(sensors, &law.fit).total)
+            .then(|| measured(&now.case, &law.fit).total)
             .map(|gap| (law, gap))
     });
     Partial {
@@ -352,13 +352,7 @@ fn smallest_dropped(
 ) -> Vec<(Parts, f64)> {
     loop {
         let gaps = (before, now.gap.total);
-        let parts = parts(
-            (&now.case, sensors),
-            &now.directions,
-            settings,
-            &now.fit,
-            gaps,
-        );
+        let parts = parts(&now.case, &now.directions, settings, &now.fit, gaps);
         let own = shares(&parts, before, now.gap.total, floor);
         let smallest = (0..own.len()).min_by(|&a, &b| own[a].total_cmp(&own[b]));
         match smallest.filter(|&i| own.len() > 1 && own[i] < settings.criteria.least_share) {
@@ -366,7 +360,7 @@ fn smallest_dropped(
             Some(i) => {
                 let less = without(&now.case, &now.directions, settings, &now.fit, i);
                 (now.fit, now.directions) = renewed(&mut now.case, settings, &less, sensors);
-                now.gap = measured(sensors, &now.fit);
+                now.gap = measured(&now.case, &now.fit);
                 taken.remove(i);
             }
         }
