@@ -66,16 +66,24 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
         return stated;
     }
     let wider = tolerance::widened(case, settings, &stated).map(|wide| select(&wide));
-    let part = |found: Evidence| match found.unexplained {
-        true => partial::add_part(found, settings),
-        false => found,
+    let Some(wider) = wider else {
+        return partial::add_part(stated, settings);
     };
-    match wider {
-        Some(wider) => {
-            let refits = stated.refits + wider.refits;
-            tolerance::beyond(stated, part(Evidence { refits, ..wider }), settings)
-        }
-        None => part(stated),
+    let wider = Evidence {
+        refits: stated.refits + wider.refits,
+        ..wider
+    };
+    if !wider.unexplained {
+        return tolerance::beyond(stated, wider, settings);
+    }
+    // Other friction imitates laws of friction: it has to leave less than what the library explains
+    // within the tolerances.
+    let within = partial::add_part(stated.clone(), settings);
+    let wider = partial::add_part(wider, settings);
+    let shrunk = (1.0 - settings.criteria.least_shrink) * within.after.total;
+    match wider.after.total < shrunk {
+        true => tolerance::beyond(stated, wider, settings),
+        false => within,
     }
 }
 
