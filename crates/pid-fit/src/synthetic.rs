@@ -42,7 +42,8 @@ pub struct Recipe {
 /// The records of a model with parameters `p`; all of them are for training.
 ///
 /// # Errors
-/// [`SimulateError`] if a motion cannot be simulated.
+/// [`SimulateError`] if a motion cannot be simulated, a length of the recipe is not that of the
+/// model, or the model has not one input for each coordinate.
 pub fn records(
     model: &dyn Hessian,
     p: &[f64],
@@ -50,6 +51,21 @@ pub fn records(
     seed: u64,
 ) -> Result<Dataset, SimulateError> {
     let nq = model.dims().nq;
+    // Records hold one input for each coordinate.
+    let lengths = [
+        ("the inputs of a model with records", nq, model.dims().nu),
+        ("`amplitude` of the recipe", nq, recipe.amplitude.len()),
+        ("`noise` of the recipe", 2 * nq, recipe.noise.len()),
+    ];
+    for (what, expected, found) in lengths {
+        if expected != found {
+            return Err(SimulateError::Shape {
+                what,
+                expected,
+                found,
+            });
+        }
+    }
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let samples = (recipe.seconds / recipe.step).round() as usize + 1;
     let t: Vec<f64> = (0..samples).map(|k| k as f64 * recipe.step).collect();
