@@ -11,6 +11,7 @@
 //! [`LoadDependentFriction`](crate::effects::LoadDependentFriction) depends, is taken as that of
 //! the drive less the friction that the model has: without the part that accelerates the rotor.
 
+mod arguments;
 mod assembled;
 mod error;
 mod group;

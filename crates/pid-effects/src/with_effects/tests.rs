@@ -95,6 +95,68 @@ fn point(model: &dyn Hessian, speed: f64) -> Vec<f64> {
     z
 }
 
+/// Residual and full Jacobian, row by row.
+fn dense(model: &dyn Hessian, z: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let (d, pattern) = (model.dims(), model.jacobian_pattern());
+    let (mut r, mut values) = (vec![0.0; d.nq], vec![f64::NAN; pattern.nnz()]);
+    model.residual_jacobian(&at(z, &d), &mut r, &mut values);
+    let mut full = vec![0.0; d.nq * d.nz()];
+    for ((row, col), v) in pattern.rows.iter().zip(pattern.cols).zip(values) {
+        full[*row as usize * d.nz() + *col as usize] += v;
+    }
+    (r, full)
+}
+
+/// Asserts that first and second derivatives by the variables `free` are those of central
+/// differences, and that the residual beside the Jacobian is the residual.
+fn assert_derivatives(name: &str, model: &dyn Hessian, z: &[f64], free: &[usize]) {
+    let d = model.dims();
+    let (r, jacobian) = dense(model, z);
+    let mut plain = vec![0.0; d.nq];
+    model.residual(&at(z, &d), &mut plain);
+    assert_eq!(r, plain, "{name}");
+    let lambda = &[0.7, -0.4, 0.9][..d.nq];
+    let pattern = model.hessian_pattern();
+    let mut values = vec![f64::NAN; pattern.nnz()];
+    model.residual_hessian(&at(z, &d), lambda, &mut values);
+    let mut hessian = vec![0.0; d.nz() * d.nz()];
+    for ((row, col), v) in pattern.rows.iter().zip(pattern.cols).zip(values) {
+        let (a, b) = (*row as usize, *col as usize);
+        assert!(a >= b, "{name}");
+        hessian[a * d.nz() + b] += v;
+        if a != b {
+            hessian[b * d.nz() + a] += v;
+        }
+    }
+    for &k in free {
+        let h = 1e-6 * z[k].abs().max(0.02);
+        let moved = |s: f64| {
+            let mut y = z.to_vec();
+            y[k] += s * h;
+            dense(model, &y)
+        };
+        let (up, down) = (moved(1.0), moved(-1.0));
+        for j in 0..d.nq {
+            let slope = (up.0[j] - down.0[j]) / (2.0 * h);
+            let exact = jacobian[j * d.nz() + k];
+            assert!(
+                (slope - exact).abs() < 1e-5 * (1.0 + exact.abs()),
+                "{name} r{j} z{k}: {slope} {exact}"
+            );
+        }
+        for &m in free {
+            let weighted =
+                |full: &[f64]| -> f64 { (0..d.nq).map(|j| lambda[j] * full[j * d.nz() + m]).sum() };
+            let slope = (weighted(&up.1) - weighted(&down.1)) / (2.0 * h);
+            let exact = hessian[m * d.nz() + k];
+            assert!(
+                (slope - exact).abs() < 1e-4 * (1.0 + exact.abs()),
+                "{name} z{m} z{k}: {slope} {exact}"
+            );
+        }
+    }
+}
+
 #[test]
 fn derivatives_are_those_of_differences() {
     let mut sets: Vec<Vec<Placed>> = smooth().iter().map(|id| vec![placed(id, 1)]).collect();
@@ -104,66 +166,9 @@ fn derivatives_are_those_of_differences() {
     for effects in sets {
         let name = effects[0].term.effect.info().id;
         let model = WithEffects::new(model(), &effects).expect("equations");
-        let d = model.dims();
-        let lambda = [0.7, -0.4];
+        let all: Vec<usize> = (0..model.dims().nz()).collect();
         for speed in [1.0, 0.03] {
-            let z = point(&model, speed);
-            let dense = |z: &[f64]| {
-                let pattern = model.jacobian_pattern();
-                let (mut r, mut values) = (vec![0.0; d.nq], vec![f64::NAN; pattern.nnz()]);
-                model.residual_jacobian(&at(z, &d), &mut r, &mut values);
-                let mut full = vec![0.0; d.nq * d.nz()];
-                for ((row, col), v) in pattern.rows.iter().zip(pattern.cols).zip(values) {
-                    full[*row as usize * d.nz() + *col as usize] += v;
-                }
-                (r, full)
-            };
-            let (r, jacobian) = dense(&z);
-            let mut plain = vec![0.0; d.nq];
-            model.residual(&at(&z, &d), &mut plain);
-            assert_eq!(r, plain);
-            let pattern = model.hessian_pattern();
-            let mut values = vec![f64::NAN; pattern.nnz()];
-            model.residual_hessian(&at(&z, &d), &lambda, &mut values);
-            let mut hessian = vec![0.0; d.nz() * d.nz()];
-            for ((row, col), v) in pattern.rows.iter().zip(pattern.cols).zip(values) {
-                let (a, b) = (*row as usize, *col as usize);
-                assert!(a >= b);
-                hessian[a * d.nz() + b] += v;
-                if a != b {
-                    hessian[b * d.nz() + a] += v;
-                }
-            }
-            for k in 0..d.nz() {
-                let h = 1e-6 * z[k].abs().max(0.02);
-                let moved = |s: f64| {
-                    let mut y = z.clone();
-                    y[k] += s * h;
-                    dense(&y)
-                };
-                let (up, down) = (moved(1.0), moved(-1.0));
-                for j in 0..d.nq {
-                    let slope = (up.0[j] - down.0[j]) / (2.0 * h);
-                    let exact = jacobian[j * d.nz() + k];
-                    let size = 1.0 + exact.abs();
-                    assert!(
-                        (slope - exact).abs() < 1e-5 * size,
-                        "{name} r{j} z{k}: {slope} {exact}"
-                    );
-                }
-                for m in 0..d.nz() {
-                    let weighted = |full: &[f64]| -> f64 {
-                        (0..d.nq).map(|j| lambda[j] * full[j * d.nz() + m]).sum()
-                    };
-                    let slope = (weighted(&up.1) - weighted(&down.1)) / (2.0 * h);
-                    let exact = hessian[m * d.nz() + k];
-                    let size = 1.0 + exact.abs();
-                    assert!(
-                        (slope - exact).abs() < 1e-4 * size,
-                        "{name} z{m} z{k}: {slope} {exact}"
-                    );
-                }
-            }
+            assert_derivatives(name, &model, &point(&model, speed), &all);
         }
     }
 }
@@ -306,64 +311,8 @@ fn derivatives_with_states_are_those_of_differences() {
         let d = model.dims();
         let free: Vec<usize> = (0..d.u() + 2).chain(d.p()..d.nz()).collect();
         let z = point(&model, 0.1);
-        let dense = |z: &[f64]| {
-            let pattern = model.jacobian_pattern();
-            let (mut r, mut values) = (vec![0.0; d.nq], vec![f64::NAN; pattern.nnz()]);
-            model.residual_jacobian(&at(z, &d), &mut r, &mut values);
-            let mut full = vec![0.0; d.nq * d.nz()];
-            for ((row, col), v) in pattern.rows.iter().zip(pattern.cols).zip(values) {
-                full[*row as usize * d.nz() + *col as usize] += v;
-            }
-            (r, full)
-        };
-        let (r, jacobian) = dense(&z);
-        let mut plain = vec![0.0; d.nq];
-        model.residual(&at(&z, &d), &mut plain);
-        assert_eq!(r, plain, "{id}");
-        let lambda = [0.7, -0.4, 0.9];
-        let lambda = &lambda[..d.nq];
-        let pattern = model.hessian_pattern();
-        let mut values = vec![f64::NAN; pattern.nnz()];
-        model.residual_hessian(&at(&z, &d), lambda, &mut values);
-        let mut hessian = vec![0.0; d.nz() * d.nz()];
-        for ((row, col), v) in pattern.rows.iter().zip(pattern.cols).zip(values) {
-            let (a, b) = (*row as usize, *col as usize);
-            assert!(a >= b, "{id}");
-            hessian[a * d.nz() + b] += v;
-            if a != b {
-                hessian[b * d.nz() + a] += v;
-            }
-        }
-        for &k in &free {
-            let h = 1e-6 * z[k].abs().max(0.02);
-            let moved = |s: f64| {
-                let mut y = z.clone();
-                y[k] += s * h;
-                dense(&y)
-            };
-            let (up, down) = (moved(1.0), moved(-1.0));
-            for j in 0..d.nq {
-                let slope = (up.0[j] - down.0[j]) / (2.0 * h);
-                let exact = jacobian[j * d.nz() + k];
-                let off = (slope - exact).abs();
-                assert!(
-                    off < 1e-5 * (1.0 + exact.abs()),
-                    "{id} r{j} z{k}: {slope} {exact}"
-                );
-            }
-            for &m in &free {
-                let weighted = |full: &[f64]| -> f64 {
-                    (0..d.nq).map(|j| lambda[j] * full[j * d.nz() + m]).sum()
-                };
-                let slope = (weighted(&up.1) - weighted(&down.1)) / (2.0 * h);
-                let exact = hessian[m * d.nz() + k];
-                let off = (slope - exact).abs();
-                assert!(
-                    off < 1e-4 * (1.0 + exact.abs()),
-                    "{id} z{m} z{k}: {slope} {exact}"
-                );
-            }
-        }
+        assert_derivatives(id, &model, &z, &free);
+        let (r, _) = dense(&model, &z);
         // M a + b − f_L is the residual.
         let (mut m, mut b, mut f) = (vec![0.0; d.nm()], vec![0.0; d.nq], vec![0.0; d.nq]);
         model.mass_matrix(&at(&z, &d), &mut m);

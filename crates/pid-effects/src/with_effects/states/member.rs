@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use pid_runtime::dynamics::{At, Dims};
 
+use super::super::arguments;
 use super::super::error::Obstacle;
 use super::super::group::hooks;
 use super::super::smooth::Smooth;
@@ -110,43 +111,16 @@ impl Member {
     }
 
     pub(super) fn jacobian_places(&self) -> Vec<(u32, u32)> {
-        let place = |a: usize| self.places[a].unwrap_or(0) as u32;
-        let rows = self.rows.iter();
-        rows.flat_map(|&row| self.active.iter().map(move |&a| (row as u32, place(a))))
-            .collect()
+        arguments::jacobian_places(&self.places, &self.rows, &self.active)
     }
 
     pub(super) fn hessian_places(&self) -> Vec<(u32, u32)> {
-        let place = |a: usize| self.places[a].unwrap_or(0) as u32;
-        let mut out = Vec::new();
-        for (i, &a) in self.active.iter().enumerate() {
-            for &b in &self.active[..=i] {
-                let (x, y) = (place(a), place(b));
-                out.push((x.max(y), x.min(y)));
-            }
-        }
-        out
+        arguments::hessian_places(&self.places, &self.active)
     }
 
     /// Arguments at a point; without accelerations where none are given.
     pub(super) fn arguments(&self, at: &At<'_>, d: &Dims) -> [Smooth; MOST] {
-        let mut x = [Smooth::constant(0.0); MOST];
-        for (x, place) in x.iter_mut().zip(&self.places) {
-            let Some(z) = *place else { continue };
-            let value = if z < d.v() {
-                at.q[z]
-            } else if z < d.a() {
-                at.v[z - d.v()]
-            } else if z < d.u() {
-                at.a.get(z - d.a()).copied().unwrap_or(0.0)
-            } else if z < d.p() {
-                at.u[z - d.u()]
-            } else {
-                at.p[z - d.p()]
-            };
-            *x = Smooth::constant(value);
-        }
-        x
+        arguments::arguments(&self.places, at, d)
     }
 
     /// Dry and viscous friction at a velocity.

@@ -1,0 +1,58 @@
+//! Arguments of a change of the residual: where they stand among the variables z of a model.
+
+use pid_runtime::dynamics::{At, Dims};
+
+use super::smooth::Smooth;
+use crate::scalar::Scalar;
+
+/// Arguments at a point, each from its place in z = (q, v, a, u, p), zero without one; accelerations
+/// are zero where none are given.
+pub(super) fn arguments<const MOST: usize>(
+    places: &[Option<usize>],
+    at: &At<'_>,
+    d: &Dims,
+) -> [Smooth; MOST] {
+    let mut x = [Smooth::constant(0.0); MOST];
+    for (x, place) in x.iter_mut().zip(places) {
+        let Some(z) = *place else { continue };
+        let value = if z < d.v() {
+            at.q[z]
+        } else if z < d.a() {
+            at.v[z - d.v()]
+        } else if z < d.u() {
+            at.a.get(z - d.a()).copied().unwrap_or(0.0)
+        } else if z < d.p() {
+            at.u[z - d.u()]
+        } else {
+            at.p[z - d.p()]
+        };
+        *x = Smooth::constant(value);
+    }
+    x
+}
+
+/// Rows and columns of the derivatives of some rows by the active arguments, row by row.
+pub(super) fn jacobian_places(
+    places: &[Option<usize>],
+    rows: &[usize],
+    active: &[usize],
+) -> Vec<(u32, u32)> {
+    let column = |a: usize| places[a].unwrap_or(0) as u32;
+    let entries = rows
+        .iter()
+        .flat_map(|&row| active.iter().map(move |&a| (row as u32, column(a))));
+    entries.collect()
+}
+
+/// Places of the second derivatives by the active arguments, the lower triangle.
+pub(super) fn hessian_places(places: &[Option<usize>], active: &[usize]) -> Vec<(u32, u32)> {
+    let place = |a: usize| places[a].unwrap_or(0) as u32;
+    let mut out = Vec::new();
+    for (i, &a) in active.iter().enumerate() {
+        for &b in &active[..=i] {
+            let (x, y) = (place(a), place(b));
+            out.push((x.max(y), x.min(y)));
+        }
+    }
+    out
+}
