@@ -155,7 +155,8 @@ pub struct Round {
     pub beside: Vec<String>,
     /// Refitted candidates, best first.
     pub candidates: Vec<Tried>,
-    /// Labels of the effects that the one taken made superfluous.
+    /// Labels of effects dropped after it: the one taken made them superfluous, or their share is
+    /// too small.
     #[serde(default)]
     pub dropped: Vec<String>,
 }
@@ -322,6 +323,10 @@ pub struct Residue {
     pub burst: f64,
     /// Largest line of a spectrum over its mean, the median over the records.
     pub line: f64,
+    /// Largest line over those on either side of it, the median over the records: coloured noise has
+    /// large lines, but none stands out.
+    #[serde(default)]
+    pub hum: f64,
     /// What these figures are the largest of; not in the JSON form.
     #[serde(skip)]
     pub of: Extent,

@@ -344,7 +344,7 @@ fn rounds(d: &Diagnosis) -> Markup {
                 }
             } }
             @if !round.dropped.is_empty() {
-                p { "It made superfluous: " (round.dropped.join(", ")) "." }
+                p { "Dropped after it: " (round.dropped.join(", ")) "." }
             }
         }
     }

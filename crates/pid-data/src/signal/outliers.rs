@@ -13,16 +13,17 @@
 //! out, and that lies off the motion before it as well as off the motion after it; a reading beside a
 //! kink lies on one of the two. Up to two wrong readings may stand side by side.
 
-/// Residual beyond which a reading is suspected, in robust deviations. Noise does not reach it; the slack over the usual 3 to 6 is
-/// for kinks of the motion, which look like errors where they are small ([`AGREE`]).
+/// Residual beyond which a reading is suspected, in robust deviations. Noise reaches 6 at most; the
+/// rest is for small kinks of the motion, which look like errors ([`AGREE`]).
 const SUSPECT: f64 = 12.0;
-/// Residual of the neighbours, over that of the reading, up to which they agree without it. Without noise it is 0 for a wrong
-/// reading and 0.3 for a kink.
+/// Residual of the neighbours, over that of the reading, up to which they agree without it. Without
+/// noise it is 0 for a wrong reading and 0.3 for a kink.
 const AGREE: f64 = 0.15;
-/// Residual of the neighbours that is noise, in robust deviations: beside a hole of two readings it has 1.2 of them.
+/// Residual of the neighbours that is noise, in robust deviations: its deviation beside a hole of two
+/// readings is 1.2 of them.
 const NOISE: f64 = 5.0;
-/// Distance from the motion before and from the motion after, in standard deviations of that extrapolation, that a wrong reading
-/// has at least. Beside a kink one of the two is noise: one such reading in 16 000 reaches 4.
+/// Least distance of a wrong reading from the motion before and from the motion after, in standard
+/// deviations of the extrapolation. Beside a kink one of the two is noise, and 1 of 16 000 reaches 4.
 const OFF: f64 = 4.0;
 /// Standard deviation of a residual over that of a reading, for even stamps: √(1 + 2·(2/3)² + 2·(1/6)²).
 const INTERPOLATED: f64 = 1.394;

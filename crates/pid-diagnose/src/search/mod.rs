@@ -54,36 +54,41 @@ pub fn search(case: &Case, settings: &Settings) -> Evidence {
 }
 
 /// Effects within the tolerances; where none explains the records, friction outside its tolerance;
-/// where that does not either, what effects explain in part.
+/// where that does not either, what effects explain in part, within the tolerances or outside them.
 fn explain(case: &Case, settings: &Settings) -> Evidence {
     let started = Instant::now();
     let select = |case: &Case| {
         let selection = forward::select(case, settings);
         Evidence::of_selection(selection, &settings.criteria, started)
     };
-    let stated = select(case);
+    let mut stated = select(case);
     if !stated.unexplained || stated.remainder.is_some() {
         return stated;
     }
     let wider = tolerance::widened(case, settings, &stated).map(|wide| select(&wide));
-    let Some(wider) = wider else {
+    let Some(mut wider) = wider else {
         return partial::add_part(stated, settings);
     };
-    let wider = Evidence {
-        refits: stated.refits + wider.refits,
-        ..wider
-    };
+    wider.refits += stated.refits;
     if !wider.unexplained {
         return tolerance::beyond(stated, wider, settings);
     }
+    stated.refits = wider.refits;
+    let within = partial::add_part(stated.clone(), settings);
+    if within.coloured {
+        return within;
+    }
     // Other friction imitates laws of friction: it has to leave less than what the library explains
     // within the tolerances.
-    let within = partial::add_part(stated.clone(), settings);
+    wider.refits = within.refits;
     let wider = partial::add_part(wider, settings);
     let shrunk = (1.0 - settings.criteria.least_shrink) * within.after.total;
-    match wider.after.total < shrunk {
-        true => tolerance::beyond(stated, wider, settings),
-        false => within,
+    if wider.after.total < shrunk {
+        return tolerance::beyond(stated, wider, settings);
+    }
+    Evidence {
+        refits: wider.refits,
+        ..within
     }
 }
 
@@ -143,7 +148,7 @@ fn on_whole_records(case: &Case, mut evidence: Evidence) -> Evidence {
     if restore_tests(case, &mut e.case, fits.chain(&mut e.rivals)) {
         e.before = measured(&e.case, &e.base);
         e.after = measured(&e.case, &e.fit);
-        if e.remainder.as_ref().is_none_or(|r| !r.own_error) {
+        if e.part.is_none() {
             // Otherwise the levels are those of the model's errors.
             e.floor = noise_alone(&e.case, &e.fit).typical;
         }

@@ -99,6 +99,7 @@ mod tests {
         residue: Residue {
             burst: 2.0,
             line: 8.0,
+            hum: 8.0,
             of: Extent {
                 frequencies: 420.0,
                 windows: 175.0,

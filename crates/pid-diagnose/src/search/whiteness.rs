@@ -9,6 +9,9 @@
 //! line  = max over frequencies up to 60 Hz of |Σ ε_k exp(−iωkh)|² / (N mean of ε²)
 //! ```
 //!
+//! A third one tells a hum from noise that is coloured: the same line over its neighbourhood, whose
+//! mean is that of exponential numbers with the median of the [`NEAR`] lines on either side.
+//!
 //! For white noise a line exceeds z with probability e^(−z) per frequency (R. A. Fisher, Proc. R.
 //! Soc. A 125, 1929), and the sum of m squares in a window is chi-squared with m degrees of
 //! freedom.
@@ -27,6 +30,8 @@ const FEWEST: usize = 10;
 pub(super) const LAGS: usize = 10;
 /// Highest frequency, Hz.
 const HIGHEST: f64 = 60.0;
+/// Lines on either side that a hum is compared with: their median scatters by a quarter.
+const NEAR: usize = 15;
 
 /// Innovations of one joint and channel of a record.
 fn series(case: &Case, fit: &Fit) -> Vec<(usize, bool, f64, Vec<Vec<f64>>)> {
@@ -52,7 +57,8 @@ pub(super) fn residue(case: &Case, fit: &Fit) -> Residue {
     let series = series(case, fit);
     let mut out = Residue::default();
     for channel in 0..2 * case.n() {
-        let (mut lines, mut memories, mut correlations) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut lines, mut hums) = (Vec::new(), Vec::new());
+        let (mut memories, mut correlations) = (Vec::new(), Vec::new());
         let mut level = [(0.0, 0.0); 2];
         for (_, train, h, all) in &series {
             let x = &all[channel];
@@ -64,13 +70,16 @@ pub(super) fn residue(case: &Case, fit: &Fit) -> Residue {
             level[usize::from(*train)].0 += square;
             level[usize::from(*train)].1 += x.len() as f64;
             out.burst = out.burst.max(burst(x, *h, mean));
-            lines.push(line(x, *h, mean));
+            let spectrum = spectrum(x, *h, mean);
+            lines.push(line(&spectrum));
+            hums.push(hum(&spectrum));
             out.of = extended(out.of, x.len(), *h);
             let memory = memory(x, square);
             memories.push(memory);
             correlations.push((memory / x.len() as f64).sqrt());
         }
         out.line = out.line.max(median(&mut lines));
+        out.hum = out.hum.max(median(&mut hums));
         out.memory = out.memory.max(median(&mut memories));
         out.correlation = out.correlation.max(median(&mut correlations));
         let [test, train] = level.map(|(s, n)| if n > 0.0 { s / n } else { 0.0 });
@@ -113,7 +122,8 @@ fn frequencies(n: usize, h: f64) -> usize {
     ((HIGHEST.min(0.4 / h) / step) as usize).saturating_sub(1)
 }
 
-fn line(x: &[f64], h: f64, mean: f64) -> f64 {
+/// Lines of the spectrum over their mean, from the lowest frequency on.
+fn spectrum(x: &[f64], h: f64, mean: f64) -> Vec<f64> {
     let n = x.len();
     (1..=frequencies(n, h))
         .map(|i| {
@@ -127,7 +137,23 @@ fn line(x: &[f64], h: f64, mean: f64) -> f64 {
             }
             (a * a + b * b - c * a * b) / (n as f64 * mean)
         })
-        .fold(0.0, f64::max)
+        .collect()
+}
+
+/// The largest line.
+fn line(spectrum: &[f64]) -> f64 {
+    spectrum.iter().copied().fold(0.0, f64::max)
+}
+
+/// The largest line over its neighbourhood.
+fn hum(spectrum: &[f64]) -> f64 {
+    let last = spectrum.len();
+    let over = |(i, line): (usize, &f64)| {
+        let near = i.saturating_sub(NEAR)..(i + NEAR + 1).min(last);
+        let mean = median(&mut spectrum[near].to_vec()) / std::f64::consts::LN_2;
+        line / mean.max(f64::MIN_POSITIVE)
+    };
+    spectrum.iter().enumerate().map(over).fold(0.0, f64::max)
 }
 
 fn memory(x: &[f64], square: f64) -> f64 {
@@ -148,7 +174,7 @@ fn median(x: &mut [f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{LAGS, burst, frequencies, line, memory, window};
+    use super::{LAGS, burst, frequencies, hum, line, memory, spectrum, window};
     use crate::criteria::Criteria;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
@@ -163,7 +189,8 @@ mod tests {
     fn white_noise_has_no_lines_bursts_or_memory() {
         let x = noise(4000);
         let square: f64 = x.iter().map(|x| x * x).sum();
-        assert!(line(&x, 1e-3, square / 4000.0) < 14.0);
+        let lines = spectrum(&x, 1e-3, square / 4000.0);
+        assert!(line(&lines) < 14.0 && hum(&lines) < 24.0);
         assert!(burst(&x, 1e-3, square / 4000.0) < 2.5);
         let m = memory(&x, square);
         assert!((0.2..2.5).contains(&m), "{m}");
@@ -178,8 +205,27 @@ mod tests {
             .map(|(i, x)| x + 0.2 * (std::f64::consts::TAU * 7.0 * i as f64 / 1000.0).sin())
             .collect();
         let square: f64 = x.iter().map(|x| x * x).sum();
-        let seen = line(&x, 1e-3, square / 4000.0);
+        let lines = spectrum(&x, 1e-3, square / 4000.0);
+        assert!(hum(&lines) > 0.5 * line(&lines));
+        let seen = line(&lines);
         assert!((25.0..60.0).contains(&seen), "{seen}");
+    }
+
+    #[test]
+    fn coloured_noise_has_lines_but_no_hum() {
+        // First-order noise: its lowest lines are 65 times the mean of all, and alike.
+        let mut last = 0.0;
+        let x: Vec<f64> = noise(8000)
+            .iter()
+            .map(|w| {
+                last = 0.97 * last + w;
+                last
+            })
+            .collect();
+        let square: f64 = x.iter().map(|x| x * x).sum();
+        let lines = spectrum(&x, 2e-3, square / 8000.0);
+        assert!(line(&lines) > 100.0, "{}", line(&lines));
+        assert!(hum(&lines) < 24.0, "{}", hum(&lines));
     }
 
     #[test]
@@ -223,7 +269,9 @@ mod tests {
             ..Criteria::default()
         };
         let limit = often.line(frequencies(500, h) as f64);
-        let lines = share_of(many, 500, |x| line(x, h, squares(x) / 500.0) > limit);
+        let lines = share_of(many, 500, |x| {
+            line(&spectrum(x, h, squares(x) / 500.0)) > limit
+        });
         assert!(agrees(lines, 0.05, many), "{lines}");
         let limit = often.memory(LAGS as f64);
         let memories = share_of(many, 500, |x| memory(x, squares(x)) > limit);

@@ -15,6 +15,8 @@
 //! taken those before it are judged again beside it, and the whole list is scored again.
 
 mod judge;
+#[cfg(test)]
+mod tests;
 
 use rayon::prelude::*;
 
@@ -69,9 +71,10 @@ struct Stand {
     gap: Gap,
 }
 
-/// The nominal structure under the levels of its own errors; `sensors` has those of the readings.
-fn tuned(case: &Case, settings: &Settings, nominal: &Fit, sensors: &Case) -> Stand {
-    let mut case = case.clone();
+/// The nominal structure of a search that explains nothing, under the levels of its own errors;
+/// `sensors` are those of the readings.
+fn tuned(evidence: &Evidence, settings: &Settings, sensors: &[(f64, f64)]) -> Stand {
+    let (mut case, nominal) = (evidence.case.clone(), &evidence.base);
     follow_slowly(&mut case);
     let mut fitted = nominal.clone();
     fitted.hypothesis.run = Run::default();
@@ -96,8 +99,7 @@ fn tuned(case: &Case, settings: &Settings, nominal: &Fit, sensors: &Case) -> Sta
 
 /// The nominal structure of a search, tuned, and its gap.
 pub(super) fn tuned_within(evidence: &Evidence, settings: &Settings) -> (Fit, Gap) {
-    let case = &evidence.case;
-    let stand = tuned(case, settings, &evidence.base, case);
+    let stand = tuned(evidence, settings, &readings(&evidence.case));
     (stand.fit, stand.gap)
 }
 
@@ -106,7 +108,7 @@ pub(super) fn tuned_within(evidence: &Evidence, settings: &Settings) -> (Fit, Ga
 fn round(
     now: &Stand,
     settings: &Settings,
-    sensors: &Case,
+    sensors: &[(f64, f64)],
     known: &[Fit],
 ) -> (Vec<Refit>, Round, Option<(usize, Stand)>) {
     let mut list = listed(&now.case, &now.directions, settings, &now.fit);
@@ -217,7 +219,7 @@ fn led_to(
     settings: &Settings,
     now: &Stand,
     tried: &Refit,
-    sensors: &Case,
+    sensors: &[(f64, f64)],
 ) -> Result<Stand, &'static str> {
     let mut case = now.case.clone();
     let (fit, directions) = renewed(&mut case, settings, &tried.fit, sensors);
@@ -243,7 +245,7 @@ fn led_to(
 /// Drops the effects that the last one has made superfluous, one after the other: beside the others
 /// they gain no more than chance, or free runs are better without. Their places, in the order of
 /// dropping.
-fn pruned(now: &mut Stand, settings: &Settings, sensors: &Case) -> Vec<usize> {
+fn pruned(now: &mut Stand, settings: &Settings, sensors: &[(f64, f64)]) -> Vec<usize> {
     let criteria = &settings.criteria;
     let mut dropped = Vec::new();
     loop {
@@ -274,9 +276,9 @@ fn pruned(now: &mut Stand, settings: &Settings, sensors: &Case) -> Vec<usize> {
 
 /// Tunes the nominal structure of a search that explains nothing and takes the effects that pay.
 fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
-    let (case, nominal, floor) = (&evidence.case, &evidence.base, evidence.floor);
-    let sensors = case;
-    let mut now = tuned(case, settings, nominal, sensors);
+    let floor = evidence.floor;
+    let sensors = &readings(&evidence.case);
+    let mut now = tuned(evidence, settings, sensors);
     let (base, before) = (now.fit.clone(), now.gap.clone());
     let (mut taken, mut others) = (Vec::new(), Vec::new());
     let mut rounds: Vec<Round> = Vec::new();
@@ -309,13 +311,11 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
             break;
         }
     }
-    let shares = smallest_dropped(
-        &mut now,
-        &mut taken,
-        settings,
-        sensors,
-        (before.total, floor),
-    );
+    let gaps = (before.total, floor);
+    let (shares, small) = smallest_dropped(&mut now, &mut taken, settings, sensors, gaps);
+    if let Some(last) = rounds.last_mut() {
+        last.dropped.extend(small);
+    }
     let laws = free_laws(&now.case, &now.directions, settings, &base, |_| true);
     refits += laws.len();
     let law = laws.into_iter().next().and_then(|law| {
@@ -341,27 +341,28 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
     }
 }
 
-/// Drops effects of hardly any share, the smallest first; the gaps with and without each of the
-/// others, and their shares.
+/// Drops effects of hardly any share, the smallest first. The gaps with and without each of the
+/// others with their shares, and the labels of those dropped.
 fn smallest_dropped(
     now: &mut Stand,
     taken: &mut Vec<(Refit, f64)>,
     settings: &Settings,
-    sensors: &Case,
+    sensors: &[(f64, f64)],
     (before, floor): (f64, f64),
-) -> Vec<(Parts, f64)> {
+) -> (Vec<(Parts, f64)>, Vec<String>) {
+    let mut dropped = Vec::new();
     loop {
         let gaps = (before, now.gap.total);
         let parts = parts(&now.case, &now.directions, settings, &now.fit, gaps);
         let own = shares(&parts, before, now.gap.total, floor);
         let smallest = (0..own.len()).min_by(|&a, &b| own[a].total_cmp(&own[b]));
         match smallest.filter(|&i| own.len() > 1 && own[i] < settings.criteria.least_share) {
-            None => return parts.into_iter().zip(own).collect(),
+            None => return (parts.into_iter().zip(own).collect(), dropped),
             Some(i) => {
                 let less = without(&now.case, &now.directions, settings, &now.fit, i);
                 (now.fit, now.directions) = renewed(&mut now.case, settings, &less, sensors);
                 now.gap = measured(&now.case, &now.fit);
-                taken.remove(i);
+                dropped.push(taken.remove(i).0.term.label());
             }
         }
     }
@@ -379,13 +380,13 @@ fn floor_of_records(evidence: &Evidence) -> f64 {
 }
 
 /// Levels of the readings, the least there can be.
-fn readings(sensors: &Case) -> Vec<(f64, f64)> {
-    sensors.noise.iter().map(|n| (n.q, n.v)).collect()
+fn readings(case: &Case) -> Vec<(f64, f64)> {
+    case.noise.iter().map(|n| (n.q, n.v)).collect()
 }
 
 /// Levels that a fit leaves, and the fit under them with the directions they determine.
-fn renewed(case: &mut Case, settings: &Settings, at: &Fit, sensors: &Case) -> (Fit, Basis) {
-    settle(case, at, &readings(sensors));
+fn renewed(case: &mut Case, settings: &Settings, at: &Fit, sensors: &[(f64, f64)]) -> (Fit, Basis) {
+    settle(case, at, sensors);
     let directions = directions(case, at);
     let next = fit(
         case,
@@ -399,7 +400,7 @@ fn renewed(case: &mut Case, settings: &Settings, at: &Fit, sensors: &Case) -> (F
 
 /// Adds to the evidence of a search that explains nothing what the library explains in part.
 pub(super) fn add_part(evidence: Evidence, settings: &Settings) -> Evidence {
-    let mut floor = evidence.floor;
+    let floor = evidence.floor;
     let Partial {
         base,
         before,
@@ -418,14 +419,17 @@ pub(super) fn add_part(evidence: Evidence, settings: &Settings) -> Evidence {
         ..
     } = now;
     let criteria = &settings.criteria;
-    let nothing_left = |floor: f64| before.total < criteria.near * floor;
-    if taken.is_empty() && !nothing_left(floor) {
-        let own = floor_of_records(&evidence);
-        floor = if nothing_left(own) { own } else { floor };
-    }
     // A hum is no noise, however little it moves the robot.
     let lines = criteria.allowance * criteria.line(evidence.residue.of.frequencies);
-    let coloured = taken.is_empty() && nothing_left(floor) && evidence.residue.line < lines;
+    let quiet = taken.is_empty() && evidence.residue.hum < lines;
+    let nothing_left = |floor: f64| before.total < criteria.near * floor;
+    let enough = match quiet {
+        true if nothing_left(floor) => Some(floor),
+        true => Some(floor_of_records(&evidence)).filter(|&own| nothing_left(own)),
+        false => None,
+    };
+    let coloured = enough.is_some();
+    let floor = enough.unwrap_or(floor);
     let explained = |gap: f64| share(before.total, gap, floor);
     let nameless = law
         .as_ref()
