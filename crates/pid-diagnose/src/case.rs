@@ -229,17 +229,13 @@ pub fn outlier_warnings(outliers: &[Outlier]) -> Vec<String> {
         if count > times.len() {
             times.push("…".to_owned());
         }
-        let (readings, are) = if count == 1 {
-            ("reading", "leaves")
-        } else {
-            ("readings", "leave")
+        let (record, joint, times) = (&first.record, &first.joint, times.join(", "));
+        let leave = match count {
+            1 => "reading leaves the motion around it for a sample or two and counts as missing",
+            _ => "readings leave the motion around them for a sample or two and count as missing",
         };
         lines.push(format!(
-            "record `{}`, joint `{}`: {count} {word} {readings} {are} the motion around {} for a sample or two and count as missing, at t = {} s",
-            first.record,
-            first.joint,
-            if count == 1 { "it" } else { "them" },
-            times.join(", ")
+            "record `{record}`, joint `{joint}`: {count} {word} {leave}, at t = {times} s"
         ));
     }
     lines

@@ -25,7 +25,7 @@ pub(crate) fn page(report: &Report) -> String {
             @if !d.confusion_set.is_empty() {
                 p { "These records do not tell it apart from: " (d.confusion_set.join(", ")) "." }
             }
-            @for warning in &d.warnings { p { (warning) } }
+            @if !d.warnings.is_empty() { p { (count(d.warnings.len(), "remark")) " on the records: see below." } }
         },
         sections: &[],
         body: content(report),
@@ -58,6 +58,13 @@ fn content(report: &Report) -> Markup {
             }
         }
         @if let Some(left) = &d.remainder { section { (remainder(d, left)) } }
+        @if !d.warnings.is_empty() {
+            section {
+                h2 { "Remarks on the records" }
+                p { "What reading them found odd. Missing readings take no part in the fit." }
+                ul { @for warning in &d.warnings { li { (warning) } } }
+            }
+        }
         @if !d.rounds.is_empty() { section { (rounds(d)) } }
         section {
             h2 { "How far" }

@@ -280,10 +280,14 @@ pub struct Bar {
 
 /// Horizontal bars with labels and values; the largest has the full length. `title` says what they show.
 pub fn bars(title: &str, rows: &[Bar]) -> Markup {
-    /// Height of a row, left end and full length of a bar.
+    /// Height of a row, least left end and full length of a bar.
     const ROW: f64 = 26.0;
     const LEFT: f64 = 112.0;
     const LENGTH: f64 = 130.0;
+    /// Width of a letter of a label where it is largest, on a phone.
+    const LETTER: f64 = 7.7;
+    let letters = rows.iter().map(|r| r.label.chars().count()).max();
+    let left = (LETTER * letters.unwrap_or(0) as f64 + 8.0).max(LEFT);
     let largest = rows.iter().map(|r| r.value).fold(1e-300, f64::max);
     let words: Vec<String> = rows
         .iter()
@@ -297,8 +301,8 @@ pub fn bars(title: &str, rows: &[Bar]) -> Markup {
                 @let share = row.value / largest;
                 @let length = if share.is_finite() { LENGTH * share.max(0.0) } else { 0.0 };
                 text x="0" y=(y + 17.0) { (row.label) }
-                @if length >= 0.1 { rect x=(LEFT) y=(y + 6.0) height="14" rx="2" width=(format!("{length:.1}")) {} }
-                text x=(format!("{:.1}", LEFT + 8.0 + length)) y=(y + 17.0) { (row.text) }
+                @if length >= 0.1 { rect x=(format!("{left:.1}")) y=(y + 6.0) height="14" rx="2" width=(format!("{length:.1}")) {} }
+                text x=(format!("{:.1}", left + 8.0 + length)) y=(y + 17.0) { (row.text) }
             }
         }
     }
