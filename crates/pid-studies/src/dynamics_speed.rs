@@ -5,7 +5,7 @@
 //! ```text
 //! cargo run --release -p pid-studies -- dynamics-speed
 //! RUSTFLAGS="-C target-cpu=native" cargo run --release -p pid-studies -- dynamics-speed
-//! perf stat -e instructions:u target/release/pid-studies dynamics-speed jacobian 1000000     # that many evaluations of one function
+//! perf stat -e instructions:u target/release/pid-studies dynamics-speed jacobian 1000000   # evaluations of one
 //! ```
 //! Printed: nanoseconds per node, the least of many batches.
 

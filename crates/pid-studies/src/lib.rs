@@ -1,7 +1,7 @@
 //! Studies of the project, each a command of the binary `pid-studies`.
 //!
 //! ```text
-//! cargo run --release -p pid-studies -- withheld|paper|coverage|hock-schittkowski|scaling|seed-study|shooting-study|constrained|net|…
+//! cargo run --release -p pid-studies -- STUDY     # withheld, paper, coverage, scaling, net, …
 //! ```
 #![allow(clippy::print_stdout, reason = "commands that print tables")]
 

@@ -2,7 +2,8 @@
 //! plant with Stribeck friction that the model lacks; one window, or restart windows of a length.
 //!
 //! ```text
-//! pid-studies scaling [--two-link N,N,…] [--arm N,N,…] [--rotors true] [--window SECONDS] [--limit SECONDS] [--consistent true]
+//! pid-studies scaling [--two-link N,N,…] [--arm N,N,…] [--rotors true] [--window SECONDS]
+//!     [--limit SECONDS] [--consistent true]
 //!         [--verbose true] [--records FOLDER]
 //! ```
 //!

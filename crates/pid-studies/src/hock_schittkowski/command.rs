@@ -1,7 +1,8 @@
 //! Solves the Hock-Schittkowski collection and prints a line per problem.
 //!
 //! ```text
-//! pid-studies hock-schittkowski [--barrier monotone|loqo|probing|quality] [--relaxation R] [--sqp] [--bfgs] [--log NUMBER]
+//! pid-studies hock-schittkowski [--barrier monotone|loqo|probing|quality] [--relaxation R]
+//!     [--sqp] [--bfgs] [--log NUMBER]
 //! ```
 
 use crate::hock_schittkowski::all;

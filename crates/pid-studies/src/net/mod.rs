@@ -9,7 +9,7 @@
 //! demo/                        fit.json and diagnosis.json of the command without arguments
 //! practice/p01.json            diagnoses of the practice set
 //! draws/cases/ID, truth/ID     drawn study cases
-//! study/ID.json                diagnoses of the recorded draws, so that a change of the draws is told from one of the diagnosis
+//! study/ID.json                diagnoses of the recorded draws: new draws change nothing here
 //! hock_schittkowski/           outcomes of the collection, a file for each solver
 //! expansions/FILE_ROBOT.*      code, equations and operation counts of every declared robot of the workspace
 //! now-HASH/                    the same of a later build, made by the comparison

@@ -1,7 +1,8 @@
 //! Restoration for linear systems that cannot be relaxed: damped Newton steps on the constraints alone.
 //!
-//! `min ½ ‖D (x + d − x_R)‖² − barrier  s.t.  J d = −c`, with a line search on ‖c‖₁. The KKT system is the solver's own with the
-//! Hessian replaced by the metric, so that any structure is kept and the inertia is right by construction.
+//! `min ½ ‖D (x + d − x_R)‖² − barrier  s.t.  J d = −c`, with a line search on ‖c‖₁. The KKT system is
+//! the solver's own with the Hessian replaced by the metric, so that any structure is kept and the
+//! inertia is right by construction.
 
 use super::{Iterate, Solver};
 
