@@ -141,6 +141,7 @@ fn simulated(
         passing: vec![vec![0.0]],
         known: Default::default(),
         outliers: Vec::new(),
+        shared_lag: 0.0,
     };
     let theta = vec![0.0; SIZE];
     for i in 0..case.records.len() {

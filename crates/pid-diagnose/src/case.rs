@@ -6,6 +6,7 @@ use pid_data::signal;
 use pid_data::{DataError, Dataset, InputHold, Role, VelocityKind};
 use pid_interpret::links;
 
+use crate::channel;
 use crate::constants::{Constant, Constants};
 use crate::effect::Unit;
 use crate::hypothesis::{Hypothesis, Run};
@@ -163,6 +164,9 @@ pub struct Case {
     pub known: Known,
     /// Readings that were taken for errors of the recording and left out.
     pub outliers: Vec<Outlier>,
+    /// Time constant of the filter that all measured velocities share, s; zero unless the readings of
+    /// two joints or more show it.
+    pub shared_lag: f64,
 }
 
 /// A channel of a joint.
@@ -366,9 +370,11 @@ impl Case {
             passing: Vec::new(),
             known: Known::of(&nominal.description).map_err(NominalError::from)?,
             outliers,
+            shared_lag: 0.0,
             nominal,
             records,
         };
+        case.shared_lag = channel::shared_lag(&case);
         case.measure();
         case.as_simulated();
         Ok(case)

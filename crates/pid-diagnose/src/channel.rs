@@ -149,6 +149,37 @@ fn reading(case: &Case, j: usize, derived: bool) -> Option<Reading> {
     Some(Reading { timing, scale })
 }
 
+/// Fewest joints whose velocities tell a filter of the recording from a lag of one sensor.
+const SEVERAL: usize = 2;
+
+/// Time constant of a first-order filter that the measured velocities of all joints share, s: the
+/// smallest of their lags, where each is late beyond chance; else zero. The firmware that records a
+/// robot filters all its velocities alike, a lag of one sensor comes on top.
+pub fn shared_lag(case: &Case) -> f64 {
+    let Some(h) = case.records.first().map(|r| r.h) else {
+        return 0.0;
+    };
+    let measured = (0..case.n()).filter(|&j| case.velocity[j] == Velocity::Measured);
+    let late: Vec<Reading> = measured.filter_map(|j| reading(case, j, false)).collect();
+    if late.len() < SEVERAL || !late.iter().all(|r| r.timing.late()) {
+        return 0.0;
+    }
+    let least = late.iter().map(|r| r.timing.delay);
+    let delay = least.fold(f64::INFINITY, f64::min);
+    // Far below its corner the filter w⁺ = a w + (1 − a) v⁺ with a = exp(−h/T) is late by h a/(1 − a).
+    h / (h / delay).ln_1p()
+}
+
+/// One line on a filter that all velocities share, if they do.
+pub(crate) fn shared_lag_warning(case: &Case) -> Option<String> {
+    (case.shared_lag > 0.0).then(|| {
+        format!(
+            "velocities of all joints show {:.1} ms late: taken as a filter of the recording, not as a cause",
+            1e3 * case.shared_lag
+        )
+    })
+}
+
 /// The reading, and the derivative of the positions with an offset beside it.
 fn channels(r: &Record, j: usize) -> Channels {
     let t: Vec<f64> = (0..r.len()).map(|k| k as f64 * r.h).collect();

@@ -268,6 +268,9 @@ pub struct Budget {
     pub glance: usize,
     /// Starts that are followed after that.
     pub followed: usize,
+    /// Whether starts of effects with states are compared with the nominal parameters of their joint
+    /// free. A soft gear beside the parameters of a stiff one looks worse than none.
+    pub starts_beside_joint: bool,
     /// Share of the best gain below which a candidate is not followed to the next stage.
     pub hopeless: f64,
     /// Factor on the substeps at the end of a fit with contacts or resonances.
@@ -314,6 +317,7 @@ impl Default for Budget {
             approach: 4,
             glance: 2,
             followed: 3,
+            starts_beside_joint: false,
             hopeless: 0.35,
             finer: 3,
             friction_middles: [1.0, 4.0],

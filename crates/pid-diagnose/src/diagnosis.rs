@@ -159,6 +159,10 @@ pub struct Round {
     /// too small.
     #[serde(default)]
     pub dropped: Vec<String>,
+    /// Whether it asked what an effect taken early is confused with: `beside` are the others, `dropped`
+    /// is the one that lost its place.
+    #[serde(default)]
+    pub exchange: bool,
 }
 
 /// A candidate of a round.

@@ -11,7 +11,7 @@ use crate::constants::{Constant, Constants};
 use crate::effect::{Commands, Pick};
 use crate::hypothesis::Hypothesis;
 use crate::nominal::EncoderSide;
-use crate::observer::{Design, Gain, gain};
+use crate::observer::{Design, Gain, gain, gain_with_play};
 use crate::scalar::Scalar;
 use crate::simulate::{Machine, State};
 
@@ -79,11 +79,11 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
                 (
                     (all - rotor).max(0.02 * all),
                     1.0 / compliance,
-                    g.damping.min(2.0 * (rotor / compliance).sqrt()),
+                    (g.damping + g.open).min(2.0 * (rotor / compliance).sqrt()),
                     case.nominal.encoder_side == EncoderSide::Joint,
                 )
             });
-            gain(&Design {
+            let design = Design {
                 h,
                 inertia: if gear.is_some() { rotor } else { all },
                 viscous: machine.constants.get(Constant::Viscous(j)).max(0.0),
@@ -92,10 +92,25 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
                 passed: noise.passed,
                 q: noise.q,
                 v: (case.velocity[j] == Velocity::Measured).then_some(noise.v),
-                lag: machine.velocity_lag(j),
-            })
+                lag: velocity_lag(case, &machine, j),
+            };
+            match machine.gears[j].filter(|g| g.gap > 0.0) {
+                Some(g) => gain_with_play(&design, g.stiffness),
+                None => gain(&design),
+            }
         })
         .collect()
+}
+
+/// Time constant by which the velocity reading of joint `j` lags, s: that of the effects and that
+/// which all measured velocities share. Two lags one after the other are late by their sum.
+fn velocity_lag<D: Pick>(case: &Case, machine: &Machine<'_, D>, j: usize) -> Option<D> {
+    let own = machine.velocity_lag(j);
+    let shared = case.shared_lag;
+    if shared == 0.0 || case.velocity[j] != Velocity::Measured {
+        return own;
+    }
+    Some(own.map_or(D::constant(shared), |t| t + shared))
 }
 
 /// Position and velocity `delay` (in samples) before the last entry of a history of samples `h`
@@ -307,8 +322,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         let delays: Vec<Option<D>> = (0..n).map(|j| self.machine.reading_delay(j)).collect();
         let lags: Vec<Option<D>> = (0..n)
             .map(|j| {
-                self.machine
-                    .velocity_lag(j)
+                velocity_lag(self.case, &self.machine, j)
                     .map(|t| (-(t.inverse() * r.h)).exponential())
             })
             .collect();
@@ -346,7 +360,15 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                         sink(k, j, 1, eq * g.whiten[1][0] + ev * g.whiten[1][1]);
                     }
                 }
-                let fix = |row: usize| eq * g.rows[row][0] + ev * g.rows[row][1];
+                let rows = match (&self.machine.gears[j], &g.apart) {
+                    (Some(gear), Some(apart)) => {
+                        let twist = state.drive_q[j].value() - state.q[j].value();
+                        let open = twist.abs() < 0.5 * gear.gap.value();
+                        if open { apart } else { &g.rows }
+                    }
+                    _ => &g.rows,
+                };
+                let fix = |row: usize| eq * rows[row][0] + ev * rows[row][1];
                 if lags[j].is_some() {
                     lagged[j] += fix(4);
                 }
@@ -459,8 +481,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
 
     /// Factor exp(−h/T) of an additional velocity filter of joint `j`.
     pub fn velocity_fade(&self, j: usize) -> Option<f64> {
-        self.machine
-            .velocity_lag(j)
+        velocity_lag(self.case, &self.machine, j)
             .map(|t| (-self.record.h / t.value().max(1e-9)).exp())
     }
 }

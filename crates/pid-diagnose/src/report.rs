@@ -6,7 +6,7 @@ use pid_data::Dataset;
 use pid_runtime::dynamics::Dynamics;
 
 use crate::case::{Case, CaseError, outlier_warnings};
-use crate::channel::{inputs, readings};
+use crate::channel::{self, inputs, readings};
 use crate::diagnosis::{Diagnosis, Next, Share, Signals, Verdict};
 use crate::extended::extended;
 use crate::fit::Fit;
@@ -130,7 +130,8 @@ impl Report {
                 let read = dataset.warnings.iter().map(ToString::to_string);
                 let numerical = numerics::warnings(&evidence.case, &evidence.fit);
                 let odd = read.chain(outlier_warnings(&case.outliers));
-                odd.chain(numerical).collect()
+                let filter = channel::shared_lag_warning(&case);
+                odd.chain(filter).chain(numerical).collect()
             },
             next: next.as_ref().map(|e| Next {
                 rivals: e.rivals.clone(),

@@ -198,7 +198,8 @@ impl Reference<'_> {
             let alone = Hypothesis::new(vec![term.clone()]);
             let bounds = ranges(self.case, &alone);
             let limits: Vec<(f64, f64)> = amplitudes.iter().map(|&a| bounds[a]).collect();
-            let (objective, theta, step) = self.minimise(&self.lin.r, &block, &limits);
+            let (objective, theta, step) =
+                self.minimise(&self.fit.point.theta, &self.lin.r, &block, &limits);
             let mut start = e.clone();
             for (&a, s) in amplitudes.iter().zip(&step) {
                 start[a] = *s;
@@ -237,6 +238,10 @@ impl Reference<'_> {
             .par_iter()
             .filter_map(|&(i, start)| {
                 let (hypothesis, at) = self.with(&terms[i].0, start);
+                if self.beside_joint(&terms[i].0) {
+                    let near = self.near(terms[i].0.joint, &hypothesis, at);
+                    return Some((i, near.point, near.train.evidence()));
+                }
                 let gains = all_gains(self.case, &hypothesis, &at);
                 let spread: f64 = log_dets(self.case, &gains, Role::Train).iter().sum();
                 let bound = lowest[i].lock().map_or(f64::INFINITY, |l| l.max(present));
@@ -283,7 +288,8 @@ impl Reference<'_> {
                         )
                     })
                     .collect();
-                let (objective, theta, step) = self.minimise(&lin.r, &lin.j, &limits);
+                let (objective, theta, step) =
+                    self.minimise(&near.point.theta, &lin.r, &lin.j, &limits);
                 Some(Candidate {
                     term: term.clone(),
                     start: own.iter().zip(&step).map(|(s, d)| s + d).collect(),
@@ -310,6 +316,10 @@ impl Reference<'_> {
                 let mut own: Vec<&(usize, Point, f64)> =
                     values.iter().filter(|v| v.0 == i).collect();
                 own.sort_by(|a, b| a.2.total_cmp(&b.2));
+                if self.beside_joint(&terms[i].0) {
+                    own.truncate(self.budget.followed);
+                    return own.iter().map(|v| (i, v.1.clone())).collect();
+                }
                 let gaining = own.iter().take_while(|v| v.2 < present).count();
                 own.truncate(gaining.max(1));
                 if own.len() < 2 {
@@ -328,6 +338,25 @@ impl Reference<'_> {
             .collect()
     }
 
+    /// Whether the starts of a term are compared with the nominal parameters of its joint free.
+    fn beside_joint(&self, term: &Term) -> bool {
+        self.budget.starts_beside_joint && term.effect.info().has_joint
+    }
+
+    /// A few steps from a start, along the nominal parameters of a joint and those of the effects: a
+    /// gear that gives way tells a load apart that a stiff one adds to its rotor.
+    fn near(&self, joint: usize, hypothesis: &Hypothesis, at: Point) -> Fit {
+        let own: Vec<usize> = (0..self.basis.columns.nrows())
+            .filter(|&i| self.case.nominal.values[i].joint == Some(joint))
+            .collect();
+        let mut columns = DMatrix::zeros(self.basis.columns.nrows(), own.len());
+        for (c, &i) in own.iter().enumerate() {
+            columns[(i, c)] = 1.0;
+        }
+        let effort = Effort::on_the_way(self.budget.glance);
+        fit(self.case, &Basis { columns }, hypothesis, at, effort)
+    }
+
     /// The hypothesis at hand with a further term, and its point.
     fn with(&self, term: &Term, start: &[f64]) -> (Hypothesis, Point) {
         let mut hypothesis = self.fit.hypothesis.clone();
@@ -337,10 +366,11 @@ impl Reference<'_> {
         (hypothesis, at)
     }
 
-    /// Minimum of the quadratic model over θ, the parameters of the effects present and the columns
-    /// `block`: objective (twice the model), θ there, step of the block.
+    /// Minimum of the quadratic model about `theta` over θ, the parameters of the effects present and
+    /// the columns `block`: objective (twice the model), θ there, step of the block.
     fn minimise(
         &self,
+        theta: &[f64],
         r: &DVector<f64>,
         block: &DMatrix<f64>,
         limits: &[(f64, f64)],
@@ -372,7 +402,6 @@ impl Reference<'_> {
         }
         let mut h = &wide * hz * wide.transpose();
         let mut g = &wide * gz;
-        let theta = &self.fit.point.theta;
         let mut prior = 0.0;
         for i in 0..size {
             h[(i, i)] += 1.0 / (PRIOR * PRIOR);
@@ -414,7 +443,7 @@ mod tests {
     fn a_gap_is_reached_from_afar_where_nothing_but_inertia_closes_it() {
         let play = named(&["backlash"]);
         for gap in [0.03, 0.1, 0.13] {
-            let e = [gap, 1e-3, 3e-4];
+            let e = [gap, 1e-3, 3e-4, 0.0];
             let case = waist(&play, &e, 6.0);
             let basis = basis(&case);
             let nothing = Point {

@@ -71,6 +71,12 @@ pub struct Alignment {
 }
 
 impl Alignment {
+    /// Whether the signal shows later than stated beyond chance, however little that is.
+    pub fn late(&self) -> bool {
+        self.std
+            .is_some_and(|s| self.delay - self.stated > SURE * s)
+    }
+
     /// Whether the shift differs from the stated one beyond chance and by enough to matter.
     pub fn noticeable(&self) -> bool {
         self.std

@@ -125,7 +125,7 @@ fn answers<D: Pick>(law: &dyn Law<D>, e: &[D], memory: usize, joint: usize, v: f
         out.extend(f);
     }
     if let Some(g) = law.gear(e) {
-        out.extend([g.stiffness, g.damping, g.gap]);
+        out.extend([g.stiffness, g.damping, g.open, g.gap]);
     }
     let (a, b) = law.sense(e, c(0.35), c(v));
     out.extend([a, b]);
@@ -145,7 +145,7 @@ fn point(id: &str) -> Vec<f64> {
         "cogging" => vec![0.4, -0.2, 9.0],
         "friction_drift" => vec![0.5, 2.0],
         "joint_elasticity" => vec![0.01, 0.002],
-        "backlash" => vec![0.02, 0.001, 0.0004],
+        "backlash" => vec![0.02, 0.001, 0.0004, 0.0001],
         "unmodelled_rotor_inertia" => vec![0.07],
         "joint_coupling" => vec![3.0, -0.7, 0.4],
         "motor_coupling" => vec![0.4, 0.3, 0.8, 0.5],

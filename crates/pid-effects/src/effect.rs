@@ -213,8 +213,10 @@ pub struct Forces<'a, D> {
 pub struct Gear<D> {
     /// Stiffness, N m/rad.
     pub stiffness: D,
-    /// Damping, N m s/rad.
+    /// Damping while it touches, beside that of [`Gear::open`], N m s/rad.
     pub damping: D,
+    /// Damping throughout, while the play is open too, N m s/rad.
+    pub open: D,
     /// Free travel, rad.
     pub gap: D,
 }

@@ -4,7 +4,7 @@ use crate::bench::{SIZE, named, pendulum};
 #[test]
 fn a_gear_with_play_shows_the_rotor_apart_from_the_link() {
     let play = named(&["backlash"]);
-    let e = [0.03, 6.7e-4, 2.6e-4];
+    let e = [0.03, 6.7e-4, 2.6e-4, 0.0];
     let case = pendulum(&play, &e, 6.0, &|_| {});
     let at = Point {
         theta: vec![0.0; SIZE],

@@ -206,7 +206,12 @@ impl<D: Pick> Machine<'_, D> {
         } else {
             D::nil()
         };
-        let give = (slope + gear.damping) * 0.5;
+        let damping = if touches {
+            gear.damping + gear.open
+        } else {
+            gear.open
+        };
+        let give = (slope + damping) * 0.5;
         let push = gear.stiffness * over - slope * rate + give * rate;
         let (push, give) = (push * dt, give * dt);
         self.rhs[c] -= push;

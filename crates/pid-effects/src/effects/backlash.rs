@@ -1,5 +1,5 @@
-//! Free travel between rotor and link: as joint elasticity, with a stiff spring only where |q_m −
-//! q_l| > gap/2.
+//! Free travel between rotor and link: as joint elasticity, with a stiff spring and damper only where
+//! |q_m − q_l| > gap/2. The lubricant of the teeth may damp throughout.
 //!
 //! Source: M. Nordin, P.-O. Gutman, Automatica 38(10), 2002.
 
@@ -13,7 +13,7 @@ pub struct Backlash;
 static INFO: Info = Info {
     id: "backlash",
     title: "Free travel between rotor and link",
-    equation: "as joint elasticity, with a stiff spring only where |q_m − q_l| > gap/2",
+    equation: "as joint elasticity, with a stiff spring and damper only where |q_m − q_l| > gap/2, and a damper throughout",
     source: "M. Nordin, P.-O. Gutman, Automatica 38(10), 2002",
     kind: Kind::State,
     has_joint: true,
@@ -21,25 +21,26 @@ static INFO: Info = Info {
         parameter("gap", "rad", Unit::Range, 1e-05, 0.2),
         parameter("compliance", "rad/(N*m)", Unit::Compliance, 0.0001, 0.02),
         parameter("damping_time", "s", Unit::Time, 0.0, 0.03),
+        parameter("open_damping_time", "s", Unit::Time, 0.0, 0.03),
     ],
     // Stiff contacts, and soft ones with more damping, which find a gap from further away.
     starts: &[
-        &[0.002, 0.0015, 0.0003],
-        &[0.0035, 0.0015, 0.0003],
-        &[0.006, 0.0015, 0.0003],
-        &[0.009, 0.0015, 0.0003],
-        &[0.013, 0.0015, 0.0003],
-        &[0.018, 0.0015, 0.0003],
-        &[0.025, 0.0015, 0.0003],
-        &[0.0025, 0.003, 0.0015],
-        &[0.0035, 0.003, 0.0015],
-        &[0.005, 0.003, 0.0015],
-        &[0.007, 0.003, 0.0015],
-        &[0.01, 0.003, 0.0015],
-        &[0.014, 0.003, 0.0015],
-        &[0.02, 0.003, 0.0015],
-        &[0.028, 0.003, 0.0015],
-        &[0.04, 0.003, 0.0015],
+        &[0.002, 0.0015, 0.0003, 0.0],
+        &[0.0035, 0.0015, 0.0003, 0.0],
+        &[0.006, 0.0015, 0.0003, 0.0],
+        &[0.009, 0.0015, 0.0003, 0.0],
+        &[0.013, 0.0015, 0.0003, 0.0],
+        &[0.018, 0.0015, 0.0003, 0.0],
+        &[0.025, 0.0015, 0.0003, 0.0],
+        &[0.0025, 0.003, 0.0015, 0.0],
+        &[0.0035, 0.003, 0.0015, 0.0],
+        &[0.005, 0.003, 0.0015, 0.0],
+        &[0.007, 0.003, 0.0015, 0.0],
+        &[0.01, 0.003, 0.0015, 0.0],
+        &[0.014, 0.003, 0.0015, 0.0],
+        &[0.02, 0.003, 0.0015, 0.0],
+        &[0.028, 0.003, 0.0015, 0.0],
+        &[0.04, 0.003, 0.0015, 0.0],
     ],
     amplitudes: &[],
     confusions: &[
@@ -64,7 +65,8 @@ impl Model for Backlash {
         vec![
             ("gap", e[0]),
             ("stiffness", 1.0 / e[1]),
-            ("damping", e[2] / e[1]),
+            ("damping", (e[2] + e[3]) / e[1]),
+            ("open_damping", e[3] / e[1]),
         ]
     }
 }
@@ -75,6 +77,7 @@ impl<D: Scalar> Law<D> for Backlash {
         Some(Gear {
             stiffness,
             damping: stiffness * e[2],
+            open: stiffness * e[3],
             gap: e[0],
         })
     }

@@ -65,6 +65,7 @@ impl<D: Scalar> Law<D> for JointElasticity {
         Some(Gear {
             stiffness,
             damping: stiffness * e[1],
+            open: D::nil(),
             gap: D::nil(),
         })
     }

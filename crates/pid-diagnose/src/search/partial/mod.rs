@@ -14,6 +14,7 @@
 //! by more than the scatter between their windows, over all joints or at its own. After each effect
 //! taken those before it are judged again beside it, and the whole list is scored again.
 
+mod exchange;
 mod judge;
 #[cfg(test)]
 mod tests;
@@ -32,12 +33,14 @@ use super::shares::{Parts, parts, shares, without};
 use crate::case::Case;
 use crate::criteria::Budget;
 use crate::diagnosis::{Remainder, Round, Tried};
+use crate::effect::Term;
 use crate::fit::{Basis, Effort, Fit, basis, fit};
 use crate::gap::Gap;
 use crate::hypothesis::Run;
 use crate::levels::{follow_slowly, settle};
 use crate::noise;
 use crate::screen::screen;
+use exchange::exchange;
 use judge::{Gained, at_an_end, gained, judge, shrinks, sums_of};
 
 /// What the library explains, and what it is judged against.
@@ -103,32 +106,30 @@ pub(super) fn tuned_within(evidence: &Evidence, settings: &Settings) -> (Fit, Ga
     (stand.fit, stand.gap)
 }
 
-/// One round: the candidates on top of what is taken, best first, what became of each, and the
-/// first of them that pays with where it leads.
+/// One round: the candidates on top of what is taken, best first, what became of each, and the one
+/// that is taken with where it leads: the best that pays, or one that the score does not tell from it
+/// and that free runs prefer.
 fn round(
     now: &Stand,
     settings: &Settings,
     sensors: &[(f64, f64)],
     known: &[Fit],
+    only: &dyn Fn(&Term) -> bool,
 ) -> (Vec<Refit>, Round, Option<(usize, Stand)>) {
     let mut list = listed(&now.case, &now.directions, settings, &now.fit);
+    list.retain(|(term, _)| only(term));
     for (term, starts) in &mut list {
         starts.extend(known.iter().filter_map(|fit| last_of(fit, &term.label())));
     }
-    let (best, slopes) = screen(
-        &now.case,
-        &now.directions,
-        &now.fit,
-        &list,
-        &settings.budget,
-    );
     let many = Settings {
         budget: Budget {
             refits: settings.budget.partial_refits,
+            starts_beside_joint: true,
             ..settings.budget.clone()
         },
         ..settings.clone()
     };
+    let (best, slopes) = screen(&now.case, &now.directions, &now.fit, &list, &many.budget);
     let mut tried = refit(
         &now.case,
         &now.directions,
@@ -143,20 +144,23 @@ fn round(
         .map(|r| measured(&now.case, &r.fit))
         .collect();
     let mut candidates: Vec<Tried> = Vec::with_capacity(tried.len());
-    let mut taken = None;
+    let mut passing: Vec<(usize, Stand)> = Vec::new();
     for (i, r) in tried.iter().enumerate() {
-        let refused = match &taken {
-            Some(_) => Some(LATER.to_owned()),
-            None => match refused(settings, now, r, held_out[i], &gaps[i]) {
-                Some(rule) => Some(rule.to_owned()),
-                None => match led_to(settings, now, r, sensors) {
-                    Ok(next) => {
-                        taken = Some((i, next));
-                        None
-                    }
-                    Err(rule) => Some(rule.to_owned()),
-                },
-            },
+        // Of two that the score does not tell apart, the one that free runs prefer.
+        let alike = |first: usize| r.score > tried[first].score - settings.criteria.replaces();
+        let first = passing.first().map(|(i, _)| *i);
+        let refused = if first.is_some_and(|first| !alike(first)) {
+            Some(LATER.to_owned())
+        } else {
+            let rule = refused(settings, now, r, held_out[i], &gaps[i])
+                .map_or_else(|| led_to(settings, now, r, sensors), Err);
+            match rule {
+                Ok(next) => {
+                    passing.push((i, next));
+                    None
+                }
+                Err(rule) => Some(rule.to_owned()),
+            }
         };
         candidates.push(Tried {
             label: r.term.label(),
@@ -166,16 +170,22 @@ fn round(
             refused,
         });
     }
-    let beside = now
-        .fit
-        .hypothesis
-        .terms
-        .iter()
-        .map(crate::effect::Term::label);
+    let taken = passing
+        .into_iter()
+        .min_by(|(_, a), (_, b)| a.gap.total.total_cmp(&b.gap.total));
+    if let Some((taken, _)) = &taken {
+        for (i, c) in candidates.iter_mut().enumerate() {
+            if i != *taken && c.refused.is_none() {
+                c.refused = Some(LATER.to_owned());
+            }
+        }
+    }
+    let beside = now.fit.hypothesis.terms.iter().map(Term::label);
     let round = Round {
         beside: beside.collect(),
         candidates,
         dropped: Vec::new(),
+        exchange: false,
     };
     (tried, round, taken)
 }
@@ -283,8 +293,10 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
     let (mut taken, mut others) = (Vec::new(), Vec::new());
     let mut rounds: Vec<Round> = Vec::new();
     let mut refits = 0;
-    while taken.len() < settings.budget.most_in_part && rounds.len() < settings.budget.rounds {
-        let (tried, mut round, pays) = round(&now, settings, sensors, &evidence.rivals);
+    while taken.len() < settings.budget.most_in_part
+        && rounds.iter().filter(|r| !r.exchange).count() < settings.budget.rounds
+    {
+        let (tried, mut round, pays) = round(&now, settings, sensors, &evidence.rivals, &|_| true);
         refits += tried.len();
         let scores: Vec<f64> = tried.iter().map(|r| r.score).collect();
         let odds = within_round(&scores, pays.as_ref().map(|(i, _)| *i));
@@ -306,6 +318,9 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
             round.dropped.push(taken.remove(place).0.term.label());
         }
         rounds.push(round);
+        if taken.len() > 1 {
+            rounds.extend(exchange(&mut now, &mut taken, settings, sensors));
+        }
         // Nothing is left, or one effect went in circles with another.
         if now.gap.total < settings.criteria.calm * floor || now.gap.total >= before {
             break;

@@ -27,7 +27,7 @@ pub(super) const GAIN: usize = 9;
 pub(super) const ROTOR: usize = 10;
 pub(super) const OWN: usize = 11;
 /// Most parameters of such an effect: those of backlash.
-pub(super) const MOST: usize = OWN + 3;
+pub(super) const MOST: usize = OWN + 4;
 /// Most samples that an input may act later: each is a column of the records.
 pub(super) const SAMPLES: usize = 64;
 
@@ -141,7 +141,8 @@ impl Member {
                 };
                 let (travel, rate) = (x[S] - x[Q], x[W] - x[V]);
                 let (over, touch) = travel.beyond(gear.gap);
-                let through = gear.stiffness * over + gear.damping * rate * touch;
+                let damping = gear.damping * touch + gear.open;
+                let through = gear.stiffness * over + damping * rate;
                 let rigid = x[ROTOR] * x[A] + self.friction(x, x[V]) - drive;
                 let rotor = x[ROTOR] * x[W_DOT] + self.friction(x, x[W]) - drive;
                 [-rigid - through, rotor + through]

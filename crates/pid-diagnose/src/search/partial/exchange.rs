@@ -1,0 +1,67 @@
+//! Whether an effect taken early stands in the place of one that it is confused with.
+//!
+//! A delay and a lag, play and a spring look alike while other effects are missing. Beside the
+//! effects taken since, each earlier one meets those it is confused with at its joint once more,
+//! from the fit without it.
+
+use super::{Stand, round};
+use crate::diagnosis::Round;
+use crate::search::measure::measured;
+use crate::search::refit::Refit;
+use crate::search::settings::Settings;
+use crate::search::shares::without;
+
+/// Exchanges effects for others that they are confused with where these leave a smaller gap; the
+/// rounds in which that happened. `taken` are the effects of the fit at hand, in its order.
+pub(super) fn exchange(
+    now: &mut Stand,
+    taken: &mut Vec<(Refit, f64)>,
+    settings: &Settings,
+    sensors: &[(f64, f64)],
+) -> Vec<Round> {
+    let mut out = Vec::new();
+    // The last one was taken beside all the others just now. An exchanged one goes to the end.
+    for _ in 0..taken.len() - 1 {
+        let at = out.len();
+        let exchanged =
+            (0..taken.len() - 1 - at).find_map(|i| exchange_one(now, i, settings, sensors));
+        let Some((i, refit, next, mut own)) = exchanged else {
+            break;
+        };
+        own.dropped.push(taken.remove(i).0.term.label());
+        taken.push((refit, 1.0));
+        *now = next;
+        out.push(own);
+    }
+    out
+}
+
+/// What takes the place of the `i`-th effect, if something does.
+fn exchange_one(
+    now: &Stand,
+    i: usize,
+    settings: &Settings,
+    sensors: &[(f64, f64)],
+) -> Option<(usize, Refit, Stand, Round)> {
+    let old = &now.fit.hypothesis.terms[i];
+    let info = old.effect.info();
+    let less = without(&now.case, &now.directions, settings, &now.fit, i);
+    let stand = Stand {
+        case: now.case.clone(),
+        directions: now.directions.clone(),
+        gap: measured(&now.case, &less),
+        fit: less,
+    };
+    let confused = |id: &str| id == info.id || info.confusions.iter().any(|(c, _)| *c == id);
+    let (mut tried, mut own, taken) = round(
+        &stand,
+        settings,
+        sensors,
+        std::slice::from_ref(&now.fit),
+        &|term| term.joint == old.joint && confused(term.effect.info().id),
+    );
+    let (best, next) = taken?;
+    let better = tried[best].term.label() != old.label() && next.gap.total < now.gap.total;
+    own.exchange = true;
+    better.then(|| (i, tried.swap_remove(best), next, own))
+}
