@@ -1,6 +1,9 @@
 //! MCAP files with ROS 2 messages.
 
-use mcap::MessageStream;
+use std::io::Cursor;
+
+use mcap::io::MessageReader;
+use mcap::sans_io::LinearReaderOptions;
 
 use super::{broken, ros};
 use crate::error::LogError;
@@ -14,7 +17,11 @@ pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Vec<Log>, LogError> {
     let mut messages = Vec::new();
     let mut foreign: Option<String> = None;
     let mut cut = None;
-    for message in MessageStream::new(bytes).map_err(fault)? {
+    // A record of an honest file is not larger than all that the file may unpack to.
+    let options = LinearReaderOptions::default()
+        .with_record_length_limit(budget.left())
+        .with_validate_chunk_crcs(true);
+    for message in MessageReader::new_with_options(Cursor::new(bytes), options) {
         let message = match message {
             Ok(message) => message,
             // A recording that was cut off: what was read before counts.
