@@ -72,6 +72,7 @@ pub(crate) fn assign(
     };
     let mapped = finder.mapped()?;
     finder.groups = groups(&finder.meanings, &finder.words, &mapped.channels());
+    finder.say_left_alone();
     let position = finder.required(Kind::Position, &mapped)?;
     let clock = match position.first() {
         Some(Source::Channel(i, _)) => log.channels[*i].clock,
@@ -101,6 +102,32 @@ fn whole(sources: Vec<Option<Source>>) -> Option<Vec<Source>> {
 }
 
 impl Finder<'_> {
+    /// States which numbered channels cannot be told to joints, where nothing else depends on them.
+    fn say_left_alone(&mut self) {
+        let optional =
+            |g: &&Group| matches!(g.what.kind, Kind::Velocity | Kind::Target | Kind::Sensor);
+        let faulty: Vec<&Group> = self
+            .groups
+            .iter()
+            .filter(|g| !g.fault.is_empty())
+            .filter(optional)
+            .collect();
+        let sentences: Vec<String> = faulty
+            .iter()
+            .map(|g| {
+                format!(
+                    "{}: `{}` is left alone: {}",
+                    g.what.kind.name(),
+                    self.example(g),
+                    g.fault
+                )
+            })
+            .collect();
+        for sentence in sentences {
+            self.said.say(&self.log.file, sentence);
+        }
+    }
+
     /// A quantity that every joint must have.
     fn required(&mut self, kind: Kind, mapped: &mapped::Mapped) -> Result<Vec<Source>, LogError> {
         let found = self.optional(kind, mapped, None)?;
@@ -209,10 +236,8 @@ impl Finder<'_> {
 
     /// Name of the first channel of a group.
     fn example(&self, group: &Group) -> String {
-        group
-            .all()
-            .next()
-            .map_or_else(String::new, |i| self.log.channels[i].name.clone())
+        let name = |&i: &usize| self.log.channels[i].name.clone();
+        group.members.first().map_or_else(String::new, name)
     }
 
     pub(crate) fn ambiguous(&self, kind: Kind, joint: usize, channels: Vec<usize>) -> LogError {

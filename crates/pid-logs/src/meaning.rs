@@ -162,6 +162,8 @@ pub(crate) struct Group {
     pub(crate) key: String,
     /// For each joint its channels; more than one if names repeat.
     pub(crate) channels: Vec<Vec<usize>>,
+    /// All channels.
+    pub(crate) members: Vec<usize>,
     /// How joints were found.
     pub(crate) by: By,
     /// Why numbers do not tell the joints; empty if they do.
@@ -220,7 +222,7 @@ pub(crate) fn groups(meanings: &[Meaning], joints: &[JointWords], taken: &[usize
             if by == By::Number {
                 fault = number(meanings, joints, &members, &mut channels);
             } else {
-                for i in members {
+                for &i in &members {
                     let named: &[usize] = if by == By::Only {
                         &[0]
                     } else {
@@ -235,6 +237,7 @@ pub(crate) fn groups(meanings: &[Meaning], joints: &[JointWords], taken: &[usize
                 channels,
                 by,
                 fault,
+                members,
             }
         })
         .collect()
