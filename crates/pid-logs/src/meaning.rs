@@ -115,16 +115,23 @@ fn what(parsed: &Parsed, unit: Option<&Unit>, joints: usize) -> Option<What> {
     if !of_joint {
         return None;
     }
+    // `states` is part of a type's name too: `/target_joint_states` is a command.
     let said = parsed
         .words
         .iter()
         .rev()
         .find(|w| commands(w) || measures(w));
+    let weak = || {
+        parsed
+            .words
+            .iter()
+            .any(|w| matches!(w.as_str(), "state" | "states"))
+    };
     let desired = leaf
         .windows(2)
         .any(|w| quantity_of(&w[0]).is_some() && w[1] == "d");
     let command = desired || said.is_some_and(|w| commands(w));
-    let measured = !command && said.is_some();
+    let measured = !command && (said.is_some() || weak());
     let kind = match word {
         Word::Position if command => Kind::Target,
         Word::Position => Kind::Position,
@@ -201,7 +208,10 @@ pub(crate) fn groups(meanings: &[Meaning], joints: &[JointWords], taken: &[usize
     for (i, meaning) in meanings.iter().enumerate() {
         let Some(what) = meaning
             .what
-            .filter(|w| w.kind != Kind::Time && !taken.contains(&i))
+            // A name with two joints belongs to neither.
+            .filter(|w| {
+                w.kind != Kind::Time && !taken.contains(&i) && meaning.parsed.joints.len() < 2
+            })
         else {
             continue;
         };
@@ -320,6 +330,14 @@ mod tests {
                 Some((K::Input, W::Input, true)),
             ),
             ("actual_current_1", Some((K::Input, W::Current, false))),
+            (
+                "/target_joint_states/elbow/position",
+                Some((K::Target, W::Position, true)),
+            ),
+            (
+                "shoulder_elbow_pos",
+                Some((K::Position, W::Position, false)),
+            ),
             ("elbow_torque_cmd", Some((K::Input, W::Torque, true))),
             ("elbow torque sensor", Some((K::Sensor, W::Torque, false))),
             ("tau_ext_1", None),

@@ -308,16 +308,7 @@ pub(crate) fn commands(word: &str) -> bool {
 pub(crate) fn measures(word: &str) -> bool {
     matches!(
         word,
-        "measured"
-            | "actual"
-            | "meas"
-            | "feedback"
-            | "state"
-            | "states"
-            | "act"
-            | "estimated"
-            | "est"
-            | "sensor"
+        "measured" | "actual" | "meas" | "feedback" | "act" | "estimated" | "est" | "sensor"
     )
 }
 

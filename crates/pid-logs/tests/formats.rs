@@ -164,6 +164,18 @@ fn dynamic_joint_states_are_read_by_their_interfaces() {
 }
 
 #[test]
+fn of_the_topics_of_a_robot_joint_states_come_first() {
+    let found = found("bringup.mcap", &torque());
+    compare("bringup", &found, 1..9, 0.0);
+    assert!(
+        says(&found, "`/joint_states/elbow/position` is taken and not")
+            || says(&found, "`/joint_states/shoulder/position` is taken and not"),
+        "{:?}",
+        found.assumptions
+    );
+}
+
+#[test]
 fn commands_of_another_topic_are_held_at_the_stamps_of_the_positions() {
     let settings = mapped(&["u=/effort_controller/commands/data[N*m]"]);
     let found = found("commands.mcap", &settings);

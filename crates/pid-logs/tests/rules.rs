@@ -225,6 +225,10 @@ fn what_may_mean_two_things_is_refused_with_both_and_the_mend() {
             "t,q1,q2,temperature1,temperature2",
             &["no input of joints", "--passive"],
         ),
+        (
+            "t,shoulder_elbow_pos,tau1,tau2",
+            &["no position of joints", "`shoulder_elbow_pos`"],
+        ),
         ("q1,q2,tau1,tau2", &["no time", "--sample-time"]),
         (
             "t,q1 [furlong],q2 [furlong],tau1,tau2",

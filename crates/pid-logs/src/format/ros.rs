@@ -113,7 +113,7 @@ impl Bag {
                 ..Table::default()
             });
         table.received.push(received);
-        table.header.extend(row.stamp.filter(|s| *s > 0));
+        table.header.extend(row.stamp);
         table.values.extend(row.values);
         Ok(())
     }
@@ -173,7 +173,9 @@ impl Bag {
 impl Table {
     /// Stamps of the headers where every message has one, otherwise those of the receiver.
     fn stamps(&self) -> (&[i64], bool) {
-        let whole = self.header.len() == self.received.len();
+        // A header that nobody filled in says 0; a simulation's first one does too.
+        let filled = self.header.iter().any(|stamp| *stamp != 0);
+        let whole = filled && self.header.len() == self.received.len();
         if whole {
             (&self.header, true)
         } else {

@@ -16,10 +16,13 @@ enum Separator {
     Blanks,
 }
 
+/// The cells of a line; borrowed from it unless they had quotes.
+type Cells<'a> = Vec<Cow<'a, str>>;
+
 /// One line as cells.
 struct Row<'a> {
     line: u32,
-    cells: Vec<Cow<'a, str>>,
+    cells: Cells<'a>,
 }
 
 /// Reads one text file.
@@ -135,7 +138,7 @@ fn split<'a>(
     file: &str,
     text: &'a str,
     separator: Separator,
-) -> Result<(Option<Vec<Cow<'a, str>>>, Vec<Row<'a>>), LogError> {
+) -> Result<(Option<Cells<'a>>, Vec<Row<'a>>), LogError> {
     let mut comment: Option<&'a str> = None;
     let mut rows: Vec<Row<'a>> = Vec::new();
     for (index, line) in text.split('\n').enumerate() {
@@ -168,7 +171,7 @@ fn cells<'a>(
     number: u32,
     line: &'a str,
     separator: Separator,
-) -> Result<Vec<Cow<'a, str>>, LogError> {
+) -> Result<Cells<'a>, LogError> {
     match separator {
         Separator::Byte(sign) if !line.contains('"') => Ok(line
             .split(char::from(sign))
@@ -193,7 +196,7 @@ fn cells<'a>(
 }
 
 /// Cells between runs of blanks; `q1 [deg]` and `q1 (deg)` are one cell.
-fn blank_cells(line: &str) -> Vec<Cow<'_, str>> {
+fn blank_cells(line: &str) -> Cells<'_> {
     let mut out: Vec<Cow<'_, str>> = Vec::new();
     for cell in line.split_whitespace() {
         let unit = cell.starts_with(['[', '(']) && cell.ends_with([']', ')']);
@@ -221,11 +224,7 @@ fn decimal_comma(rows: &[Row<'_>], separator: Separator) -> bool {
 }
 
 /// The names: the first row without numbers, or a comment above the first row with as many cells.
-fn header(
-    comment: Option<Vec<Cow<'_, str>>>,
-    rows: &mut Vec<Row<'_>>,
-    comma: bool,
-) -> Option<Vec<String>> {
+fn header(comment: Option<Cells<'_>>, rows: &mut Vec<Row<'_>>, comma: bool) -> Option<Vec<String>> {
     let numeric = |c: &Cow<'_, str>| number(c, comma).is_some();
     let first = rows.first()?;
     if !first.cells.iter().any(numeric) {
@@ -237,7 +236,7 @@ fn header(
 }
 
 /// Names outlive their rows.
-fn owned(cells: Vec<Cow<'_, str>>) -> Vec<String> {
+fn owned(cells: Cells<'_>) -> Vec<String> {
     cells.into_iter().map(Cow::into_owned).collect()
 }
 

@@ -231,3 +231,88 @@ fn join(a: &str, b: &str) -> String {
         _ => format!("{a}/{b}"),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Writes plain little-endian CDR.
+    struct Writer(Vec<u8>);
+
+    impl Writer {
+        fn align(&mut self, size: usize) {
+            while (self.0.len() - 4) % size != 0 {
+                self.0.push(0);
+            }
+        }
+        fn u32(&mut self, value: u32) {
+            self.align(4);
+            self.0.extend(value.to_le_bytes());
+        }
+        fn text(&mut self, text: &str) {
+            self.u32(u32::try_from(text.len()).unwrap() + 1);
+            self.0.extend(text.bytes().chain([0]));
+        }
+        fn reals(&mut self, values: &[f64]) {
+            self.u32(u32::try_from(values.len()).unwrap());
+            for value in values {
+                self.align(8);
+                self.0.extend(value.to_le_bytes());
+            }
+        }
+    }
+
+    /// A `JointTrajectory` of joints `a` and `b` with points of positions.
+    fn trajectory(points: &[[f64; 2]]) -> Row {
+        let mut w = Writer(vec![0, 1, 0, 0]);
+        w.u32(3);
+        w.u32(5);
+        w.text("base");
+        w.u32(2);
+        w.text("a");
+        w.text("b");
+        w.u32(u32::try_from(points.len()).unwrap());
+        for point in points {
+            w.reals(point);
+            (0..3).for_each(|_| w.reals(&[]));
+            w.u32(0);
+            w.u32(0);
+        }
+        let definition = Definition::of("trajectory_msgs/msg/JointTrajectory", None).unwrap();
+        read(&definition, &w.0).unwrap()
+    }
+
+    #[test]
+    fn a_single_point_is_a_command_and_a_planned_motion_is_not() {
+        let row = trajectory(&[[0.5, -0.5]]);
+        assert_eq!(row.stamp, Some(3_000_000_005));
+        let numbers: Vec<(&str, f64)> = row
+            .names
+            .iter()
+            .map(String::as_str)
+            .zip(row.values)
+            .collect();
+        assert_eq!(
+            numbers[..2],
+            [("a/command/positions", 0.5), ("b/command/positions", -0.5)]
+        );
+        assert!(trajectory(&[[0.5, -0.5], [0.6, -0.6]]).names.is_empty());
+    }
+
+    #[test]
+    fn long_arrays_are_passed_over_and_short_messages_refused() {
+        let definition = Definition::of("a/msg/A", Some("uint8[] image\nfloat64 q\n")).unwrap();
+        let mut w = Writer(vec![0, 1, 0, 0]);
+        w.u32(1000);
+        w.0.extend([7; 1000]);
+        w.align(8);
+        w.0.extend(1.5_f64.to_le_bytes());
+        let row = read(&definition, &w.0).unwrap();
+        assert_eq!((row.names, row.values), (vec!["q".to_owned()], vec![1.5]));
+        let told = read(&definition, &w.0[..500]).unwrap_err();
+        assert!(
+            told.starts_with("field `image`: a sequence of 1000 elements in 492 bytes"),
+            "{told}"
+        );
+    }
+}
