@@ -18,7 +18,6 @@ mod parquet;
 mod ros;
 mod text;
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use crate::error::LogError;
@@ -166,11 +165,20 @@ pub fn parse(file: &str, bytes: Vec<u8>) -> Result<Vec<Log>, LogError> {
 }
 
 /// Runs a reader of a library; a panic within it is a broken file.
+#[cfg(any(
+    feature = "mcap",
+    feature = "bag",
+    feature = "parquet",
+    feature = "npz",
+    feature = "mat"
+))]
 fn guarded(
     file: &str,
     format: &'static str,
     read: impl FnOnce() -> Result<Vec<Log>, LogError>,
 ) -> Result<Vec<Log>, LogError> {
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+
     catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
         Err(broken(
             file,

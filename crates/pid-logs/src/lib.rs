@@ -1,4 +1,4 @@
-//! Logs of robots as data sets: from the file a robot wrote to a [`Dataset`](pid_data::Dataset).
+//! Logs of robots as data sets: from the file a robot wrote to a [`Dataset`].
 //!
 //! ```text
 //! CSV, MCAP, .db3, Parquet, LeRobot, NPZ, MAT -> Log (channels over clocks)
@@ -33,6 +33,13 @@
 //! ```
 
 mod assign;
+#[cfg(any(
+    feature = "mcap",
+    feature = "bag",
+    feature = "parquet",
+    feature = "npz"
+))]
+mod budget;
 mod error;
 mod format;
 mod log;

@@ -31,6 +31,21 @@ pub(crate) struct What {
 
 /// The meanings of all channels.
 pub(crate) fn meanings(log: &Log, joints: &[JointWords]) -> Vec<Meaning> {
+    let mut meanings = by_names(log, joints);
+    // Beside `u1`, `tau1` is the sensor of a data set's records, by docs/data-format.md.
+    let named =
+        |m: &Meaning, word: &str| m.parsed.number.is_some() && m.parsed.words == [word, "#"];
+    if meanings.iter().any(|m| named(m, "u")) {
+        for meaning in meanings.iter_mut().filter(|m| named(m, "tau")) {
+            if let Some(what) = &mut meaning.what {
+                what.kind = Kind::Sensor;
+            }
+        }
+    }
+    meanings
+}
+
+fn by_names(log: &Log, joints: &[JointWords]) -> Vec<Meaning> {
     log.channels
         .iter()
         .map(|channel| {

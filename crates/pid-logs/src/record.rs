@@ -194,11 +194,19 @@ impl Builder<'_> {
                 value: text.clone(),
             });
         }
+        // A sum with zero would lose the sign of -0.
+        let whole = |v: &f64| {
+            if channel.offset == 0.0 {
+                *v
+            } else {
+                v + channel.offset
+            }
+        };
         let value = |row: usize| {
             channel
                 .values
                 .get(row)
-                .map_or(f64::NAN, |v| unit.to_si(v + channel.offset))
+                .map_or(f64::NAN, |v| unit.to_si(whole(v)))
         };
         if channel.clock == self.clock {
             let direct: Vec<f64> = self.rows.iter().map(|&r| value(r)).collect();

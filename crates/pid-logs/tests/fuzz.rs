@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use pid_data::InputQuantity;
-use pid_logs::{Joint, Settings, from_logs, parse};
+use pid_logs::{Entry, Joint, Settings, from_logs, parse};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -86,6 +86,76 @@ fn run(name: &str, share: usize) -> usize {
         }
     }
     read
+}
+
+#[test]
+fn names() {
+    const PARTS: [&str; 34] = [
+        "q",
+        "Pos",
+        "shoulder",
+        "elbow",
+        "1",
+        "0",
+        "01",
+        "_",
+        "/",
+        ".",
+        " ",
+        "[",
+        "]",
+        "(",
+        ")",
+        "deg",
+        "rad_s",
+        "mA",
+        "°",
+        "İ",
+        "ß",
+        "é",
+        "state",
+        "reference",
+        "effort",
+        "torque",
+        "t",
+        "*",
+        "=",
+        "-",
+        "data",
+        "99999999999999999999",
+        "sensor",
+        "Nm",
+    ];
+    let joints = [Joint::revolute("shoulder"), Joint::revolute("elbow")];
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let name = |rng: &mut ChaCha8Rng| -> String {
+        let length = rng.random_range(1..8);
+        (0..length)
+            .map(|_| PARTS[rng.random_range(0..PARTS.len())])
+            .collect()
+    };
+    let mut read = 0;
+    for _ in 0..10 * cases() {
+        let header: Vec<String> = (0..3).map(|_| name(&mut rng)).collect();
+        let header = format!("t\tq1\tq2\ttau1\ttau2\t{}", header.join("\t"));
+        let rows: String = (0..3)
+            .map(|i| format!("{i}{}\n", "\t1".repeat(7)))
+            .collect();
+        let logs = parse("log.tsv", format!("{header}\n{rows}").into_bytes()).unwrap_or_default();
+        let entry = format!("q:{}={}", name(&mut rng), name(&mut rng));
+        let map = Entry::parse(&entry)
+            .ok()
+            .filter(|_| rng.random())
+            .into_iter()
+            .collect();
+        let settings = Settings {
+            map,
+            input: Some(InputQuantity::Torque),
+            ..Settings::default()
+        };
+        read += usize::from(from_logs(&logs, &joints, &settings).is_ok());
+    }
+    assert!(read > 0, "most names say nothing of positions and inputs");
 }
 
 #[test]

@@ -278,6 +278,21 @@ fn the_user_or_the_description_says_which_input() {
 }
 
 #[test]
+fn records_of_a_data_set_are_logs_too() {
+    let text = rows("t,q1,q2,dq1,dq2,u1,u2,tau1,tau2,qref1,qref2", ",");
+    let current = Settings {
+        input: Some(InputQuantity::Current),
+        ..Settings::default()
+    };
+    let found = read_as(&text, &arm(), &current).unwrap();
+    let (q, v, u, qref) = second(&found);
+    assert_eq!((q, v), (vec![2.0, 3.0], vec![4.0, 5.0]));
+    assert_eq!((u, qref), (vec![6.0, 7.0], vec![10.0, 11.0]));
+    let tau = found.dataset.experiments[0].tau.as_deref().unwrap();
+    assert_eq!(tau[2..4], [8.0, 9.0]);
+}
+
+#[test]
 fn rows_that_break_a_rule_are_named() {
     for (text, pieces) in [
         (
@@ -309,8 +324,9 @@ fn rows_that_break_a_rule_are_named() {
 #[test]
 fn missing_cells_stay_missing_and_velocities_may_be_absent() {
     let found =
-        read("t,q1,q2,shoulder_vel,tau1,tau2\n0,1,2,3,4,5\n1,,2,3,4,5\n2,1,2,nan,4,5\n").unwrap();
+        read("t,q1,q2,shoulder_vel,tau1,tau2\n0,1,-0,3,4,5\n1,,2,3,4,5\n2,1,2,nan,4,5\n").unwrap();
     let e = &found.dataset.experiments[0];
+    assert_eq!(e.q[1].to_bits(), (-0.0_f64).to_bits());
     assert!(e.q[2].is_nan() && e.v.as_ref().unwrap()[4].is_nan());
     assert_eq!(e.missing, 2);
     let kinds: Vec<VelocityKind> = found.dataset.joints.iter().map(|j| j.velocity).collect();

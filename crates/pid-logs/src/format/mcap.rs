@@ -9,8 +9,9 @@ use mcap::records::op;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::{broken, ros};
+use crate::budget::Budget;
 use crate::error::LogError;
-use crate::log::{Budget, Log};
+use crate::log::Log;
 
 /// A topic as the file introduces it.
 struct Channel {

@@ -7,8 +7,9 @@ use zip::ZipArchive;
 
 use super::arrays::{Array, log};
 use super::broken;
+use crate::budget::Budget;
 use crate::error::LogError;
-use crate::log::{Budget, Channel, Log};
+use crate::log::{Channel, Log};
 
 /// Arrays of an archive at most.
 const ENTRIES: usize = 4096;

@@ -8,8 +8,9 @@ use parquet::record::Field;
 use parquet::schema::types::Type;
 
 use super::broken;
+use crate::budget::Budget;
 use crate::error::LogError;
-use crate::log::{Budget, Channel, Clock, Log};
+use crate::log::{Channel, Clock, Log};
 
 /// A channel while it is read.
 enum Column {

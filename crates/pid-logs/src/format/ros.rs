@@ -7,8 +7,9 @@ mod flatten;
 
 use std::collections::BTreeMap;
 
+use crate::budget::Budget;
 use crate::error::LogError;
-use crate::log::{Budget, Channel, Clock, Log, RowWord};
+use crate::log::{Channel, Clock, Log, RowWord};
 
 use definition::Definition;
 
