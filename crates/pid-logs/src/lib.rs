@@ -37,7 +37,8 @@ mod assign;
     feature = "mcap",
     feature = "bag",
     feature = "parquet",
-    feature = "npz"
+    feature = "npz",
+    feature = "mat"
 ))]
 mod budget;
 mod error;

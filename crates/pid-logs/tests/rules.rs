@@ -475,6 +475,32 @@ fn units_of_a_kind_and_odd_sizes_are_said() {
     assert!(found.warnings.is_empty(), "{:?}", found.warnings);
 }
 
+/// A file of MATLAB with one packed element that unpacks to so many zeros.
+fn packed_zeros(count: usize) -> Vec<u8> {
+    use std::io::Write as _;
+
+    let mut packer = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
+    let block = vec![0; 1 << 20];
+    for _ in 0..count.div_ceil(block.len()) {
+        packer.write_all(&block).unwrap();
+    }
+    let packed = packer.finish().unwrap();
+    let mut bytes = b"MATLAB 5.0 MAT-file".to_vec();
+    bytes.resize(124, b' ');
+    bytes.extend([0, 1, b'I', b'M', 15, 0, 0, 0]);
+    bytes.extend(u32::try_from(packed.len()).unwrap().to_le_bytes());
+    bytes.extend(packed);
+    bytes
+}
+
+#[test]
+fn files_made_to_fill_memory_are_refused() {
+    let bytes = packed_zeros(40 << 20);
+    assert!(bytes.len() < 50_000, "{}", bytes.len());
+    let told = parse("log.mat", bytes).unwrap_err().to_string();
+    assert!(told.contains("unpacks to far more than its size"), "{told}");
+}
+
 #[test]
 fn files_of_other_kinds_are_named_with_a_way_out() {
     for (bytes, pieces) in [
