@@ -22,6 +22,7 @@ impl Budget {
     }
 
     /// Bytes that are left.
+    #[cfg(any(feature = "mcap", feature = "npz", feature = "mat"))]
     pub(crate) fn left(&self) -> usize {
         self.left
     }
