@@ -7,9 +7,11 @@ mod time;
 
 use pid_data::InputQuantity;
 
+pub(crate) use mapped::present;
+
 use crate::error::LogError;
 use crate::log::Log;
-use crate::map::Kind;
+use crate::map::{Entry, Kind};
 use crate::meaning::{By, Group, Meaning, groups, meanings};
 use crate::names::{JointWords, Word, joint_words};
 use crate::settings::{Joint, Sentences, Settings};
@@ -48,6 +50,8 @@ pub(crate) struct Finder<'a> {
     pub(crate) joints: &'a [Joint],
     pub(crate) words: Vec<JointWords>,
     pub(crate) settings: &'a Settings,
+    /// Entries of the map that some log can follow.
+    pub(crate) elsewhere: &'a [Entry],
     pub(crate) meanings: Vec<Meaning>,
     pub(crate) groups: Vec<Group>,
     pub(crate) said: &'a mut Sentences,
@@ -58,6 +62,7 @@ pub(crate) fn assign(
     log: &Log,
     joints: &[Joint],
     settings: &Settings,
+    elsewhere: &[Entry],
     said: &mut Sentences,
 ) -> Result<Assigned, LogError> {
     let words = joint_words(joints.iter().map(|j| j.name.as_str()));
@@ -67,6 +72,7 @@ pub(crate) fn assign(
         joints,
         words,
         settings,
+        elsewhere,
         groups: Vec::new(),
         said,
     };

@@ -66,7 +66,7 @@ pub use log::{Channel, Clock, Hint, Log, RowWord};
 pub use map::{Entry, Kind, read_map};
 pub use settings::{Assumption, Joint, Settings};
 
-use assign::assign;
+use assign::{assign, present};
 use record::Record;
 use settings::Sentences;
 
@@ -110,6 +110,8 @@ pub fn from_logs(logs: &[Log], joints: &[Joint], settings: &Settings) -> Result<
     let mut said = Sentences::default();
     let mut odd = Sentences::default();
     let mut records = Vec::new();
+    let some = |entry: &&Entry| logs.iter().any(|log| present(log, joints, entry));
+    let elsewhere: Vec<Entry> = settings.map.iter().filter(some).cloned().collect();
     let mut quantities: Option<(String, Vec<InputQuantity>)> = None;
     let mut measured = true;
     for log in logs {
@@ -117,7 +119,7 @@ pub fn from_logs(logs: &[Log], joints: &[Joint], settings: &Settings) -> Result<
         log.warnings
             .iter()
             .for_each(|warning| odd.say(&log.file, warning));
-        let assigned = assign(log, joints, settings, &mut said)?;
+        let assigned = assign(log, joints, settings, &elsewhere, &mut said)?;
         let record = record::build(log, &assigned, settings, &mut said)?;
         implausible(&record, joints, &mut odd);
         if assigned.no_input {

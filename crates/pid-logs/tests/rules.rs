@@ -155,6 +155,39 @@ fn a_map_says_what_names_do_not() {
 }
 
 #[test]
+fn each_of_several_logs_follows_the_entries_it_has_names_for() {
+    let logs: Vec<_> = [
+        ("a.csv", "t,x1,x2,tau1,tau2"),
+        ("b.csv", "t,y1,y2,tau1,tau2"),
+    ]
+    .iter()
+    .flat_map(|(file, header)| parse(file, rows(header, ",").into_bytes()).unwrap())
+    .collect();
+    let entries = [
+        "q:shoulder_joint=x1",
+        "q:elbow_joint=x2",
+        "q:shoulder_joint=y2",
+        "q:elbow_joint=y1",
+    ];
+    let found = from_logs(&logs, &arm(), &mapped(&entries)).unwrap();
+    let first: Vec<&[f64]> = found
+        .dataset
+        .experiments
+        .iter()
+        .map(|e| &e.q[..2])
+        .collect();
+    assert_eq!(first, [[1.0, 2.0], [2.0, 1.0]]);
+    let typo = [&entries[..], &["q:elbow_joint=z1"]].concat();
+    let told = from_logs(&logs, &arm(), &mapped(&typo))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        told.contains("--map 'q:elbow_joint=z1': a.csv: no channel `z1`"),
+        "{told}"
+    );
+}
+
+#[test]
 fn sliding_joints_have_metres_and_newtons() {
     let joints = [Joint::prismatic("x")];
     let found = read_as(

@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 
 use super::{Finder, Source};
 use crate::error::LogError;
+use crate::log::Log;
 use crate::map::{Entry, Kind};
 use crate::names::{Word, words};
+use crate::settings::Joint;
 use crate::units::{Dimension, Unit};
 
 /// Sources by kind and joint; inputs with the quantity of their unit.
@@ -42,6 +44,10 @@ impl Finder<'_> {
         let mut mapped = Mapped::default();
         let settings = self.settings;
         for entry in settings.map.iter().filter(|e| !e.column.is_empty()) {
+            let here = present(self.log, self.joints, entry);
+            if !here && self.elsewhere.iter().any(|e| e == entry) {
+                continue;
+            }
             if entry.kind == Kind::Time {
                 mapped.time = Some((self.channel(entry, &entry.column)?, entry.unit()));
                 continue;
@@ -87,7 +93,7 @@ impl Finder<'_> {
             let joint = self.joint(entry, name)?;
             if let Ok(value) = entry.column.parse::<f64>()
                 && value.is_finite()
-                && self.find(&entry.column).is_empty()
+                && find(self.log, &entry.column).is_empty()
             {
                 return Ok(vec![(joint, Found::Constant(value))]);
             }
@@ -103,12 +109,8 @@ impl Finder<'_> {
                 .map(|j| Ok((j, Found::Channel(self.channel(entry, &name(j))?))))
                 .collect();
         }
-        let within = |name: &str| {
-            let rest = name.strip_prefix(entry.column.as_str());
-            rest.is_some_and(|r| r.starts_with('[') || r.starts_with('/'))
-        };
         let mut found: Vec<usize> = (0..self.log.channels.len())
-            .filter(|&i| within(&self.log.channels[i].name))
+            .filter(|&i| within(&self.log.channels[i].name, &entry.column))
             .collect();
         if found.is_empty() && n == 1 {
             found.push(self.channel(entry, &entry.column)?);
@@ -145,7 +147,7 @@ impl Finder<'_> {
 
     /// The one channel of a name.
     fn channel(&self, entry: &Entry, name: &str) -> Result<usize, LogError> {
-        let found = self.find(name);
+        let found = find(self.log, name);
         match found.as_slice() {
             [one] => Ok(*one),
             [] => Err(LogError::Map {
@@ -167,34 +169,56 @@ impl Finder<'_> {
             }),
         }
     }
+}
 
-    /// Channels of a name: as written, without unit, without case, or by the end of the path.
-    fn find(&self, name: &str) -> Vec<usize> {
-        let channels = &self.log.channels;
-        let bare = |c: &str| c.split([' ', '(']).next().unwrap_or(c).to_owned();
-        let unitless = |c: &str| {
-            c.rsplit_once('[')
-                .filter(|(_, u)| Unit::parse(u.trim_end_matches(']')).is_some())
-                .map(|(n, _)| n.trim_end().to_owned())
-        };
-        type Test<'t> = Box<dyn Fn(&str) -> bool + 't>;
-        let tests: [Test<'_>; 5] = [
-            Box::new(|c: &str| c == name),
-            Box::new(|c: &str| unitless(c).as_deref() == Some(name)),
-            Box::new(|c: &str| bare(c) == name),
-            Box::new(|c: &str| c.eq_ignore_ascii_case(name)),
-            Box::new(|c: &str| c.ends_with(&format!("/{name}"))),
-        ];
-        for test in tests {
-            let found: Vec<usize> = (0..channels.len())
-                .filter(|&i| test(&channels[i].name))
-                .collect();
-            if !found.is_empty() {
-                return found;
-            }
+/// Channels of a name: as written, without unit, without case, or by the end of the path.
+fn find(log: &Log, name: &str) -> Vec<usize> {
+    let channels = &log.channels;
+    let bare = |c: &str| c.split([' ', '(']).next().unwrap_or(c).to_owned();
+    let unitless = |c: &str| {
+        c.rsplit_once('[')
+            .filter(|(_, u)| Unit::parse(u.trim_end_matches(']')).is_some())
+            .map(|(n, _)| n.trim_end().to_owned())
+    };
+    type Test<'t> = Box<dyn Fn(&str) -> bool + 't>;
+    let tests: [Test<'_>; 5] = [
+        Box::new(|c: &str| c == name),
+        Box::new(|c: &str| unitless(c).as_deref() == Some(name)),
+        Box::new(|c: &str| bare(c) == name),
+        Box::new(|c: &str| c.eq_ignore_ascii_case(name)),
+        Box::new(|c: &str| c.ends_with(&format!("/{name}"))),
+    ];
+    for test in tests {
+        let found: Vec<usize> = (0..channels.len())
+            .filter(|&i| test(&channels[i].name))
+            .collect();
+        if !found.is_empty() {
+            return found;
         }
-        Vec::new()
     }
+    Vec::new()
+}
+
+/// Whether a log has what an entry names: of logs of different kinds, each has its own names.
+pub(crate) fn present(log: &Log, joints: &[Joint], entry: &Entry) -> bool {
+    let column = entry.column.as_str();
+    let there = |name: &str| !find(log, name).is_empty();
+    let number = entry.joint.is_some() && column.parse::<f64>().is_ok();
+    let pattern = || {
+        let mut names = joints.iter().map(|j| column.replace('*', &j.name));
+        column.contains('*') && names.any(|name| there(&name))
+    };
+    let array = || {
+        let mut channels = log.channels.iter();
+        entry.joint.is_none() && channels.any(|c| within(&c.name, column))
+    };
+    column.is_empty() || number || there(column) || pattern() || array()
+}
+
+/// Whether a channel is an element of an array: `data[2]` and `state/elbow` are, of `data` and `state`.
+fn within(name: &str, array: &str) -> bool {
+    let rest = name.strip_prefix(array);
+    rest.is_some_and(|r| r.starts_with('[') || r.starts_with('/'))
 }
 
 /// A channel, or a number.
