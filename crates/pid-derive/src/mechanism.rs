@@ -325,7 +325,12 @@ mod tests {
         ] {
             let place = Place::new([0.0; 3], rpy);
             let again = Place::new([0.0; 3], place.rpy());
-            for (x, y) in place.rotation.iter().flatten().zip(again.rotation.iter().flatten()) {
+            for (x, y) in place
+                .rotation
+                .iter()
+                .flatten()
+                .zip(again.rotation.iter().flatten())
+            {
                 close(*x, *y, 4e-16 * 4.0);
             }
         }
@@ -356,7 +361,12 @@ mod tests {
     fn a_place_and_its_inverse_cancel() {
         let place = Place::new([0.1, -2.0, 0.7], [0.3, -0.7, 2.0]);
         let back = place.inverse().then(&place);
-        for (x, y) in back.rotation.iter().flatten().zip(Place::IDENTITY.rotation.iter().flatten()) {
+        for (x, y) in back
+            .rotation
+            .iter()
+            .flatten()
+            .zip(Place::IDENTITY.rotation.iter().flatten())
+        {
             close(*x, *y, 1e-15);
         }
         assert!(back.origin.iter().all(|x| x.abs() < 1e-15));

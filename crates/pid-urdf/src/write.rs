@@ -6,7 +6,11 @@
 
 use std::ops::Range;
 
-use crate::description::{Description, Motion, rotation, transposed, turned};
+use pid_derive::mechanism::{Distribution, Place};
+use pid_derive::plausible::{self, Implausible};
+
+use crate::bodies::Rigid;
+use crate::description::{Description, Inertial};
 use crate::robot::{Options, STANDARD, free_links};
 
 /// A text, and the values that it could not hold.
@@ -67,10 +71,9 @@ pub fn write(
 ) -> Written {
     let mut edits = Edits::default();
     let mut lost = Vec::new();
-    for (link, free) in description
-        .links
-        .iter()
-        .zip(free_links(description, options))
+    let bodies = description.rigid();
+    for ((index, link), free) in
+        (description.links.iter().enumerate()).zip(free_links(description, options))
     {
         if !free {
             continue;
@@ -92,7 +95,13 @@ pub fn write(
         }
         let rpy = link.inertial.map_or([0.0; 3], |inertial| inertial.rpy);
         let (mass, com, inertia) = about_com(p, rpy);
-        if let Err(reason) = pid_derive::plausible::check(mass, inertia) {
+        let new = Inertial {
+            mass,
+            com,
+            rpy,
+            inertia,
+        };
+        if let Err(reason) = check(description, &bodies, index, new) {
             lost.push(Lost::Refused {
                 item: format!("link `{}`", link.name),
                 reason: reason.to_string(),
@@ -127,7 +136,7 @@ pub fn write(
         }
     }
     for joint in &description.joints {
-        if joint.motion == Motion::Fixed {
+        if !joint.moves() {
             continue;
         }
         let mut coefficient = |stem: &str, old: f64| {
@@ -177,6 +186,35 @@ pub fn write(
     }
 }
 
+/// Whether the body that a link is part of is one with new values of the link, whose mass is positive.
+fn check(
+    description: &Description,
+    bodies: &[Rigid],
+    link: usize,
+    new: Inertial,
+) -> Result<(), Implausible> {
+    let values = new.distribution();
+    if values.mass <= 0.0 {
+        return Err(Implausible::Mass { mass: values.mass });
+    }
+    let Some(body) = bodies
+        .iter()
+        .find(|b| b.links.iter().any(|(l, _)| *l == link))
+    else {
+        return plausible::check(values.mass, values.inertia);
+    };
+    let mut all = Distribution::default();
+    for (member, place) in &body.links {
+        let part = match &description.links[*member].inertial {
+            _ if *member == link => values,
+            Some(inertial) => inertial.distribution(),
+            None => continue,
+        };
+        all = all.with(&part.placed(place));
+    }
+    plausible::check(all.mass, all.inertia)
+}
+
 /// Mass, centre of mass, and inertia about it in axes turned by `rpy`, of standard parameters.
 fn about_com(p: [f64; 10], rpy: [f64; 3]) -> (f64, [f64; 3], [f64; 6]) {
     let [m, mx, my, mz, xx, yy, zz, xy, xz, yz] = p;
@@ -189,7 +227,7 @@ fn about_com(p: [f64; 10], rpy: [f64; 3]) -> (f64, [f64; 3], [f64; 6]) {
         xz + m * c[0] * c[2],
         yz + m * c[1] * c[2],
     ];
-    (m, c, turned(transposed(rotation(rpy)), about))
+    (m, c, Place::new([0.0; 3], rpy).inverse().tensor(about))
 }
 
 /// Replacements and insertions of a text.

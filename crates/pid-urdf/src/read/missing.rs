@@ -1,0 +1,146 @@
+//! Moving links without mass and inertia: named all at once, or guessed from their geometry.
+
+use std::fmt::Write;
+
+use pid_derive::mechanism::{InertiaSource, Mechanism};
+
+use super::geometry::Shapes;
+use super::reader::Reader;
+use crate::description::{Description, Inertial};
+use crate::error::UrdfError;
+use crate::reading::{Guess, Missing};
+
+/// Positions of joint k in three configurations: `angle + step·k`, so that no two axes stay parallel.
+const CONFIGURATIONS: [(f64, f64); 3] = [(0.3, 0.7), (-0.9, 1.1), (1.7, -0.6)];
+/// A joint that feels less than this share of what it carries turns it about its own axis.
+const NOTHING: f64 = 1e-12;
+
+/// Mass and inertia of moving bodies without them, from their geometry. A link whose geometry says
+/// nothing stays without.
+pub(super) fn guess(
+    reader: &Reader<'_>,
+    description: &mut Description,
+    shapes: &[Shapes],
+    missing: &Missing,
+) {
+    let Missing::Guess(guess) = missing else {
+        return;
+    };
+    for body in description.rigid() {
+        let all = description.merged(&body);
+        if all.mass != 0.0 || all.inertia != [0.0; 6] {
+            continue;
+        }
+        for &(link, _) in &body.links {
+            guess_link(reader, description, (link, &shapes[link]), guess);
+        }
+    }
+}
+
+fn guess_link(
+    reader: &Reader<'_>,
+    description: &mut Description,
+    (index, shapes): (usize, &Shapes),
+    guess: &Guess,
+) {
+    let link = &mut description.links[index];
+    let line = link.places.line;
+    match shapes.filled(reader.file, guess) {
+        Ok(filled) => {
+            let volume = filled.distribution.mass;
+            let mass = guess.masses.get(&link.name).copied();
+            let mass = mass.unwrap_or(guess.density * volume);
+            let density = mass / volume;
+            link.inertial = Some(Inertial {
+                mass,
+                com: filled.distribution.com,
+                rpy: [0.0; 3],
+                inertia: filled.distribution.inertia.map(|x| density * x),
+            });
+            link.source = InertiaSource::Guessed;
+            reader.warn(
+                line,
+                format!(
+                    "link `{}` has no inertia; {mass:.4} kg is guessed from its {} at {density:.0} kg/m^3",
+                    link.name, filled.of
+                ),
+            );
+        }
+        Err(reason) => reader.warn(
+            line,
+            format!(
+                "link `{}` has no inertia, and none is guessed: {reason}",
+                link.name
+            ),
+        ),
+    }
+}
+
+/// # Errors
+/// If a joint that moves on its own moves nothing that resists: all links of which that is so.
+pub(super) fn refuse(
+    reader: &Reader<'_>,
+    description: &Description,
+    missing: &Missing,
+) -> Result<(), UrdfError> {
+    if *missing == Missing::Keep {
+        return Ok(());
+    }
+    let mechanism = description.mechanism([0.0; 3]);
+    let joints: Vec<usize> = description.rigid().iter().map(|body| body.joint).collect();
+    let links: Vec<(String, String, u32)> = without(&mechanism)
+        .into_iter()
+        .map(|k| {
+            let joint = &description.joints[joints[k]];
+            let link = &description.links[joint.child];
+            (link.name.clone(), joint.name.clone(), link.places.line)
+        })
+        .collect();
+    let Some(&(_, _, line)) = links.first() else {
+        return Ok(());
+    };
+    let mut list = String::new();
+    for (link, joint, _) in &links {
+        let comma = if list.is_empty() { "" } else { ", " };
+        let _ = write!(list, "{comma}`{link}` (joint `{joint}`)");
+    }
+    Err(UrdfError::NoInertia {
+        file: reader.file.to_owned(),
+        line,
+        links: links.into_iter().map(|(link, ..)| link).collect(),
+        list,
+    })
+}
+
+/// Bodies whose joints move neither mass nor inertia, in any of the configurations.
+fn without(mechanism: &Mechanism) -> Vec<usize> {
+    let bodies = &mechanism.bodies;
+    let mut resists = vec![false; bodies.len()];
+    for (start, step) in CONFIGURATIONS {
+        let mut positions: Vec<f64> = (0..bodies.len()).map(|k| start + step * k as f64).collect();
+        for (k, body) in bodies.iter().enumerate() {
+            if let Some(follows) = body.follows {
+                positions[k] = follows.ratio * positions[follows.body] + follows.offset;
+            }
+        }
+        let carried = mechanism.carried(&positions);
+        for (k, (body, all)) in bodies.iter().zip(&carried).enumerate() {
+            let arm: f64 = all.com.iter().map(|x| x * x).sum();
+            let trace: f64 = all.inertia[..3].iter().map(|x| x.abs()).sum();
+            let size = match body.prismatic {
+                true => 0.0,
+                false => NOTHING * (all.mass * arm + trace),
+            };
+            if all.felt(body.prismatic, [0.0; 3], body.axis) > size {
+                // A joint that is followed feels what its followers carry.
+                resists[k] = true;
+                if let Some(follows) = body.follows.filter(|f| f.ratio != 0.0) {
+                    resists[follows.body] = true;
+                }
+            }
+        }
+    }
+    (0..bodies.len())
+        .filter(|&k| !resists[k] && bodies[k].follows.is_none())
+        .collect()
+}
