@@ -40,6 +40,10 @@ pub struct Guess {
     pub density: f64,
     /// Masses of links by name, kg, instead of density times volume.
     pub masses: BTreeMap<String, f64>,
+    /// Mass of a link that moves nothing otherwise and whose geometry cannot be read, kg: a rod from
+    /// its origin to the farthest joint it carries, or a sphere, of the density above. `None`: such a
+    /// link stays without.
+    pub otherwise: Option<f64>,
     /// Folders that hold the packages of `package://` paths; folders above the file are looked in
     /// without being named.
     pub packages: Vec<PathBuf>,
@@ -52,6 +56,7 @@ impl Default for Guess {
         Self {
             density: 1000.0,
             masses: BTreeMap::new(),
+            otherwise: None,
             packages: Vec::new(),
         }
     }

@@ -386,6 +386,64 @@ fn what_mimics_a_fixed_joint_is_held() {
 }
 
 #[test]
+fn what_mimics_no_joint_moves_on_its_own() {
+    let text = arm(BODY, "<mimic joint=\"j2\"/>");
+    let description = read(&text);
+    assert_eq!(description.joints[0].mimic, None);
+    assert!(
+        description.warnings[0]
+            .contains("mimics `j2`, which is no joint; it moves on its own; did you mean `j1`?"),
+        "{:?}",
+        description.warnings
+    );
+}
+
+#[test]
+fn vectors_may_have_commas_or_a_number_too_many() {
+    for origin in ["1, -2,3", "1 -2 3 0"] {
+        let description = read(&arm(BODY, &format!("<origin xyz=\"{origin}\"/>")));
+        assert_eq!(description.joints[0].origin, [1.0, -2.0, 3.0]);
+        assert!(description.warnings[0].contains("the first 3 numbers are read"));
+    }
+    // A decimal comma is not guessed at.
+    let text = arm(&BODY.replace("mass value=\"1\"", "mass value=\"1,5\""), "");
+    assert!(matches!(
+        Description::parse("a.urdf", &text),
+        Err(UrdfError::Value { .. })
+    ));
+}
+
+#[test]
+fn a_mass_stands_in_for_geometry() {
+    let text = arm("", "").replace(
+        "</robot>",
+        "<link name=\"hand\"/><joint name=\"j2\" type=\"revolute\"><parent link=\"arm\"/><child link=\"hand\"/>\
+         <origin xyz=\"0 0.3 0.4\"/></joint></robot>",
+    );
+    let mut guess = Guess::default();
+    guess.otherwise = Some(2.0);
+    let mut reading = Reading::default();
+    reading.missing = Missing::Guess(guess);
+    let description = Description::parse_with("a.urdf", &text, &reading).expect("guessed");
+    let bodies = description.mechanism(GRAVITY).bodies;
+    assert_eq!((bodies[0].mass, bodies[1].mass), (2.0, 2.0));
+    // A rod of 0.5 m and 2 litres along (0, 3, 4)/5.
+    close(&bodies[0].com, &[0.0, 0.15, 0.2]);
+    let radius = (0.002 / (std::f64::consts::PI * 0.5)).sqrt();
+    let (across, along) = (2.0 * (3.0 * radius * radius + 0.25) / 12.0, radius * radius);
+    close(&[bodies[0].inertia[0]], &[across]);
+    close(&[bodies[0].inertia[5]], &[-0.48 * (across - along)]);
+    let sphere = (0.002_f64 * 0.75 / std::f64::consts::PI).powf(2.0 / 3.0);
+    close(&[bodies[1].inertia[2]], &[0.4 * 2.0 * sphere]);
+    assert!(
+        description
+            .warnings
+            .iter()
+            .any(|w| w.contains("2.0000 kg is taken as a rod of 0.500 m"))
+    );
+}
+
+#[test]
 fn followers_are_part_of_the_mechanism() {
     let right = format!(
         "<link name=\"r\">{BODY}</link><joint name=\"j2\" type=\"revolute\"><parent link=\"base\"/><child link=\"r\"/>\

@@ -325,9 +325,9 @@ fn mistakes_are_named() {
             "joint `elbow` mimics itself",
         ),
         (
-            "<limit",
-            "<mimic joint=\"hand\"/><limit",
-            "there is no joint `hand`",
+            "xyz=\"0 0 -0.2\"",
+            "xyz=\"$(arg x) 0 -0.2\"",
+            "this is a xacro file",
         ),
         ("robot", "model", "arm.urdf:1: the root element is <model>"),
         ("</robot>", "", "arm.urdf: "),

@@ -255,9 +255,18 @@ impl<'a> Reader<'a> {
                 "write joint=\"…\" with the name of a joint",
             )
         })?;
-        let &index = names
-            .get(leader.value())
-            .ok_or_else(|| self.unknown(mimic, &item, "joint", leader.value(), names))?;
+        let Some(&index) = names.get(leader.value()) else {
+            let near = nearest(leader.value(), names.keys());
+            let near = near.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
+            self.warn(
+                self.line(mimic.range().start),
+                format!(
+                    "{item} mimics `{}`, which is no joint; it moves on its own{near}",
+                    leader.value()
+                ),
+            );
+            return Ok(None);
+        };
         Ok(Some(Mimic {
             joint: index,
             multiplier: self

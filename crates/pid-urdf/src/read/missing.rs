@@ -35,6 +35,76 @@ pub(super) fn guess(
             guess_link(reader, description, (link, &shapes[link]), guess);
         }
     }
+    let Some(mass) = guess.otherwise else {
+        return;
+    };
+    let bodies = description.rigid();
+    for body in without(&description.mechanism([0.0; 3])) {
+        let link = bodies[body].links[0].0;
+        let mass = guess
+            .masses
+            .get(&description.links[link].name)
+            .copied()
+            .unwrap_or(mass);
+        stand_in(reader, description, link, (mass, guess.density));
+    }
+}
+
+/// A rod from the origin of a link to the farthest joint it carries, or a sphere about its origin.
+fn stand_in(
+    reader: &Reader<'_>,
+    description: &mut Description,
+    index: usize,
+    (mass, density): (f64, f64),
+) {
+    let length = |x: &[f64; 3]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let carried = description
+        .joints
+        .iter()
+        .filter(|joint| joint.parent == index);
+    let end = carried
+        .map(|joint| joint.origin)
+        .max_by(|x, y| length(x).total_cmp(&length(y)))
+        .unwrap_or_default();
+    let (span, volume) = (length(&end), mass / density);
+    let pi = std::f64::consts::PI;
+    // A rod thicker than long is none.
+    let (inertia, word) = if span.powi(3) > volume {
+        let d = end.map(|x| x / span);
+        let r2 = volume / (pi * span);
+        let (across, along) = (mass * (3.0 * r2 + span * span) / 12.0, 0.5 * mass * r2);
+        let entry = |i: usize, j: usize| {
+            let unit = if i == j { across } else { 0.0 };
+            unit - (across - along) * d[i] * d[j]
+        };
+        let places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+        (
+            places.map(|(i, j)| entry(i, j)),
+            format!("a rod of {span:.3} m"),
+        )
+    } else {
+        let j = 0.4 * mass * (0.75 * volume / pi).powf(2.0 / 3.0);
+        ([j, j, j, 0.0, 0.0, 0.0], "a sphere".to_owned())
+    };
+    let link = &mut description.links[index];
+    link.inertial = Some(Inertial {
+        mass,
+        com: if word == "a sphere" {
+            [0.0; 3]
+        } else {
+            end.map(|x| 0.5 * x)
+        },
+        rpy: [0.0; 3],
+        inertia,
+    });
+    link.source = InertiaSource::Guessed;
+    reader.warn(
+        link.places.line,
+        format!(
+            "link `{}` has no inertia; {mass:.4} kg is taken as {word}",
+            link.name
+        ),
+    );
 }
 
 fn guess_link(

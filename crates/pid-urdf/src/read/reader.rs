@@ -162,26 +162,34 @@ impl<'a> Reader<'a> {
             return Ok(None);
         };
         let value = attribute.value();
-        if value.contains("${") {
+        let line = self.line(attribute.range().start);
+        if value.contains("${") || value.contains("$(") {
             return Err(UrdfError::Xacro {
                 file: self.file.to_owned(),
-                line: self.line(attribute.range().start),
+                line,
                 found: value.to_owned(),
             });
         }
-        let mut out = [0.0; N];
-        let mut words = value.split_ascii_whitespace();
-        for place in &mut out {
-            *place = words
-                .next()
-                .and_then(|word| word.parse::<f64>().ok())
-                .filter(|x| x.is_finite())
-                .ok_or_else(|| self.value(&attribute, item, key, plural(N)))?;
+        let words: Vec<&str> = value.split_ascii_whitespace().collect();
+        if let Some(out) = parsed(&words) {
+            return Ok(Some(out));
         }
-        match words.next() {
-            None => Ok(Some(out)),
-            Some(_) => Err(self.value(&attribute, item, key, plural(N))),
-        }
+        // Vectors with commas between their numbers, or with a number too many, as other readers
+        // take them. One number with a comma may be a decimal, so it is not guessed at.
+        let spaced = value.replace(',', " ");
+        let words: Vec<&str> = spaced.split_ascii_whitespace().collect();
+        let taken = match N {
+            1 => None,
+            _ => words.get(..N).and_then(parsed),
+        };
+        let Some(out) = taken else {
+            return Err(self.value(&attribute, item, key, plural(N)));
+        };
+        self.warn(
+            line,
+            format!("{item}: {key} is \"{value}\"; the first {N} numbers are read"),
+        );
+        Ok(Some(out))
     }
 
     pub(super) fn number(
@@ -274,6 +282,18 @@ pub(super) fn nearest<'n>(name: &str, known: impl Iterator<Item = &'n String>) -
         .filter(|(distance, n)| *distance <= n.chars().count() / 2)
         .min()
         .map(|(_, n)| n.clone())
+}
+
+/// Finite numbers, as many as there are words.
+fn parsed<const N: usize>(words: &[&str]) -> Option<[f64; N]> {
+    let mut out = [0.0; N];
+    if words.len() != N {
+        return None;
+    }
+    for (place, word) in out.iter_mut().zip(words) {
+        *place = word.parse().ok().filter(|x: &f64| x.is_finite())?;
+    }
+    Some(out)
 }
 
 fn plural(count: usize) -> String {

@@ -33,6 +33,10 @@ pub(super) fn accepted(text: &str) -> Result<Xml, Error> {
     {
         blank(&mut xml.text, 0, at + end + 2);
     }
+    // Some writers end a file with the zero of its string.
+    let end = xml.text.trim_end_matches('\0').len();
+    let all = xml.text.len();
+    blank(&mut xml.text, end, all);
     for _ in 0..NAMESPACES {
         match parse(&xml.text) {
             Ok(_) => return Ok(xml),
@@ -98,6 +102,7 @@ mod tests {
     fn what_other_readers_accept_is_blanked_in_place() {
         for text in [
             "\n <?xml version=\"1.0\"?>\n<robot/>",
+            "<robot/>\n\0\0",
             "<robot><!-- a -- b --><link/></robot>",
             "<robot><gz:a b:c=\"1\" ><gz:d/></gz:a></robot>",
         ] {
