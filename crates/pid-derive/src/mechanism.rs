@@ -1,7 +1,10 @@
 //! A tree of driven bodies in numbers: what readers of robot files make, whatever their format.
+//! [`Mechanism::robot`] makes a robot without parameters of it.
 //!
 //! Links that are joined rigidly are one body here. The frame of a body is that of the link that its
 //! joint carries. All values are in SI units.
+
+use crate::model::{About, Affine, Expr, Inertial, Input, Joint, JointKind, Link, Robot, Tensor};
 
 /// A tree of bodies, parents first.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,6 +88,11 @@ pub struct Place {
     /// o, m.
     pub origin: [f64; 3],
 }
+
+/// Positions of joint k in three configurations: `start + step·k`, so that no two axes stay parallel.
+const CONFIGURATIONS: [(f64, f64); 3] = [(0.3, 0.7), (-0.9, 1.1), (1.7, -0.6)];
+/// A joint that feels less than this share of what it carries turns it about its own axis.
+const NOTHING: f64 = 1e-12;
 
 /// The identity matrix.
 const UNIT: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -301,6 +309,100 @@ impl Mechanism {
         let carried = self.carried(positions);
         let each = self.bodies.iter().zip(&carried);
         each.map(|(body, all)| all.felt(body.prismatic, [0.0; 3], body.axis))
+            .collect()
+    }
+
+    /// The robot without parameters: all is numbers, friction is left out, and each joint that moves on
+    /// its own has its torque or force as input.
+    pub fn robot(&self) -> Robot {
+        let mut robot = Robot::new(self.name.clone(), self.gravity.map(Expr::Num));
+        robot.order = (0..self.bodies.len()).collect();
+        let mut coordinates = vec![None; self.bodies.len()];
+        for (index, body) in self.bodies.iter().enumerate() {
+            let input = robot.inputs.len();
+            coordinates[index] = body.follows.is_none().then_some(input);
+            if body.follows.is_none() {
+                robot.inputs.push(Input {
+                    name: format!("u_{}", body.joint),
+                    docs: Vec::new(),
+                    unit: if body.prismatic { "N" } else { "N*m" }.to_owned(),
+                    coord: Some(input),
+                });
+            }
+            robot.links.push(Link {
+                name: format!("link_{}", body.joint),
+                docs: Vec::new(),
+                inertial: match body.mass == 0.0 && body.inertia == [0.0; 6] {
+                    true => Inertial::None,
+                    false => Inertial::Body {
+                        mass: Expr::Num(body.mass),
+                        com: body.com.map(Expr::Num),
+                        inertia: Tensor::from(body.inertia.map(Expr::Num)),
+                        about: About::Com,
+                    },
+                },
+            });
+            let kind = match body.prismatic {
+                true => JointKind::Prismatic(body.axis),
+                false => JointKind::Revolute(body.axis),
+            };
+            robot.joints.push(Joint {
+                name: body.joint.clone(),
+                docs: Vec::new(),
+                kind,
+                coord: coordinates[index],
+                follows: body.follows.map(|follows| Affine {
+                    terms: coordinates[follows.body]
+                        .map(|coordinate| (coordinate, Expr::Num(follows.ratio)))
+                        .into_iter()
+                        .collect(),
+                    offset: Expr::Num(follows.offset),
+                }),
+                parent: body.parent,
+                child: index,
+                origin: body.origin.map(Expr::Num),
+                rpy: body.rpy.map(Expr::Num),
+                limits: body.limits,
+                armature: body.rotor.map(Expr::Num),
+                force: coordinates[index].map(|_| Expr::Input(input)),
+            });
+        }
+        robot
+    }
+
+    /// Bodies whose joints move on their own but move neither mass nor inertia nor a rotor, in any of
+    /// three configurations: the mass matrix is singular at them.
+    pub fn without_inertia(&self) -> Vec<usize> {
+        let bodies = &self.bodies;
+        let rotor = |body: &Body| body.rotor.is_some_and(|x| x > 0.0);
+        let mut resists: Vec<bool> = bodies.iter().map(rotor).collect();
+        for (start, step) in CONFIGURATIONS {
+            let mut positions: Vec<f64> =
+                (0..bodies.len()).map(|k| start + step * k as f64).collect();
+            for (k, body) in bodies.iter().enumerate() {
+                if let Some(follows) = body.follows {
+                    positions[k] = follows.ratio * positions[follows.body] + follows.offset;
+                }
+            }
+            let carried = self.carried(&positions);
+            for (k, (body, all)) in bodies.iter().zip(&carried).enumerate() {
+                let arm: f64 = all.com.iter().map(|x| x * x).sum();
+                let trace: f64 = all.inertia[..3].iter().map(|x| x.abs()).sum();
+                let size = match body.prismatic {
+                    true => 0.0,
+                    false => NOTHING * (all.mass * arm + trace),
+                };
+                if all.felt(body.prismatic, [0.0; 3], body.axis) > size {
+                    // A joint that is followed feels what its followers carry.
+                    resists[k] = true;
+                    if let Some(follows) = body.follows.filter(|f| f.ratio != 0.0) {
+                        resists[follows.body] = true;
+                    }
+                }
+            }
+        }
+        (0..bodies.len())
+            .filter(|&k| !resists[k] && bodies[k].follows.is_none())
             .collect()
     }
 }

@@ -34,7 +34,7 @@ pub fn identifier(name: &str) -> String {
 }
 
 /// Identifiers that differ: a later one that equals an earlier one gets `_2`, `_3` and so on.
-pub(crate) fn make_apart<'a>(identifiers: impl Iterator<Item = &'a mut String>) {
+pub fn make_apart<'a>(identifiers: impl Iterator<Item = &'a mut String>) {
     let mut taken = std::collections::BTreeSet::new();
     for identifier in identifiers {
         let mut number = 1;

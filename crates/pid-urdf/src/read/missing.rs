@@ -2,18 +2,13 @@
 
 use std::fmt::Write;
 
-use pid_derive::mechanism::{InertiaSource, Mechanism};
+use pid_derive::mechanism::InertiaSource;
 
 use super::geometry::Shapes;
 use super::reader::Reader;
 use crate::description::{Description, Inertial};
 use crate::error::UrdfError;
 use crate::reading::{Guess, Missing};
-
-/// Positions of joint k in three configurations: `angle + step·k`, so that no two axes stay parallel.
-const CONFIGURATIONS: [(f64, f64); 3] = [(0.3, 0.7), (-0.9, 1.1), (1.7, -0.6)];
-/// A joint that feels less than this share of what it carries turns it about its own axis.
-const NOTHING: f64 = 1e-12;
 
 /// Mass and inertia of moving bodies without them, from their geometry. A link whose geometry says
 /// nothing stays without.
@@ -39,7 +34,7 @@ pub(super) fn guess(
         return;
     };
     let bodies = description.rigid();
-    for body in without(&description.mechanism([0.0; 3])) {
+    for body in description.mechanism([0.0; 3]).without_inertia() {
         let link = bodies[body].links[0].0;
         let mass = guess
             .masses
@@ -158,7 +153,8 @@ pub(super) fn refuse(
     }
     let mechanism = description.mechanism([0.0; 3]);
     let joints: Vec<usize> = description.rigid().iter().map(|body| body.joint).collect();
-    let links: Vec<(String, String, u32)> = without(&mechanism)
+    let links: Vec<(String, String, u32)> = mechanism
+        .without_inertia()
         .into_iter()
         .map(|k| {
             let joint = &description.joints[joints[k]];
@@ -180,37 +176,4 @@ pub(super) fn refuse(
         links: links.into_iter().map(|(link, ..)| link).collect(),
         list,
     })
-}
-
-/// Bodies whose joints move neither mass nor inertia, in any of the configurations.
-fn without(mechanism: &Mechanism) -> Vec<usize> {
-    let bodies = &mechanism.bodies;
-    let mut resists = vec![false; bodies.len()];
-    for (start, step) in CONFIGURATIONS {
-        let mut positions: Vec<f64> = (0..bodies.len()).map(|k| start + step * k as f64).collect();
-        for (k, body) in bodies.iter().enumerate() {
-            if let Some(follows) = body.follows {
-                positions[k] = follows.ratio * positions[follows.body] + follows.offset;
-            }
-        }
-        let carried = mechanism.carried(&positions);
-        for (k, (body, all)) in bodies.iter().zip(&carried).enumerate() {
-            let arm: f64 = all.com.iter().map(|x| x * x).sum();
-            let trace: f64 = all.inertia[..3].iter().map(|x| x.abs()).sum();
-            let size = match body.prismatic {
-                true => 0.0,
-                false => NOTHING * (all.mass * arm + trace),
-            };
-            if all.felt(body.prismatic, [0.0; 3], body.axis) > size {
-                // A joint that is followed feels what its followers carry.
-                resists[k] = true;
-                if let Some(follows) = body.follows.filter(|f| f.ratio != 0.0) {
-                    resists[follows.body] = true;
-                }
-            }
-        }
-    }
-    (0..bodies.len())
-        .filter(|&k| !resists[k] && bodies[k].follows.is_none())
-        .collect()
 }
