@@ -95,12 +95,24 @@ pub fn nearest(inertia: [f64; 6]) -> ([f64; 6], f64) {
         face if face[2] >= 0.0 => face,
         _ => [0.5 * (j1 + j2).max(0.0), 0.5 * (j1 + j2).max(0.0), 0.0],
     };
-    let entry = |r: usize, c: usize| -> f64 {
-        let term = |k: usize| projected[k] * axes[k][r] * axes[k][c];
-        scale * (0..3).map(term).sum::<f64>()
-    };
-    let places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
-    (places.map(|(r, c)| entry(r, c)), scale * excess)
+    (of_axes(projected.map(|j| scale * j), axes), scale * excess)
+}
+
+/// The tensor with principal moments below `least` raised to it; the axes stay. A tensor without such
+/// moments stays exactly as it is. Entries must be finite.
+pub fn raised(inertia: [f64; 6], least: f64) -> [f64; 6] {
+    let (moments, axes) = principal_axes(inertia);
+    if moments[2] >= least {
+        return inertia;
+    }
+    of_axes(moments.map(|j| j.max(least)), axes)
+}
+
+/// The tensor of principal moments and axes.
+fn of_axes(moments: [f64; 3], axes: [[f64; 3]; 3]) -> [f64; 6] {
+    let entry =
+        |r: usize, c: usize| -> f64 { (0..3).map(|k| moments[k] * axes[k][r] * axes[k][c]).sum() };
+    [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(|(r, c)| entry(r, c))
 }
 
 /// Principal moments, largest first, and their axes, by Jacobi's rotations (W. H. Press et al.,
@@ -163,7 +175,7 @@ pub fn principal_moments(inertia: [f64; 6]) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::{Implausible, check, nearest, principal_moments};
+    use super::{Implausible, check, nearest, principal_moments, raised};
 
     #[test]
     fn principal_moments_of_a_turned_tensor() {
@@ -242,6 +254,18 @@ mod tests {
                 assert!((found - expected).abs() < 1e-14, "{found} {expected}");
             }
         }
+    }
+
+    #[test]
+    fn small_moments_are_raised() {
+        let r = turn();
+        let found = raised(about(r, [5.0, 0.1, -2.0]), 0.5);
+        for (found, expected) in found.into_iter().zip(about(r, [5.0, 0.5, 0.5])) {
+            assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+        }
+        assert_eq!(raised([0.0; 6], 0.5), [0.5, 0.5, 0.5, 0.0, 0.0, 0.0]);
+        let large = about(r, [5.0, 4.0, 3.0]);
+        assert_eq!(raised(large, 0.5), large);
     }
 
     fn turn() -> [[f64; 3]; 3] {

@@ -273,6 +273,40 @@ fn bodies_without_mass_become_light() {
     assert_eq!(again, nominal);
 }
 
+/// A body with two joints, an armature, and drives: through MJCF.
+#[test]
+fn drives_of_mjcf_are_the_start() {
+    let text = r#"<mujoco model="cart"><worldbody><body name="cart">
+        <joint name="x" type="slide" axis="1 0 0" damping="3" range="-1 1"/>
+        <inertial pos="0 0 0" mass="2" diaginertia="0.01 0.01 0.01"/>
+        <body name="pole" pos="0 0 0.1"><joint name="swing" axis="0 1 0" armature="0.02" frictionloss="0.1"/>
+        <geom type="capsule" size="0.02" fromto="0 0 0 0 0 0.6"/></body></body></worldbody>
+        <actuator><motor joint="x" gear="80" ctrlrange="-1 1"/></actuator></mujoco>"#;
+    let read = pid_mjcf::Mjcf::parse("cart.xml", text).expect("a cart");
+    let nominal = described(&read.mechanism, Provenance::DataSheet).nominal;
+    assert_eq!(width(&nominal, "rotor_swing"), (0.02, 0.08));
+    assert_eq!(width(&nominal, "coulomb_swing"), (0.1, 0.4));
+    assert_eq!(width(&nominal, "viscous_x"), (3.0, 4.0 * 0.03 * 80.0 / 0.5));
+    assert_eq!(nominal.measurement().channels[0].torque_peak, Some(80.0));
+    let again = Nominal::parse("", &nominal.to_toml().expect("a chain")).unwrap();
+    assert_eq!(again, nominal);
+    // The equations of a cart with a pole, at a state: m s a_x = m (h cos q a − h sin q v²).
+    let own = Model::new(&read.mechanism.robot()).unwrap();
+    let pole = &read.mechanism.bodies[1];
+    let found = dynamics(&own, [&[0.2, 0.7], &[1.0, 2.0]]);
+    let (m, h) = (pole.mass, pole.com[2]);
+    let expected = [
+        2.0 + m,
+        m * h * 0.7_f64.cos(),
+        pole.inertia[1] + m * h * h + 0.02,
+        -m * h * 0.7_f64.sin() * 4.0,
+        -m * 9.81 * h * 0.7_f64.sin(),
+    ];
+    for (x, y) in found.iter().zip(expected) {
+        assert!((x - y).abs() < 1e-12, "{found:?} {expected:?}");
+    }
+}
+
 #[test]
 fn a_robot_that_cannot_move_is_refused() {
     let error = Nominal::of_mechanism(

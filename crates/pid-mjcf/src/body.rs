@@ -4,6 +4,7 @@
 //! anchor of its joint. A body without joints is part of the one that carries it.
 
 use pid_derive::mechanism::{Body, Distribution, InertiaSource, Place};
+use pid_derive::plausible;
 use pid_urdf::names;
 
 use crate::element::Element;
@@ -220,11 +221,18 @@ impl Reader {
     /// Mass and inertia of a body in its frame: as stated, or those of its geoms.
     fn inertia(&mut self, body: &Element, class: Option<&str>) -> Result<Distribution, MjcfError> {
         let inertial = body.all("inertial").next();
-        match inertial {
-            Some(inertial) if self.from_geoms != Some(true) => self.stated(inertial),
-            _ if self.from_geoms == Some(false) => Ok(Distribution::default()),
-            _ => self.geoms(body, &Place::IDENTITY, class),
+        let mut all = match inertial {
+            Some(inertial) if self.from_geoms != Some(true) => self.stated(inertial)?,
+            _ if self.from_geoms == Some(false) => Distribution::default(),
+            _ => self.geoms(body, &Place::IDENTITY, class)?,
+        };
+        let (mass, moment) = self.bounds;
+        all.mass = all.mass.max(mass);
+        if moment > 0.0 {
+            all.inertia = plausible::raised(all.inertia, moment);
         }
+        self.weighed += all.mass;
+        Ok(all)
     }
 
     fn stated(&self, inertial: &Element) -> Result<Distribution, MjcfError> {

@@ -35,13 +35,6 @@ const UNREAD: [(&str, &str); 3] = [
     ("tendon", "pulls on joints"),
     ("deformable", "is no rigid body"),
 ];
-/// Settings of the compiler that change masses, and what they do.
-const CHANGED: [&str; 4] = [
-    "boundmass",
-    "boundinertia",
-    "balanceinertia",
-    "settotalmass",
-];
 
 impl Mjcf {
     /// Reads a file and those that it includes.
@@ -74,12 +67,13 @@ impl Mjcf {
                 file: file.to_owned(),
             });
         }
+        reader.scale();
         reader.actuators(&root)?;
         reader.unread(&root);
         names::make_apart(reader.bodies.iter_mut().map(|body| &mut body.joint));
         let mechanism = Mechanism {
             name: names::type_name(root.get("model").unwrap_or("robot")),
-            gravity: option(&root, "gravity")?.unwrap_or([0.0, 0.0, -9.81]),
+            gravity: gravity(&root)?,
             bodies: reader.bodies,
         };
         let list: Vec<String> = (mechanism.without_inertia().into_iter())
@@ -101,6 +95,15 @@ impl Mjcf {
     }
 }
 
+/// Gravity in the frame of the world, unless a flag disables it.
+fn gravity(root: &Element) -> Result<[f64; 3], MjcfError> {
+    let mut flags = root.all("option").flat_map(|option| option.all("flag"));
+    if flags.any(|flag| flag.get("gravity") == Some("disable")) {
+        return Ok([0.0; 3]);
+    }
+    Ok(option(root, "gravity")?.unwrap_or([0.0, 0.0, -9.81]))
+}
+
 /// Numbers of the last `<option>` that states them.
 fn option<const N: usize>(root: &Element, key: &str) -> Result<Option<[f64; N]>, MjcfError> {
     let mut found = None;
@@ -118,6 +121,12 @@ pub(crate) struct Reader {
     pub(crate) from_geoms: Option<bool>,
     /// Groups of geoms that have mass.
     pub(crate) groups: (f64, f64),
+    /// Least mass and least principal moment of a body.
+    pub(crate) bounds: (f64, f64),
+    /// Mass to which all bodies together are scaled.
+    total: Option<f64>,
+    /// Mass of all bodies so far, those that do not move too.
+    pub(crate) weighed: f64,
     pub(crate) defaults: Defaults,
     pub(crate) bodies: Vec<Body>,
     /// Names of their joints as written.
@@ -136,6 +145,9 @@ impl Reader {
             autolimits: true,
             from_geoms: None,
             groups: (0.0, 5.0),
+            bounds: (0.0, 0.0),
+            total: None,
+            weighed: 0.0,
             defaults: Defaults::new(root),
             bodies: Vec::new(),
             joint_names: Vec::new(),
@@ -176,11 +188,12 @@ impl Reader {
                     "convert it to local coordinates, as newer versions of MuJoCo ask for too",
                 ));
             }
-            for key in CHANGED {
-                let none = [None, Some("0"), Some("-1"), Some("false")];
-                if !none.contains(&compiler.get(key)) {
-                    out.warn(compiler, &format!("has `{key}`, which is not read"));
-                }
+            out.bounds.0 = compiler.number("boundmass")?.unwrap_or(out.bounds.0);
+            out.bounds.1 = compiler.number("boundinertia")?.unwrap_or(out.bounds.1);
+            let total = compiler.number("settotalmass")?;
+            out.total = total.map_or(out.total, |mass| (mass > 0.0).then_some(mass));
+            if compiler.get("balanceinertia") == Some("true") {
+                out.warn(compiler, "has `balanceinertia`, which is not read");
             }
         }
         Ok(out)
@@ -192,7 +205,26 @@ impl Reader {
         self.warnings.push(message);
     }
 
+    /// Scales masses and inertias to the stated total.
+    fn scale(&mut self) {
+        let Some(total) = self.total.filter(|_| self.weighed > 0.0) else {
+            return;
+        };
+        let factor = total / self.weighed;
+        for body in &mut self.bodies {
+            body.mass *= factor;
+            body.inertia = body.inertia.map(|x| factor * x);
+        }
+    }
+
     fn unread(&mut self, root: &Element) {
+        for option in root.all("option") {
+            for key in ["density", "viscosity"] {
+                if option.get(key).is_some_and(|x| x.parse() != Ok(0.0)) {
+                    self.warn(option, &format!("has a fluid (`{key}`), which is not read"));
+                }
+            }
+        }
         for (name, what) in UNREAD {
             for element in root.all(name).flat_map(|e| &e.children) {
                 self.warn(element, &format!("{what}; it is not read"));

@@ -186,6 +186,30 @@ fn inertias_of_geoms() {
 }
 
 #[test]
+fn the_compiler_changes_masses() {
+    let two = format!(
+        "<body><geom size=\"0.1\" mass=\"6\"/></body>{}",
+        hinge(STATED)
+    );
+    // 2 kg of 8 kg in all; the body that does not move counts.
+    let scaled = body_of(&model(&two, "<compiler settotalmass=\"4\"/>"));
+    close(&[scaled.mass, scaled.inertia[0]], &[1.0, 0.015]);
+    let bound = body_of(&model(
+        &hinge(STATED),
+        "<compiler boundmass=\"3\" boundinertia=\"0.015\"/>",
+    ));
+    close(
+        &[bound.mass, bound.inertia[1], bound.inertia[2]],
+        &[3.0, 0.02, 0.015],
+    );
+    let none = read(&model(
+        &hinge(STATED),
+        "<option gravity=\"0 0 -1\"><flag gravity=\"disable\"/></option>",
+    ));
+    assert_eq!(none.mechanism.gravity, [0.0; 3]);
+}
+
+#[test]
 fn full_inertia_and_bodies_without_joints() {
     let fixed = "<body pos=\"0 0 0.5\" euler=\"0 0 90\"><inertial pos=\"0 0 0\" mass=\"2\" \
                  fullinertia=\"0.03 0.02 0.01 0.001 0.002 0.003\"/></body>";
