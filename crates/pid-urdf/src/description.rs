@@ -171,6 +171,8 @@ pub(crate) struct Places {
     pub(crate) line: u32,
     /// Line of `<inertial>`, or that of the link.
     pub(crate) inertial_line: u32,
+    /// Where an `<inertial>` goes that the link does not have; `true` in a tag `<link/>`, at its `/`.
+    pub(crate) new: Option<(usize, bool)>,
     /// Just after the start tag of `<inertial>`.
     pub(crate) inside: Option<usize>,
     /// `origin`: after its name, and its `xyz`.

@@ -109,13 +109,16 @@ pub fn write(
             continue;
         }
         let places = &link.places;
+        if places.inside.is_none() {
+            edits.insert_inertial(places.new, &new);
+            continue;
+        }
         let xyz = com.map(|x| x.to_string()).join(" ");
         edits.attribute(places.mass.clone(), None, "value", &mass.to_string());
         match &places.origin {
             Some((tag, range)) => edits.attribute(range.clone(), Some(*tag), "xyz", &xyz),
             None => edits.insert(places.inside, format!("<origin xyz=\"{xyz}\"/>")),
         }
-        const NAMES: [&str; 6] = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"];
         let values = inertia.map(|x| x.to_string());
         match places.inertia_tag {
             Some(tag) => {
@@ -123,16 +126,7 @@ pub fn write(
                     edits.attribute(range.clone(), Some(tag), name, value);
                 }
             }
-            None => {
-                let pairs = NAMES
-                    .iter()
-                    .zip(&values)
-                    .map(|(n, v)| format!(" {n}=\"{v}\""));
-                edits.insert(
-                    places.inside,
-                    format!("<inertia{}/>", pairs.collect::<String>()),
-                );
-            }
+            None => edits.insert(places.inside, tensor(inertia)),
         }
     }
     for joint in &description.joints {
@@ -184,6 +178,15 @@ pub fn write(
         text: edits.apply(&description.text),
         lost,
     }
+}
+
+const NAMES: [&str; 6] = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"];
+
+/// `<inertia …/>`.
+fn tensor(inertia: [f64; 6]) -> String {
+    let pairs = NAMES.iter().zip(inertia);
+    let pairs: String = pairs.map(|(n, v)| format!(" {n}=\"{v}\"")).collect();
+    format!("<inertia{pairs}/>")
 }
 
 /// Whether the body that a link is part of is one with new values of the link, whose mass is positive.
@@ -253,6 +256,26 @@ impl Edits {
     fn insert(&mut self, at: Option<usize>, text: String) {
         if let Some(at) = at {
             self.0.push((at..at, text));
+        }
+    }
+
+    /// An `<inertial>` for a link without one.
+    fn insert_inertial(&mut self, place: Option<(usize, bool)>, new: &Inertial) {
+        let Some((at, closed)) = place else {
+            return;
+        };
+        let vector = |x: [f64; 3]| x.map(|x| x.to_string()).join(" ");
+        let element = format!(
+            "<inertial><origin xyz=\"{}\" rpy=\"{}\"/><mass value=\"{}\"/>{}</inertial>",
+            vector(new.com),
+            vector(new.rpy),
+            new.mass,
+            tensor(new.inertia)
+        );
+        match closed {
+            // The `/` of `<link/>` makes room.
+            true => self.0.push((at..at + 1, format!(">{element}</link"))),
+            false => self.insert(Some(at), element),
         }
     }
 

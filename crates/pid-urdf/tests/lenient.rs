@@ -443,6 +443,38 @@ fn a_mass_stands_in_for_geometry() {
     );
 }
 
+/// What was guessed gets an element of its own in the written text, in both forms of an empty link.
+#[test]
+fn guessed_inertias_are_written() {
+    for link in [
+        "<link name=\"arm\"/>",
+        "<link name=\"arm\"></link>",
+        "<link name=\"arm\">\n</link>",
+    ] {
+        let text = arm("", "").replace("<link name=\"arm\"></link>", link);
+        let mut guess = Guess::default();
+        guess.otherwise = Some(2.0);
+        let mut reading = Reading::default();
+        reading.missing = Missing::Guess(guess);
+        let description = Description::parse_with("a.urdf", &text, &reading).expect("guessed");
+        let options = Default::default();
+        let robot = pid_urdf::robot(&description, &options).expect("a robot");
+        let value = |name: &str| {
+            robot
+                .params
+                .iter()
+                .find(|p| p.name == name)
+                .map(|p| p.nominal)
+        };
+        let written = pid_urdf::write(&description, &options, value);
+        assert_eq!(written.lost, []);
+        let again = read(&written.text).mechanism(GRAVITY).bodies.remove(0);
+        let guessed = description.mechanism(GRAVITY).bodies.remove(0);
+        assert_eq!((again.mass, again.com), (guessed.mass, guessed.com));
+        close(&again.inertia, &guessed.inertia);
+    }
+}
+
 #[test]
 fn followers_are_part_of_the_mechanism() {
     let right = format!(

@@ -12,6 +12,9 @@ impl<'a> Reader<'a> {
         let name = self.name(node, "a link")?;
         let item = format!("link `{name}`");
         let mut link = Link::bare(name, self.line(node.range().start));
+        let text = self.text.get(node.range()).unwrap_or("");
+        let closed = !node.has_children() && text.ends_with("/>");
+        link.places.new = Some((self.after_tag(node), closed));
         let Some(inertial) = self.child(node, &item, "inertial") else {
             return Ok(link);
         };
