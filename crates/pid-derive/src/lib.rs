@@ -14,6 +14,7 @@
 //! - [`equations`](mod@equations): their comparison, and all that is read off the residual;
 //! - [`derivatives`](mod@derivatives): Jacobian and Hessian with their patterns;
 //! - [`facts`](mod@facts): proofs for the checker;
+//! - [`mechanism`]: a tree of driven bodies in numbers, as readers of robot files make it;
 //! - [`plausible`]: which masses and inertias a body can have;
 //! - [`identifiability`](mod@identifiability): which combinations of parameters a motion
 //!   determines; [`dense`]: ranks;
@@ -32,6 +33,7 @@ pub mod inertia;
 pub mod kinematics;
 pub mod lagrangian;
 pub mod links;
+pub mod mechanism;
 pub mod model;
 pub mod newton_euler;
 pub mod plausible;

@@ -72,6 +72,81 @@ pub fn check(mass: f64, inertia: [f64; 6]) -> Result<(), Implausible> {
     Ok(())
 }
 
+/// The tensor nearest to `[xx, yy, zz, xy, xz, yz]` that a body can have, and by how much the largest
+/// principal moment exceeds the sum of the others, kg·m² (zero or negative for a body).
+///
+/// Nearest in the sum of squares of all nine entries: the principal axes stay, and the principal
+/// moments go to the nearest point of the cone `J₁ ≤ J₂ + J₃`. The tensor of a body stays exactly as
+/// it is. Entries must be finite.
+pub fn nearest(inertia: [f64; 6]) -> ([f64; 6], f64) {
+    let scale = inertia.iter().fold(0.0_f64, |scale, x| scale.max(x.abs()));
+    if scale == 0.0 {
+        return (inertia, 0.0);
+    }
+    let (moments, axes) = principal_axes(inertia.map(|x| x / scale));
+    let [j1, j2, j3] = moments;
+    let excess = j1 - j2 - j3;
+    if excess <= 0.0 {
+        return (inertia, scale * excess);
+    }
+    // On the face J₁ = J₂ + J₃, unless that leaves the cone: then on its edge J₁ = J₂, J₃ = 0.
+    let share = excess / 3.0;
+    let projected = match [j1 - share, j2 + share, j3 + share] {
+        face if face[2] >= 0.0 => face,
+        _ => [0.5 * (j1 + j2).max(0.0), 0.5 * (j1 + j2).max(0.0), 0.0],
+    };
+    (of_axes(projected.map(|j| scale * j), axes), scale * excess)
+}
+
+/// The tensor with principal moments below `least` raised to it; the axes stay. A tensor without such
+/// moments stays exactly as it is. Entries must be finite.
+pub fn raised(inertia: [f64; 6], least: f64) -> [f64; 6] {
+    let (moments, axes) = principal_axes(inertia);
+    if moments[2] >= least {
+        return inertia;
+    }
+    of_axes(moments.map(|j| j.max(least)), axes)
+}
+
+/// The tensor of principal moments and axes.
+fn of_axes(moments: [f64; 3], axes: [[f64; 3]; 3]) -> [f64; 6] {
+    let entry =
+        |r: usize, c: usize| -> f64 { (0..3).map(|k| moments[k] * axes[k][r] * axes[k][c]).sum() };
+    [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(|(r, c)| entry(r, c))
+}
+
+/// Principal moments, largest first, and their axes, by Jacobi's rotations (W. H. Press et al.,
+/// *Numerical Recipes*, section 11.1).
+fn principal_axes([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> ([f64; 3], [[f64; 3]; 3]) {
+    let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    // Convergence is quadratic: six sweeps reach the rounding of any tensor.
+    for _ in 0..12 {
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            if a[p][q] == 0.0 {
+                continue;
+            }
+            let theta = 0.5 * (2.0 * a[p][q] / (a[q][q] - a[p][p])).atan();
+            let (s, c) = theta.sin_cos();
+            for row in &mut a {
+                (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
+            }
+            let (rp, rq) = (a[p], a[q]);
+            for k in 0..3 {
+                (a[p][k], a[q][k]) = (c * rp[k] - s * rq[k], s * rp[k] + c * rq[k]);
+            }
+            let (vp, vq) = (axes[p], axes[q]);
+            for k in 0..3 {
+                (axes[p][k], axes[q][k]) = (c * vp[k] - s * vq[k], s * vp[k] + c * vq[k]);
+            }
+            (a[p][q], a[q][p]) = (0.0, 0.0);
+        }
+    }
+    let mut order = [0, 1, 2];
+    order.sort_by(|&i, &j| a[j][j].total_cmp(&a[i][i]));
+    (order.map(|k| a[k][k]), order.map(|k| axes[k]))
+}
+
 /// Principal moments of `[xx, yy, zz, xy, xz, yz]`, largest first, by the roots of the
 /// characteristic cubic (O. K. Smith, *Eigenvalues of a symmetric 3×3 matrix*, Communications of
 /// the ACM 4, 1961).
@@ -100,7 +175,7 @@ pub fn principal_moments(inertia: [f64; 6]) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::{Implausible, check, principal_moments};
+    use super::{Implausible, check, nearest, principal_moments, raised};
 
     #[test]
     fn principal_moments_of_a_turned_tensor() {
@@ -153,5 +228,60 @@ mod tests {
             check(f64::NAN, diag(1.0, 1.0, 1.0)),
             Err(Implausible::NotFinite { .. })
         ));
+    }
+
+    /// Faces, edge and apex of the cone by hand, and in turned axes.
+    #[test]
+    fn the_nearest_tensor_of_a_body() {
+        for (moments, expected, excess) in [
+            ([9.0, 6.0, 2.0], [26.0 / 3.0, 19.0 / 3.0, 7.0 / 3.0], 1.0),
+            ([3.0, 0.0, 0.0], [2.0, 1.0, 1.0], 3.0),
+            ([5.0, 4.0, -3.0], [4.5, 4.5, 0.0], 4.0),
+            ([-1.0, -2.0, -3.0], [0.0, 0.0, 0.0], 4.0),
+            ([5.0, 4.0, 3.0], [5.0, 4.0, 3.0], -2.0),
+        ] {
+            let [x, y, z]: [f64; 3] = moments;
+            let (found, off) = nearest([x, y, z, 0.0, 0.0, 0.0]);
+            assert!((off - excess).abs() < 1e-14, "{off}");
+            for (found, expected) in found.into_iter().zip(expected) {
+                assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+            }
+            assert_eq!(check(1.0, found), Ok(()));
+            // Turned about (1, 2, 2)/3 by 1 rad.
+            let r = turn();
+            let (turned, _) = nearest(about(r, moments));
+            for (found, expected) in turned.into_iter().zip(about(r, expected)) {
+                assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn small_moments_are_raised() {
+        let r = turn();
+        let found = raised(about(r, [5.0, 0.1, -2.0]), 0.5);
+        for (found, expected) in found.into_iter().zip(about(r, [5.0, 0.5, 0.5])) {
+            assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+        }
+        assert_eq!(raised([0.0; 6], 0.5), [0.5, 0.5, 0.5, 0.0, 0.0, 0.0]);
+        let large = about(r, [5.0, 4.0, 3.0]);
+        assert_eq!(raised(large, 0.5), large);
+    }
+
+    fn turn() -> [[f64; 3]; 3] {
+        let (s, c) = 1.0_f64.sin_cos();
+        let [x, y, z] = [1.0, 2.0, 2.0].map(|k: f64| k / 3.0);
+        let t = 1.0 - c;
+        [
+            [c + x * x * t, x * y * t - z * s, x * z * t + y * s],
+            [x * y * t + z * s, c + y * y * t, y * z * t - x * s],
+            [x * z * t - y * s, y * z * t + x * s, c + z * z * t],
+        ]
+    }
+
+    /// `R diag(J) Rᵀ`.
+    fn about(r: [[f64; 3]; 3], moments: [f64; 3]) -> [f64; 6] {
+        [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+            .map(|(i, j)| (0..3).map(|k| r[i][k] * moments[k] * r[j][k]).sum())
     }
 }

@@ -3,7 +3,12 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-/// Links and joints of a URDF, checked: one tree, plausible inertias, names that stay apart as identifiers.
+use pid_derive::mechanism::{Distribution, InertiaSource, Place};
+
+use crate::names;
+
+/// Links and joints of a URDF, checked: one tree, bodies with inertias that a body can have, names that
+/// stay apart as identifiers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Description {
     pub(crate) file: PathBuf,
@@ -29,8 +34,10 @@ pub struct Link {
     pub name: String,
     /// Name as an identifier.
     pub identifier: String,
-    /// Mass distribution; `None` for a link without mass.
+    /// Mass distribution; `None` for a link without mass and inertia.
     pub inertial: Option<Inertial>,
+    /// Where it comes from.
+    pub source: InertiaSource,
     pub(crate) places: Places,
 }
 
@@ -68,13 +75,72 @@ pub struct Joint {
     pub limits: Option<(f64, f64)>,
     /// Largest torque or force, N·m or N.
     pub effort: Option<f64>,
+    /// Largest velocity, rad/s or m/s.
+    pub speed: Option<f64>,
     /// Viscous friction, N·m·s/rad or N·s/m.
     pub damping: f64,
     /// Dry friction, N·m or N.
     pub friction: f64,
     /// Another joint that this one follows.
     pub mimic: Option<Mimic>,
+    /// Position at which the joint is held, rad or m; `None` for a joint that is not.
+    pub held: Option<f64>,
     pub(crate) places: JointPlaces,
+}
+
+impl Link {
+    /// A link without anything.
+    pub(crate) fn bare(name: &str, line: u32) -> Self {
+        Self {
+            name: name.to_owned(),
+            identifier: names::identifier(name),
+            inertial: None,
+            source: InertiaSource::Stated,
+            places: Places {
+                line,
+                inertial_line: line,
+                ..Places::default()
+            },
+        }
+    }
+}
+
+impl Inertial {
+    /// In the frame of the link.
+    pub fn distribution(&self) -> Distribution {
+        Distribution {
+            mass: self.mass,
+            com: self.com,
+            inertia: self.axes().tensor(self.inertia),
+        }
+    }
+
+    /// The axes of `inertia` in the frame of the link.
+    pub(crate) fn axes(&self) -> Place {
+        Place::new([0.0; 3], self.rpy)
+    }
+}
+
+impl Joint {
+    /// Whether it moves, on its own or with another joint.
+    pub fn moves(&self) -> bool {
+        self.motion != Motion::Fixed && self.held.is_none()
+    }
+
+    /// Whether it moves on its own.
+    pub fn is_free(&self) -> bool {
+        self.moves() && self.mimic.is_none()
+    }
+
+    /// Place of the child link in the parent link at a position.
+    pub fn place(&self, position: f64) -> Place {
+        let moved = match self.motion {
+            Motion::Fixed => Place::IDENTITY,
+            Motion::Revolute(axis) => Place::moved(false, axis, position),
+            Motion::Prismatic(axis) => Place::moved(true, axis, position),
+        };
+        Place::new(self.origin, self.rpy).then(&moved)
+    }
 }
 
 /// The motion that a joint allows. Axes are of unit length.
@@ -102,6 +168,11 @@ pub struct Mimic {
 /// Places in the text where values of a link are written back.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct Places {
+    pub(crate) line: u32,
+    /// Line of `<inertial>`, or that of the link.
+    pub(crate) inertial_line: u32,
+    /// Where an `<inertial>` goes that the link does not have; `true` in a tag `<link/>`, at its `/`.
+    pub(crate) new: Option<(usize, bool)>,
     /// Just after the start tag of `<inertial>`.
     pub(crate) inside: Option<usize>,
     /// `origin`: after its name, and its `xyz`.
@@ -123,35 +194,4 @@ pub(crate) struct JointPlaces {
     pub(crate) dynamics: Option<usize>,
     pub(crate) damping: Option<Range<usize>>,
     pub(crate) friction: Option<Range<usize>>,
-}
-
-/// `R = Rz(yaw) Ry(pitch) Rx(roll)`, row by row.
-pub(crate) fn rotation([roll, pitch, yaw]: [f64; 3]) -> [[f64; 3]; 3] {
-    let ((sx, cx), (sy, cy), (sz, cz)) = (roll.sin_cos(), pitch.sin_cos(), yaw.sin_cos());
-    [
-        [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
-        [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
-        [-sy, cy * sx, cy * cx],
-    ]
-}
-
-/// `R I Rᵀ` of a tensor xx, yy, zz, xy, xz, yz. The identity leaves the numbers exactly as they
-/// are.
-pub(crate) fn turned(r: [[f64; 3]; 3], inertia: [f64; 6]) -> [f64; 6] {
-    if r == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
-        return inertia;
-    }
-    let [xx, yy, zz, xy, xz, yz] = inertia;
-    let t = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-    let entry = |i: usize, j: usize| -> f64 {
-        (0..3)
-            .map(|k| (0..3).map(|l| r[i][k] * t[k][l] * r[j][l]).sum::<f64>())
-            .sum()
-    };
-    [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(|(i, j)| entry(i, j))
-}
-
-/// Rᵀ.
-pub(crate) fn transposed(r: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
-    std::array::from_fn(|i| std::array::from_fn(|j| r[j][i]))
 }

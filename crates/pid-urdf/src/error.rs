@@ -61,18 +61,6 @@ pub enum UrdfError {
         /// The mend: text to write.
         mend: &'static str,
     },
-    /// An element that may stand once.
-    #[error("{}:{line}: {item} has a second <{what}>\n  help: keep one of them", .file.display())]
-    Twice {
-        /// The file.
-        file: PathBuf,
-        /// Line of the second one.
-        line: u32,
-        /// Which link or joint.
-        item: String,
-        /// The element.
-        what: &'static str,
-    },
     /// A value that cannot be.
     #[error("{}:{line}: {item}: {key} is \"{value}\"\n  help: {mend}", .file.display())]
     Value {
@@ -105,20 +93,31 @@ pub enum UrdfError {
         /// The name that was probably meant.
         nearest: Option<String>,
     },
-    /// Two links, two joints, or their identifiers, are the same.
-    #[error("{}:{line}: the {what} `{name}` collides with `{other}`: both become `{identifier}`\n  help: rename one of them", .file.display())]
-    Collision {
+    /// Two links or two joints have one name.
+    #[error("{}:{line}: another {what} has the name `{name}`\n  help: rename one of them", .file.display())]
+    NotUnique {
         /// The file.
         file: PathBuf,
         /// Line of the second one.
         line: u32,
         /// `link` or `joint`.
         what: &'static str,
-        /// The second name.
+        /// The name.
         name: String,
-        /// The first name.
+    },
+    /// Two parameters would have one name.
+    #[error(
+        "{}: `{name}` and `{other}` both have a parameter `{identifier}`\n  help: rename one of them",
+        .file.display()
+    )]
+    Collision {
+        /// The file.
+        file: PathBuf,
+        /// The second link or joint.
+        name: String,
+        /// The first one.
         other: String,
-        /// The identifier that both become.
+        /// The parameter.
         identifier: String,
     },
     /// A mass or inertia that no body has.
@@ -132,6 +131,32 @@ pub enum UrdfError {
         link: String,
         /// The fault.
         fault: Implausible,
+    },
+    /// Moving links without mass and inertia.
+    #[error(
+        "{}:{line}: these links move, but neither they nor what they carry has mass or inertia: {list}\n  help: give them \
+         <inertial>, let it be guessed from their geometry or from masses that you state, or hold their joints",
+        .file.display()
+    )]
+    NoInertia {
+        /// The file.
+        file: PathBuf,
+        /// Line of the first one.
+        line: u32,
+        /// Their names.
+        links: Vec<String>,
+        /// Their names with those of their joints, as text.
+        list: String,
+    },
+    /// A joint that settings name and the file does not have.
+    #[error("{}: there is no joint `{name}`{}", .file.display(), nearest_hint(.nearest.as_deref()))]
+    NoJoint {
+        /// The file.
+        file: PathBuf,
+        /// The name.
+        name: String,
+        /// The name that was probably meant.
+        nearest: Option<String>,
     },
     /// A link with two parents.
     #[error(

@@ -6,6 +6,8 @@
 //! ```
 //!
 //! - [`description`]: links, joints, inertias, `<dynamics>`, limits and `<mimic>` as written, in numbers;
+//! - [`reading`]: what is done about inertias that no body has, about links without inertia, and
+//!   which joints are held;
 //! - [`mod@robot`]: which of the numbers become parameters; fixed joints are merged by the
 //!   derivation, mimic joints follow;
 //! - [`write`](mod@write): the text with other masses, inertias and friction;
@@ -40,14 +42,17 @@
 //! # Ok::<(), pid_urdf::UrdfError>(())
 //! ```
 
+mod bodies;
 pub mod description;
 mod error;
 pub mod names;
 mod read;
+pub mod reading;
 pub mod robot;
 pub mod write;
 
 pub use description::Description;
 pub use error::UrdfError;
+pub use reading::{Guess, Missing, Reading};
 pub use robot::{Inertias, Options, robot};
 pub use write::{Lost, Written, write};

@@ -33,6 +33,19 @@ pub fn identifier(name: &str) -> String {
     out
 }
 
+/// Identifiers that differ: a later one that equals an earlier one gets `_2`, `_3` and so on.
+pub fn make_apart<'a>(identifiers: impl Iterator<Item = &'a mut String>) {
+    let mut taken = std::collections::BTreeSet::new();
+    for identifier in identifiers {
+        let mut number = 1;
+        let stem = identifier.clone();
+        while !taken.insert(identifier.clone()) {
+            number += 1;
+            *identifier = format!("{stem}_{number}");
+        }
+    }
+}
+
 /// A name as the name of a type: words begin with a capital, separators go.
 pub fn type_name(name: &str) -> String {
     let mut out = String::new();

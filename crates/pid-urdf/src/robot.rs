@@ -14,7 +14,7 @@ use pid_derive::model::{
     About, Affine, Expr, Func, Inertial, Input, Joint, JointKind, Link, Param, Robot, Tensor,
 };
 
-use crate::description::{self, Description, Motion, rotation, turned};
+use crate::description::{self, Description, Motion};
 use crate::error::UrdfError;
 use crate::names;
 
@@ -101,7 +101,7 @@ pub fn robot(description: &Description, options: &Options) -> Result<Robot, Urdf
     let mut next = 0;
     for &index in &description.order {
         let joint = &description.joints[index];
-        if joint.motion != Motion::Fixed && joint.mimic.is_none() {
+        if joint.is_free() {
             coords[index] = Some(next);
             next += 1;
         }
@@ -123,9 +123,9 @@ pub(crate) fn free_links(description: &Description, options: &Options) -> Vec<bo
     let mut done = vec![false; description.links.len()];
     for &index in &description.order {
         let joint = &description.joints[index];
-        let carrier = match joint.motion {
-            Motion::Fixed => body[joint.parent],
-            _ => Some(joint.child),
+        let carrier = match joint.moves() {
+            false => body[joint.parent],
+            true => Some(joint.child),
         };
         body[joint.child] = carrier;
         if let Some(carrier) = carrier
@@ -141,19 +141,9 @@ pub(crate) fn free_links(description: &Description, options: &Options) -> Vec<bo
 /// The ten standard parameters in numbers, in the frame of the link.
 pub(crate) fn standard(inertial: &description::Inertial) -> [f64; 10] {
     let (m, c) = (inertial.mass, inertial.com);
-    let [xx, yy, zz, xy, xz, yz] = turned(rotation(inertial.rpy), inertial.inertia);
-    [
-        m,
-        m * c[0],
-        m * c[1],
-        m * c[2],
-        xx + m * (c[1] * c[1] + c[2] * c[2]),
-        yy + m * (c[0] * c[0] + c[2] * c[2]),
-        zz + m * (c[0] * c[0] + c[1] * c[1]),
-        xy - m * c[0] * c[1],
-        xz - m * c[0] * c[2],
-        yz - m * c[1] * c[2],
-    ]
+    let [xx, yy, zz, xy, xz, yz] = inertial.distribution().about([0.0; 3]);
+    let [mx, my, mz] = c.map(|c| m * c);
+    [m, mx, my, mz, xx, yy, zz, xy, xz, yz]
 }
 
 struct Builder<'a> {
@@ -170,8 +160,6 @@ impl Builder<'_> {
             None => Ok(()),
             Some(other) => Err(UrdfError::Collision {
                 file: self.description.file.clone(),
-                line: 1,
-                what: "parameter of",
                 name: owner.to_owned(),
                 other,
                 identifier: name.to_owned(),
@@ -208,9 +196,7 @@ impl Builder<'_> {
             return Ok(Inertial::Body {
                 mass: Expr::Num(inertial.mass),
                 com: inertial.com.map(Expr::Num),
-                inertia: Tensor::from(
-                    turned(rotation(inertial.rpy), inertial.inertia).map(Expr::Num),
-                ),
+                inertia: Tensor::from(inertial.distribution().inertia.map(Expr::Num)),
                 about: About::Com,
             });
         }
@@ -260,6 +246,13 @@ impl Builder<'_> {
                 .collect(),
             offset: Expr::Num(mimic.offset),
         });
+        let follows = match joint.held {
+            Some(position) => Some(Affine {
+                terms: Vec::new(),
+                offset: Expr::Num(position),
+            }),
+            None => follows,
+        };
         let velocity = match (coords[index], &follows) {
             (Some(coord), _) => Some(Expr::Velocity(coord)),
             (None, Some(follows)) => follows

@@ -6,7 +6,11 @@
 
 use std::ops::Range;
 
-use crate::description::{Description, Motion, rotation, transposed, turned};
+use pid_derive::mechanism::{Distribution, Place};
+use pid_derive::plausible::{self, Implausible};
+
+use crate::bodies::Rigid;
+use crate::description::{Description, Inertial};
 use crate::robot::{Options, STANDARD, free_links};
 
 /// A text, and the values that it could not hold.
@@ -67,10 +71,9 @@ pub fn write(
 ) -> Written {
     let mut edits = Edits::default();
     let mut lost = Vec::new();
-    for (link, free) in description
-        .links
-        .iter()
-        .zip(free_links(description, options))
+    let bodies = description.rigid();
+    for ((index, link), free) in
+        (description.links.iter().enumerate()).zip(free_links(description, options))
     {
         if !free {
             continue;
@@ -92,7 +95,13 @@ pub fn write(
         }
         let rpy = link.inertial.map_or([0.0; 3], |inertial| inertial.rpy);
         let (mass, com, inertia) = about_com(p, rpy);
-        if let Err(reason) = pid_derive::plausible::check(mass, inertia) {
+        let new = Inertial {
+            mass,
+            com,
+            rpy,
+            inertia,
+        };
+        if let Err(reason) = check(description, &bodies, index, new) {
             lost.push(Lost::Refused {
                 item: format!("link `{}`", link.name),
                 reason: reason.to_string(),
@@ -100,13 +109,16 @@ pub fn write(
             continue;
         }
         let places = &link.places;
+        if places.inside.is_none() {
+            edits.insert_inertial(places.new, &new);
+            continue;
+        }
         let xyz = com.map(|x| x.to_string()).join(" ");
         edits.attribute(places.mass.clone(), None, "value", &mass.to_string());
         match &places.origin {
             Some((tag, range)) => edits.attribute(range.clone(), Some(*tag), "xyz", &xyz),
             None => edits.insert(places.inside, format!("<origin xyz=\"{xyz}\"/>")),
         }
-        const NAMES: [&str; 6] = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"];
         let values = inertia.map(|x| x.to_string());
         match places.inertia_tag {
             Some(tag) => {
@@ -114,20 +126,11 @@ pub fn write(
                     edits.attribute(range.clone(), Some(tag), name, value);
                 }
             }
-            None => {
-                let pairs = NAMES
-                    .iter()
-                    .zip(&values)
-                    .map(|(n, v)| format!(" {n}=\"{v}\""));
-                edits.insert(
-                    places.inside,
-                    format!("<inertia{}/>", pairs.collect::<String>()),
-                );
-            }
+            None => edits.insert(places.inside, tensor(inertia)),
         }
     }
     for joint in &description.joints {
-        if joint.motion == Motion::Fixed {
+        if !joint.moves() {
             continue;
         }
         let mut coefficient = |stem: &str, old: f64| {
@@ -177,6 +180,44 @@ pub fn write(
     }
 }
 
+const NAMES: [&str; 6] = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"];
+
+/// `<inertia …/>`.
+fn tensor(inertia: [f64; 6]) -> String {
+    let pairs = NAMES.iter().zip(inertia);
+    let pairs: String = pairs.map(|(n, v)| format!(" {n}=\"{v}\"")).collect();
+    format!("<inertia{pairs}/>")
+}
+
+/// Whether the body that a link is part of is one with new values of the link, whose mass is positive.
+fn check(
+    description: &Description,
+    bodies: &[Rigid],
+    link: usize,
+    new: Inertial,
+) -> Result<(), Implausible> {
+    let values = new.distribution();
+    if values.mass <= 0.0 {
+        return Err(Implausible::Mass { mass: values.mass });
+    }
+    let Some(body) = bodies
+        .iter()
+        .find(|b| b.links.iter().any(|(l, _)| *l == link))
+    else {
+        return plausible::check(values.mass, values.inertia);
+    };
+    let mut all = Distribution::default();
+    for (member, place) in &body.links {
+        let part = match &description.links[*member].inertial {
+            _ if *member == link => values,
+            Some(inertial) => inertial.distribution(),
+            None => continue,
+        };
+        all = all.with(&part.placed(place));
+    }
+    plausible::check(all.mass, all.inertia)
+}
+
 /// Mass, centre of mass, and inertia about it in axes turned by `rpy`, of standard parameters.
 fn about_com(p: [f64; 10], rpy: [f64; 3]) -> (f64, [f64; 3], [f64; 6]) {
     let [m, mx, my, mz, xx, yy, zz, xy, xz, yz] = p;
@@ -189,7 +230,7 @@ fn about_com(p: [f64; 10], rpy: [f64; 3]) -> (f64, [f64; 3], [f64; 6]) {
         xz + m * c[0] * c[2],
         yz + m * c[1] * c[2],
     ];
-    (m, c, turned(transposed(rotation(rpy)), about))
+    (m, c, Place::new([0.0; 3], rpy).inverse().tensor(about))
 }
 
 /// Replacements and insertions of a text.
@@ -215,6 +256,26 @@ impl Edits {
     fn insert(&mut self, at: Option<usize>, text: String) {
         if let Some(at) = at {
             self.0.push((at..at, text));
+        }
+    }
+
+    /// An `<inertial>` for a link without one.
+    fn insert_inertial(&mut self, place: Option<(usize, bool)>, new: &Inertial) {
+        let Some((at, closed)) = place else {
+            return;
+        };
+        let vector = |x: [f64; 3]| x.map(|x| x.to_string()).join(" ");
+        let element = format!(
+            "<inertial><origin xyz=\"{}\" rpy=\"{}\"/><mass value=\"{}\"/>{}</inertial>",
+            vector(new.com),
+            vector(new.rpy),
+            new.mass,
+            tensor(new.inertia)
+        );
+        match closed {
+            // The `/` of `<link/>` makes room.
+            true => self.0.push((at..at + 1, format!(">{element}</link"))),
+            false => self.insert(Some(at), element),
         }
     }
 

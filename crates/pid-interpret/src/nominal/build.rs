@@ -286,6 +286,11 @@ fn axis(source: &Source<'_>, raw: &RawJoint, item: &str) -> Result<([f64; 3], bo
         let mend = "an axis has a direction, as in [0.0, 0.0, 1.0]";
         return Err(source.error(&raw.axis, item, "axis", format!("{axis:?}"), mend));
     }
+    // An axis of unit length stays as it is written: what is read back equals what was written.
+    let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if (length - 1.0).abs() <= 4.0 * f64::EPSILON {
+        return Ok((axis, prismatic));
+    }
     let scaled = axis.map(|x| x / largest);
     let length = scaled.iter().map(|x| x * x).sum::<f64>().sqrt();
     Ok((scaled.map(|x| x / length), prismatic))

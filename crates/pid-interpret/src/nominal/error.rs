@@ -24,6 +24,14 @@ pub enum NominalError {
         /// The file.
         file: PathBuf,
     },
+    /// A mechanism none of whose joints moves on its own.
+    #[error(
+        "no joint of `{robot}` moves on its own\n  help: hold fewer joints, or give a robot with revolute or prismatic ones"
+    )]
+    NothingMoves {
+        /// Name of the robot.
+        robot: String,
+    },
     /// A declared robot without a nominal description.
     #[error(transparent)]
     Declared(#[from] DeclaredError),

@@ -73,7 +73,7 @@ pub(super) fn nominal(
 
 /// A mechanism with the drives of these values in place of its own forces, and the tolerances of
 /// all parameters.
-fn with_drives(
+pub(super) fn with_drives(
     mut robot: Robot,
     values: &[DriveValues],
     measurement: &Measurement,

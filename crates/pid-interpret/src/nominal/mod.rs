@@ -1,6 +1,7 @@
 //! Prior knowledge of a robot: structure, nominal values with their tolerances, and how it is
 //! measured. A file `nominal.toml` states it; `docs/nominal-format.md` describes the format. For a
-//! robot declared with `robot!` it is read off the declaration ([`Nominal::of_declared`]).
+//! robot declared with `robot!` it is read off the declaration ([`Nominal::of_declared`]), for one that
+//! a robot file describes off its mechanism, with tolerances by class ([`Nominal::of_mechanism`]).
 //!
 //! The nominal structure is, per joint,
 //!
@@ -29,6 +30,8 @@ mod file;
 mod general;
 mod law;
 mod measured;
+mod mechanism;
+mod provenance;
 mod source;
 mod stated;
 mod write;
@@ -41,6 +44,8 @@ use pid_derive::model::Robot;
 pub use declared::declaration;
 pub use drives::Drives;
 pub use error::{DeclaredError, NominalError};
+pub use mechanism::Described;
+pub use provenance::{Provenance, Shares};
 pub use stated::{Effect, EffectParameter, Fault, Simulated, SimulatedJoint, Written};
 
 /// A nominal description.

@@ -1,30 +1,26 @@
 //! Links with their mass distribution.
 
-use pid_derive::plausible;
 use roxmltree::Node;
 
 use super::reader::Reader;
-use crate::description::{Inertial, Link, Places};
+use crate::description::{Inertial, Link};
 use crate::error::UrdfError;
-use crate::names;
 
 impl<'a> Reader<'a> {
-    /// A link and its line.
-    pub(super) fn link(&self, node: Node<'a, 'a>) -> Result<(Link, u32), UrdfError> {
+    /// A link.
+    pub(super) fn link(&self, node: Node<'a, 'a>) -> Result<Link, UrdfError> {
         let name = self.name(node, "a link")?;
         let item = format!("link `{name}`");
-        let mut link = Link {
-            name: name.to_owned(),
-            identifier: names::identifier(name),
-            inertial: None,
-            places: Places::default(),
+        let mut link = Link::bare(name, self.line(node.range().start));
+        let text = self.text.get(node.range()).unwrap_or("");
+        let closed = !node.has_children() && text.ends_with("/>");
+        link.places.new = Some((self.after_tag(node), closed));
+        let Some(inertial) = self.child(node, &item, "inertial") else {
+            return Ok(link);
         };
-        let line = self.line(node.range().start);
-        let Some(inertial) = self.child(node, &item, "inertial")? else {
-            return Ok((link, line));
-        };
-        let origin = self.child(inertial, &item, "origin")?;
-        let mass = self.child(inertial, &item, "mass")?.ok_or_else(|| {
+        link.places.inertial_line = self.line(inertial.range().start);
+        let origin = self.child(inertial, &item, "origin");
+        let mass = self.child(inertial, &item, "mass").ok_or_else(|| {
             self.missing(
                 inertial,
                 &item,
@@ -46,7 +42,7 @@ impl<'a> Reader<'a> {
             .ok_or_else(|| {
                 self.missing(mass, &item, "value of <mass>", "write value=\"…\" in kg")
             })?;
-        let tensor = self.child(inertial, &item, "inertia")?;
+        let tensor = self.child(inertial, &item, "inertia");
         let mut entries = [0.0; 6];
         const KEYS: [(&str, &str); 6] = [
             ("ixx", "inertia ixx"),
@@ -75,20 +71,14 @@ impl<'a> Reader<'a> {
 
         // Placeholders without any mass are common on frames.
         if mass_value == 0.0 && entries == [0.0; 6] {
-            return Ok((link, line));
+            return Ok(link);
         }
-        plausible::check(mass_value, entries).map_err(|fault| UrdfError::Inertia {
-            file: self.file.to_owned(),
-            line: self.line(inertial.range().start),
-            link: name.to_owned(),
-            fault,
-        })?;
         link.inertial = Some(Inertial {
             mass: mass_value,
             com,
             rpy,
             inertia: entries,
         });
-        Ok((link, line))
+        Ok(link)
     }
 }

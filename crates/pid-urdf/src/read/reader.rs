@@ -1,10 +1,11 @@
 //! Elements and attributes of the text, each error with its line.
 
-use std::collections::BTreeMap;
+use std::cell::RefCell;
 use std::path::Path;
 
 use roxmltree::{Attribute, Document, Node};
 
+use super::Names;
 use crate::error::{TreeFault, UrdfError};
 
 /// The text of a file.
@@ -12,9 +13,52 @@ pub(super) struct Reader<'a> {
     pub(super) file: &'a Path,
     pub(super) text: &'a str,
     pub(super) document: &'a Document<'a>,
+    /// What is odd but usable, with its line.
+    warnings: RefCell<Vec<String>>,
 }
 
 impl<'a> Reader<'a> {
+    pub(super) fn new(file: &'a Path, text: &'a str, document: &'a Document<'a>) -> Self {
+        Self {
+            file,
+            text,
+            document,
+            warnings: RefCell::new(Vec::new()),
+        }
+    }
+
+    /// Notes what is odd but usable.
+    pub(super) fn warn(&self, line: u32, message: impl std::fmt::Display) {
+        self.warn_at(&format!("{line}: {message}"));
+    }
+
+    /// The same with the line ahead of the message.
+    pub(super) fn warn_at(&self, message: &str) {
+        let message = format!("{}:{message}", self.file.display());
+        self.warnings.borrow_mut().push(message);
+    }
+
+    /// All that was noted.
+    pub(super) fn warnings(self) -> Vec<String> {
+        self.warnings.into_inner()
+    }
+
+    /// Whether an element is not one of macros.
+    ///
+    /// # Errors
+    /// If it is.
+    pub(super) fn no_xacro(&self, node: Node<'_, '_>) -> Result<(), UrdfError> {
+        let namespace = node.tag_name().namespace().unwrap_or("");
+        if !namespace.contains("xacro") {
+            return Ok(());
+        }
+        Err(UrdfError::Xacro {
+            file: self.file.to_owned(),
+            line: self.line(node.range().start),
+            found: format!("xacro:{}", node.tag_name().name()),
+        })
+    }
+
     pub(super) fn line(&self, at: usize) -> u32 {
         self.document.text_pos_at(at).row
     }
@@ -59,25 +103,50 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The child element of a name, at most one.
+    /// The child element of a name; of several the first, as other readers take it.
     pub(super) fn child(
         &self,
         node: Node<'a, 'a>,
         item: &str,
         name: &'static str,
-    ) -> Result<Option<Node<'a, 'a>>, UrdfError> {
+    ) -> Option<Node<'a, 'a>> {
         let mut found = node
             .children()
             .filter(|n| n.is_element() && n.tag_name().name() == name);
         let first = found.next();
-        match found.next() {
-            None => Ok(first),
-            Some(second) => Err(UrdfError::Twice {
-                file: self.file.to_owned(),
-                line: self.line(second.range().start),
-                item: item.to_owned(),
-                what: name,
-            }),
+        if let Some(second) = found.next() {
+            let line = self.line(second.range().start);
+            self.warn(
+                line,
+                format!("{item} has a second <{name}>; the first one is read"),
+            );
+        }
+        first
+    }
+
+    /// A number that enters no equation: what is no finite number is left out, with a warning.
+    pub(super) fn hint(
+        &self,
+        node: Node<'a, 'a>,
+        item: &str,
+        name: &str,
+        key: &'static str,
+    ) -> Result<Option<f64>, UrdfError> {
+        match self.number(node, item, name, key) {
+            Err(UrdfError::Value { line, value, .. }) => {
+                // An infinite limit is none.
+                if !value
+                    .trim_start_matches(['+', '-'])
+                    .eq_ignore_ascii_case("inf")
+                {
+                    self.warn(
+                        line,
+                        format!("{item}: {key} is \"{value}\"; it is left out"),
+                    );
+                }
+                Ok(None)
+            }
+            other => other,
         }
     }
 
@@ -93,26 +162,34 @@ impl<'a> Reader<'a> {
             return Ok(None);
         };
         let value = attribute.value();
-        if value.contains("${") {
+        let line = self.line(attribute.range().start);
+        if value.contains("${") || value.contains("$(") {
             return Err(UrdfError::Xacro {
                 file: self.file.to_owned(),
-                line: self.line(attribute.range().start),
+                line,
                 found: value.to_owned(),
             });
         }
-        let mut out = [0.0; N];
-        let mut words = value.split_ascii_whitespace();
-        for place in &mut out {
-            *place = words
-                .next()
-                .and_then(|word| word.parse::<f64>().ok())
-                .filter(|x| x.is_finite())
-                .ok_or_else(|| self.value(&attribute, item, key, plural(N)))?;
+        let words: Vec<&str> = value.split_ascii_whitespace().collect();
+        if let Some(out) = parsed(&words) {
+            return Ok(Some(out));
         }
-        match words.next() {
-            None => Ok(Some(out)),
-            Some(_) => Err(self.value(&attribute, item, key, plural(N))),
-        }
+        // Vectors with commas between their numbers, or with a number too many, as other readers
+        // take them. One number with a comma may be a decimal, so it is not guessed at.
+        let spaced = value.replace(',', " ");
+        let words: Vec<&str> = spaced.split_ascii_whitespace().collect();
+        let taken = match N {
+            1 => None,
+            _ => words.get(..N).and_then(parsed),
+        };
+        let Some(out) = taken else {
+            return Err(self.value(&attribute, item, key, plural(N)));
+        };
+        self.warn(
+            line,
+            format!("{item}: {key} is \"{value}\"; the first {N} numbers are read"),
+        );
+        Ok(Some(out))
     }
 
     pub(super) fn number(
@@ -130,26 +207,22 @@ impl<'a> Reader<'a> {
             .ok_or_else(|| self.missing(node, item, "name", "write name=\"…\""))
     }
 
-    /// Indices by name; names must differ, and so must their identifiers.
+    /// Indices by name; names must differ.
     pub(super) fn apart<'n>(
         &self,
         what: &'static str,
-        all: impl Iterator<Item = (&'n str, &'n str, u32)>,
-    ) -> Result<BTreeMap<String, usize>, UrdfError> {
-        let mut names = BTreeMap::new();
-        let mut identifiers: BTreeMap<&str, &str> = BTreeMap::new();
-        for (index, (name, identifier, line)) in all.enumerate() {
-            if let Some(other) = identifiers.insert(identifier, name) {
-                return Err(UrdfError::Collision {
+        all: impl Iterator<Item = (&'n str, u32)>,
+    ) -> Result<Names, UrdfError> {
+        let mut names = Names::new();
+        for (index, (name, line)) in all.enumerate() {
+            if names.insert(name.to_owned(), index).is_some() {
+                return Err(UrdfError::NotUnique {
                     file: self.file.to_owned(),
                     line,
                     what,
                     name: name.to_owned(),
-                    other: other.to_owned(),
-                    identifier: identifier.to_owned(),
                 });
             }
-            names.insert(name.to_owned(), index);
         }
         Ok(names)
     }
@@ -186,7 +259,7 @@ impl<'a> Reader<'a> {
         item: &str,
         what: &'static str,
         name: &str,
-        known: &BTreeMap<String, usize>,
+        known: &Names,
     ) -> UrdfError {
         // A name beyond some length is no slip of another, and the distance costs the product of
         // the lengths.
@@ -197,15 +270,30 @@ impl<'a> Reader<'a> {
             item: item.to_owned(),
             what,
             name: name.to_owned(),
-            nearest: known
-                .keys()
-                .filter(close)
-                .map(|n| (strsim::osa_distance(name, n), n))
-                .filter(|(distance, n)| *distance <= n.chars().count() / 2)
-                .min()
-                .map(|(_, n)| n.clone()),
+            nearest: nearest(name, known.keys().filter(close)),
         }
     }
+}
+
+/// The name that was probably meant.
+pub(super) fn nearest<'n>(name: &str, known: impl Iterator<Item = &'n String>) -> Option<String> {
+    known
+        .map(|n| (strsim::osa_distance(name, n), n))
+        .filter(|(distance, n)| *distance <= n.chars().count() / 2)
+        .min()
+        .map(|(_, n)| n.clone())
+}
+
+/// Finite numbers, as many as there are words.
+fn parsed<const N: usize>(words: &[&str]) -> Option<[f64; N]> {
+    let mut out = [0.0; N];
+    if words.len() != N {
+        return None;
+    }
+    for (place, word) in out.iter_mut().zip(words) {
+        *place = word.parse().ok().filter(|x: &f64| x.is_finite())?;
+    }
+    Some(out)
 }
 
 fn plural(count: usize) -> String {

@@ -1,0 +1,160 @@
+//! Drives: what force they exert for which control.
+
+use pid_derive::mechanism::Body;
+
+use crate::element::Element;
+use crate::error::MjcfError;
+use crate::read::Reader;
+
+/// A drive on a joint: with x the position and w the velocity of the joint times the gear,
+///
+/// ```text
+/// force on the joint = gear · (gain · control + bias[0] + bias[1] x + bias[2] w)
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Actuator {
+    /// Name as written; empty if there is none.
+    pub name: String,
+    /// Element: `motor`, `position`, `velocity`, `general`, `damper`.
+    pub kind: String,
+    /// Index of the body whose joint it moves.
+    pub body: usize,
+    /// Gear ratio.
+    pub gear: f64,
+    /// Force per unit of the control, before the gear.
+    pub gain: f64,
+    /// Constant force, force per position, force per velocity, before the gear.
+    pub bias: [f64; 3],
+    /// Range of the control.
+    pub control: Option<(f64, f64)>,
+    /// Range of the force, before the gear.
+    pub force: Option<(f64, f64)>,
+}
+
+impl Actuator {
+    /// Largest force or torque on the joint that the ranges allow, N or N·m.
+    pub fn effort(&self) -> Option<f64> {
+        let most = |(low, high): (f64, f64)| low.abs().max(high.abs());
+        let of_control = (self.bias == [0.0; 3])
+            .then_some(self.control)
+            .flatten()
+            .map(|range| self.gain.abs() * most(range));
+        let force = self.force.map(most);
+        let least = match (force, of_control) {
+            (Some(x), Some(y)) => Some(x.min(y)),
+            (x, y) => x.or(y),
+        };
+        least.map(|x| x * self.gear.abs())
+    }
+}
+
+/// Words with a law of their own; others are named in a warning.
+const KINDS: [&str; 5] = ["motor", "position", "velocity", "general", "damper"];
+
+impl Reader {
+    /// Drives on joints; others are warnings.
+    pub(crate) fn actuators(&mut self, root: &Element) -> Result<(), MjcfError> {
+        let all: Vec<&Element> = root.all("actuator").flat_map(|a| &a.children).collect();
+        for element in all {
+            let drive = self.defaults.applied(element, None)?;
+            if !KINDS.contains(&drive.name.as_str()) {
+                self.warn(
+                    &drive,
+                    "is not read: its force depends on more than the joint's motion",
+                );
+                continue;
+            }
+            let Some(joint) = drive.get("joint").or(drive.get("jointinparent")) else {
+                self.warn(&drive, "moves no single joint; it is not read");
+                continue;
+            };
+            let Some(body) = self.joint_names.iter().position(|name| name == joint) else {
+                self.warn(
+                    &drive,
+                    "moves a joint that is held or not there; it is not read",
+                );
+                continue;
+            };
+            if drive.get("dyntype").is_some_and(|kind| kind != "none") {
+                self.warn(&drive, "has a state of its own; its force is read without");
+            }
+            let (gain, bias) = self.law(&drive)?;
+            let gear = drive.list("gear")?.and_then(|x| x.first().copied());
+            let actuator = Actuator {
+                name: drive.get("name").unwrap_or("").to_owned(),
+                kind: drive.name.clone(),
+                body,
+                gear: gear.unwrap_or(1.0),
+                gain,
+                bias,
+                control: self.range(&drive, "ctrlrange", "ctrllimited")?,
+                force: self.range(&drive, "forcerange", "forcelimited")?,
+            };
+            self.actuators.push(actuator);
+        }
+        self.efforts();
+        Ok(())
+    }
+
+    /// Gain and bias of an element.
+    fn law(&mut self, drive: &Element) -> Result<(f64, [f64; 3]), MjcfError> {
+        let number = |key: &str, default: f64| -> Result<f64, MjcfError> {
+            Ok(drive.number(key)?.unwrap_or(default))
+        };
+        let (kp, kv) = match drive.name.as_str() {
+            "motor" => return Ok((1.0, [0.0; 3])),
+            "position" => (number("kp", 1.0)?, number("kv", 0.0)?),
+            "velocity" => {
+                let kv = number("kv", 1.0)?;
+                return Ok((kv, [0.0, 0.0, -kv]));
+            }
+            "damper" => {
+                self.warn(drive, "damps by its control, which is not read");
+                return Ok((0.0, [0.0; 3]));
+            }
+            _ => {
+                let gain = drive.list("gainprm")?.unwrap_or_else(|| vec![1.0]);
+                if gain.iter().skip(1).any(|x| *x != 0.0)
+                    && drive.get("gaintype").is_some_and(|kind| kind != "fixed")
+                {
+                    self.warn(
+                        drive,
+                        "has a gain that depends on the motion; its constant part is read",
+                    );
+                }
+                let stated = drive.list("biasprm")?.unwrap_or_default();
+                let affine = drive.get("biastype") == Some("affine");
+                let bias =
+                    [0, 1, 2].map(|k| stated.get(k).copied().filter(|_| affine).unwrap_or(0.0));
+                return Ok((gain.first().copied().unwrap_or(1.0), bias));
+            }
+        };
+        if drive.get("dampratio").is_some() {
+            self.warn(drive, "has a damping ratio, which is not read; state `kv`");
+        }
+        if drive.get("inheritrange").is_some() {
+            self.warn(drive, "inherits its control range, which is not read");
+        }
+        Ok((kp, [0.0, -kp, -kv]))
+    }
+
+    /// The largest forces of joints: what their drives together can do, and what the joint allows.
+    fn efforts(&mut self) {
+        for (k, body) in self.bodies.iter_mut().enumerate() {
+            let own: Vec<&crate::Actuator> =
+                self.actuators.iter().filter(|a| a.body == k).collect();
+            let each: Option<Vec<f64>> = own.iter().map(|a| a.effort()).collect();
+            let sum = each
+                .filter(|all| !all.is_empty())
+                .map(|all| all.iter().sum());
+            limit(body, sum);
+        }
+    }
+}
+
+fn limit(body: &mut Body, effort: Option<f64>) {
+    body.effort = match (body.effort, effort) {
+        (Some(x), Some(y)) => Some(x.min(y)),
+        (x, y) => x.or(y),
+    };
+}
