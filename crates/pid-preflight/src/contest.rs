@@ -1,0 +1,417 @@
+//! Explanations of a record against each other: order, sign, unit, gravity, clock of the inputs. Each is
+//! judged by the share of the recorded torque that the nominal robot leaves unexplained.
+
+use crate::criteria::Criteria;
+use crate::finding::{Channel, Finding, FindingKind, Severity, joints_text, list, number};
+use crate::lag;
+use crate::motion::Motion;
+use crate::torque::{Bench, Fit, Torques, fit, friction, sums};
+
+/// Factors to SI and names of units of inputs.
+const INPUT_UNITS: [(f64, &str); 8] = [
+    (1e-3, "thousandths (N·mm, mA, mV)"),
+    (1e3, "thousands (kN·m, kA)"),
+    (1e-6, "millionths"),
+    (9.80665, "kgf or kgf·m"),
+    (1.0 / 9.80665, "the inverse of kgf"),
+    (0.0980665, "kgf·cm"),
+    (180.0 / std::f64::consts::PI, "per degree"),
+    (std::f64::consts::PI / 180.0, "per degree, inverse"),
+];
+
+/// An explanation of the record.
+struct Rival {
+    finding: Finding,
+    /// Fall of the sum over joints of the logarithms of the shares left, less the price of its changes.
+    gain: f64,
+    /// Largest share left at the joints it changes.
+    left: f64,
+}
+
+/// The record beside the robot.
+pub(crate) struct Contest<'a> {
+    bench: &'a Bench,
+    motion: &'a Motion,
+    torques: &'a Torques,
+    friction: Vec<Vec<[f64; 2]>>,
+    criteria: &'a Criteria,
+    /// Joints that move and have an input.
+    active: Vec<usize>,
+    /// The fits of the record as it is.
+    pub(crate) base: Vec<Fit>,
+}
+
+impl<'a> Contest<'a> {
+    pub(crate) fn new(bench: &'a Bench, motion: &'a Motion, torques: &'a Torques, criteria: &'a Criteria) -> Self {
+        let n = motion.n;
+        let mut out = Self {
+            bench,
+            motion,
+            torques,
+            friction: (0..n).map(|j| friction(motion, j)).collect(),
+            criteria,
+            active: Vec::new(),
+            base: Vec::new(),
+        };
+        let rigid = torques.with(bench.stated());
+        out.base = (0..n).map(|j| out.one(&rigid, j, j, 1.0)).collect();
+        out.active = (0..n).filter(|&j| motion.moves(j) && out.base[j].size > 0.0).collect();
+        out
+    }
+
+    /// Fit of input `i` as that of joint `j`.
+    fn one(&self, rigid: &[f64], j: usize, i: usize, factor: f64) -> Fit {
+        let gain = self.bench.gain[j] * factor;
+        let torque = self.motion.column(&self.motion.u, i).map(|u| gain * u);
+        fit(self.motion.column(rigid, j), &self.friction[j], torque, self.criteria)
+    }
+
+    fn log(&self, left: f64) -> f64 {
+        left.max(self.criteria.floor).ln()
+    }
+
+    /// Sum of the logarithms of the shares left as the record is.
+    fn total(&self) -> f64 {
+        self.active.iter().map(|&j| self.log(self.base[j].left)).sum()
+    }
+
+    /// Joints whose torque is little explained.
+    pub(crate) fn suspicious(&self) -> bool {
+        self.active.iter().any(|&j| self.base[j].left > self.criteria.suspicious)
+    }
+
+    /// The best explanation, if it beats the record as it is; alternatives are tried only where a torque
+    /// is little explained, but the clock of the inputs always.
+    pub(crate) fn best(&self, data: &pid_data::Dataset) -> Option<Finding> {
+        if self.active.is_empty() || self.motion.len() < 50 {
+            return None;
+        }
+        let mut rivals: Vec<Rival> = Vec::new();
+        rivals.extend(self.clock());
+        if self.suspicious() {
+            rivals.extend(self.inputs());
+            rivals.extend(self.gravity());
+            rivals.extend(self.input_units());
+            rivals.extend(self.motions(data));
+        }
+        let explained = |r: &Rival| r.gain > 0.0 && r.left < self.criteria.explained;
+        let best = rivals.into_iter().filter(explained).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let (finding, gain) = (best.finding, best.gain);
+        Some(
+            finding
+                .with("share of the torque left as recorded", self.worst(&self.base), "1")
+                .with("share left once mended", best.left, "1")
+                .with("fall of the log of the shares left", gain, "1"),
+        )
+    }
+
+    /// Joints whose torque stays unexplained.
+    pub(crate) fn unexplained(&self) -> Vec<Finding> {
+        let little = self.active.iter().filter(|&&j| self.base[j].left > self.criteria.unexplained);
+        little
+            .map(|&j| {
+                let left = self.base[j].left;
+                let sentence = format!(
+                    "the torque that the robot needs explains little of that of joint {}: {} of its mean square is left",
+                    j + 1,
+                    number(left)
+                );
+                Finding::new(
+                    FindingKind::TorqueUnexplained { left },
+                    Severity::Doubtful,
+                    sentence,
+                    "check that the description is that of this robot, and what the input column is",
+                )
+                .of(&[j + 1], Channel::Input)
+                .with("share left", left, "1")
+                .with("root mean square of the torque", self.base[j].size, "N*m or N")
+            })
+            .collect()
+    }
+
+    fn worst(&self, fits: &[Fit]) -> f64 {
+        self.active.iter().map(|&j| fits[j].left).fold(0.0, f64::max)
+    }
+
+    /// Gain and share left of other torques of the robot, inputs in place.
+    fn judged(&self, fits: &[Fit], changes: usize) -> (f64, f64) {
+        let after: f64 = self.active.iter().map(|&j| self.log(fits[j].left)).sum();
+        let price = self.criteria.margin * changes as f64;
+        (self.total() - after - price, self.worst(fits))
+    }
+
+    /// Orders and signs of the inputs: all permutations up to six joints, exchanges of two beyond.
+    fn inputs(&self) -> Option<Rival> {
+        let n = self.motion.n;
+        let rigid = self.torques.with(self.bench.stated());
+        let grid: Vec<Vec<[f64; 2]>> = (0..n)
+            .map(|j| {
+                let both = |i: usize| [1.0, -1.0].map(|s| self.one(&rigid, j, i, s).left);
+                (0..n).map(both).collect()
+            })
+            .collect();
+        let mut best: Option<(f64, Vec<usize>, Vec<bool>)> = None;
+        for order in orders(n) {
+            let mut gain = 0.0;
+            let mut flipped = vec![false; n];
+            for j in 0..n {
+                let [same, other] = grid[j][order[j]];
+                let moved = self.criteria.margin * f64::from(u8::from(order[j] != j));
+                if !self.active.contains(&j) {
+                    gain -= moved;
+                    continue;
+                }
+                let before = self.log(self.base[j].left);
+                let (keep, flip) = (before - self.log(same), before - self.log(other) - self.criteria.margin);
+                flipped[j] = flip > keep;
+                gain += keep.max(flip) - moved;
+            }
+            if best.as_ref().is_none_or(|(g, ..)| gain > *g) {
+                best = Some((gain, order, flipped));
+            }
+        }
+        let (gain, order, flipped) = best?;
+        let moved: Vec<usize> = (0..n).filter(|&j| order[j] != j).collect();
+        let turned: Vec<usize> = (0..n).filter(|&j| flipped[j]).map(|j| j + 1).collect();
+        let left = |j: &usize| grid[*j][order[*j]][usize::from(flipped[*j])];
+        let changed = (0..n).filter(|j| moved.contains(j) || flipped[*j]);
+        let worst = changed.filter(|j| self.active.contains(j)).map(|j| left(&j)).fold(0.0, f64::max);
+        let finding = if moved.is_empty() {
+            if turned.is_empty() {
+                return None;
+            }
+            self.flipped_inputs(&turned, gain)
+        } else {
+            swapped(Channel::Input, &order)
+        };
+        Some(Rival { finding, gain, left: worst })
+    }
+
+    /// A sign of inputs; says whether the motion of the joint flipped explains the record as well.
+    fn flipped_inputs(&self, joints: &[usize], gain: f64) -> Finding {
+        let or_other = match joints {
+            [j] => {
+                let (other, _) = self.flipped_motion(j - 1);
+                other > gain - 0.5 * self.criteria.margin
+            }
+            _ => false,
+        };
+        flipped(Channel::Input, joints, or_other)
+    }
+
+    fn flipped_motion(&self, j: usize) -> (f64, f64) {
+        let motion = self.motion.scaled(j, -1.0);
+        self.other_motion(&motion, 1)
+    }
+
+    /// Gain and share left of another motion under the same inputs.
+    fn other_motion(&self, motion: &Motion, changes: usize) -> (f64, f64) {
+        let other = Contest::new(self.bench, motion, &self.bench.torques(motion), self.criteria).base;
+        self.judged(&other, changes)
+    }
+
+    /// Signs, order and units of the positions.
+    fn motions(&self, data: &pid_data::Dataset) -> Vec<Rival> {
+        let n = self.motion.n;
+        let mut out = Vec::new();
+        for j in 0..n {
+            let (gain, left) = self.flipped_motion(j);
+            let finding = flipped(Channel::Motion, &[j + 1], false);
+            // A tie with the sign of the input goes to the input.
+            out.push(Rival { finding, gain: gain - 0.05, left });
+        }
+        for i in 0..n {
+            for j in i + 1..n {
+                let mut order: Vec<usize> = (0..n).collect();
+                order.swap(i, j);
+                let (gain, left) = self.other_motion(&self.motion.exchanged(i, j), 2);
+                let finding = swapped(Channel::Motion, &order);
+                out.push(Rival { finding, gain: gain - 0.05, left });
+            }
+        }
+        for (prismatic, factor, unit) in [(false, std::f64::consts::PI / 180.0, "degrees"), (true, 1e-3, "millimetres")] {
+            let joints: Vec<usize> = (0..n).filter(|&j| data.joints[j].prismatic == prismatic).collect();
+            if joints.is_empty() {
+                continue;
+            }
+            let motion = joints.iter().fold(self.motion.points(), |m, &j| m.scaled(j, factor));
+            let (gain, left) = self.other_motion(&motion, 1);
+            let finding = unit_finding(Channel::Motion, &joints.iter().map(|j| j + 1).collect::<Vec<_>>(), factor, unit);
+            out.push(Rival { finding, gain, left });
+        }
+        out
+    }
+
+    /// Gravity the other way, and along the other axes of the base.
+    fn gravity(&self) -> Vec<Rival> {
+        let stated = self.bench.stated();
+        let size = stated.iter().map(|g| g * g).sum::<f64>().sqrt();
+        if self.torques.unit.is_empty() || size == 0.0 {
+            return Vec::new();
+        }
+        let n = self.motion.n;
+        let mut found: Vec<[f64; 3]> = vec![stated.map(|g| -g)];
+        for k in 0..3 {
+            for sign in [1.0, -1.0] {
+                let mut g = [0.0; 3];
+                g[k] = sign * size;
+                found.push(g);
+            }
+        }
+        let cosine = |g: &[f64; 3]| g.iter().zip(stated).map(|(a, b)| a * b).sum::<f64>() / (size * size);
+        let others = found.into_iter().filter(|g| cosine(g) < 0.9);
+        others
+            .map(|g| {
+                let rigid = self.torques.with(g);
+                let fits: Vec<Fit> = (0..n).map(|j| self.one(&rigid, j, j, 1.0)).collect();
+                let (gain, left) = self.judged(&fits, 1);
+                Rival { finding: gravity_finding(stated, g), gain, left }
+            })
+            .collect()
+    }
+
+    /// Units of the inputs, of all joints or of one.
+    fn input_units(&self) -> Vec<Rival> {
+        let n = self.motion.n;
+        let rigid = self.torques.with(self.bench.stated());
+        let mut slopes = Vec::new();
+        for &j in &self.active {
+            let torque = self.motion.column(&self.motion.u, j).map(|u| self.bench.gain[j] * u);
+            let sums = sums(self.motion.column(&rigid, j), &self.friction[j], torque);
+            slopes.push((j, sums.fit((0.0, f64::INFINITY), self.criteria.offset).x[0]));
+        }
+        let mut sets: Vec<Vec<usize>> = slopes.iter().map(|(j, _)| vec![*j]).collect();
+        if self.active.len() > 1 {
+            sets.push(self.active.clone());
+        }
+        let mut out = Vec::new();
+        for set in sets {
+            let logs: Vec<f64> = slopes.iter().filter(|(j, _)| set.contains(j)).map(|(_, s)| s.max(1e-12).ln()).collect();
+            let mean = logs.iter().sum::<f64>() / logs.len() as f64;
+            let slope = mean.exp();
+            let (low, high) = self.criteria.rigid_factor;
+            if (low..high).contains(&slope) {
+                continue;
+            }
+            let near = INPUT_UNITS
+                .into_iter()
+                .map(|(f, unit)| ((slope * f).ln().abs(), f, unit))
+                .min_by(|a, b| a.0.total_cmp(&b.0))
+                .filter(|(off, ..)| *off < self.criteria.factor_width.ln());
+            let factor = near.map_or(1.0 / slope, |(_, f, _)| f);
+            let fits: Vec<Fit> = (0..n)
+                .map(|j| if set.contains(&j) { self.one(&rigid, j, j, factor) } else { self.base[j] })
+                .collect();
+            let (gain, _) = self.judged(&fits, 1);
+            let left = set.iter().map(|&j| fits[j].left).fold(0.0, f64::max);
+            let joints: Vec<usize> = if set.len() == self.active.len() && set.len() > 1 {
+                (1..=n).collect()
+            } else {
+                set.iter().map(|j| j + 1).collect()
+            };
+            let finding = match near {
+                Some((_, f, unit)) => unit_finding(Channel::Input, &joints, f, unit),
+                None => scale_finding(&joints, slope),
+            };
+            out.push(Rival { finding: finding.with("slope of the input over the robot's torque", slope, "1"), gain, left });
+        }
+        out
+    }
+
+    /// The clock of the inputs.
+    fn clock(&self) -> Option<Rival> {
+        let rigid = self.torques.with(self.bench.stated());
+        let found = lag::find(self.motion, &rigid, &self.friction, &self.bench.gain, &self.active, self.criteria)?;
+        Some(Rival { finding: lag::finding(&found, self.motion.n), gain: found.gain, left: found.left })
+    }
+}
+
+/// Orders of `n` columns: all up to six, exchanges of two beyond.
+fn orders(n: usize) -> Vec<Vec<usize>> {
+    let identity: Vec<usize> = (0..n).collect();
+    if n > 6 {
+        let mut out = vec![identity.clone()];
+        for i in 0..n {
+            for j in i + 1..n {
+                let mut order = identity.clone();
+                order.swap(i, j);
+                out.push(order);
+            }
+        }
+        return out;
+    }
+    let mut out = vec![Vec::new()];
+    for _ in 0..n {
+        out = out
+            .into_iter()
+            .flat_map(|o: Vec<usize>| {
+                let rest: Vec<usize> = (0..n).filter(|k| !o.contains(k)).collect();
+                rest.into_iter().map(move |k| [o.as_slice(), &[k]].concat())
+            })
+            .collect();
+    }
+    out
+}
+
+/// Says that columns stand in the wrong order.
+pub(crate) fn swapped(channel: Channel, order: &[usize]) -> Finding {
+    let moved: Vec<usize> = (0..order.len()).filter(|&j| order[j] != j).map(|j| j + 1).collect();
+    let order: Vec<usize> = order.iter().map(|j| j + 1).collect();
+    let way = moved.iter().map(|&j| format!("joint {j} belongs what stands in place {}", order[j - 1]));
+    let way = list(way);
+    Finding::new(
+        FindingKind::Swapped { channel, order },
+        Severity::Wrong,
+        format!("the {} columns of {} are swapped: to {way}", channel.word(), joints_text(&moved)),
+        format!("put the columns {} into the order of the robot; `--fix` does it", channel.columns()),
+    )
+    .of(&moved, channel)
+}
+
+/// Says that columns have the wrong sign.
+pub(crate) fn flipped(channel: Channel, joints: &[usize], or_other: bool) -> Finding {
+    let mut sentence = format!("the {} of {} has the opposite sign", channel.word(), joints_text(joints));
+    if or_other {
+        sentence.push_str(" (or its motion has: this record cannot tell)");
+    }
+    Finding::new(
+        FindingKind::SignFlipped { channel, or_other },
+        Severity::Wrong,
+        sentence,
+        format!("change the sign of {}; `--fix` does it", channel.columns()),
+    )
+    .of(joints, channel)
+}
+
+/// Says that columns are in another unit.
+pub(crate) fn unit_finding(channel: Channel, joints: &[usize], factor: f64, unit: &str) -> Finding {
+    Finding::new(
+        FindingKind::Unit { channel, factor, unit: unit.to_owned() },
+        Severity::Wrong,
+        format!("the {} of {} is in {unit}, not in SI units", channel.word(), joints_text(joints)),
+        format!("multiply {} by {}; `--fix` does it", channel.columns(), number(factor)),
+    )
+    .of(joints, channel)
+}
+
+fn scale_finding(joints: &[usize], factor: f64) -> Finding {
+    Finding::new(
+        FindingKind::InputScale { factor },
+        Severity::Doubtful,
+        format!("the input of {} is {} times what the robot needs", joints_text(joints), number(factor)),
+        "check motor_gain, the gear ratio and the unit of u: the factor is that of no usual unit",
+    )
+    .of(joints, Channel::Input)
+}
+
+fn gravity_finding(stated: [f64; 3], found: [f64; 3]) -> Finding {
+    let text = |g: [f64; 3]| format!("[{}]", g.map(number).join(", "));
+    let opposite = stated.iter().zip(found).all(|(a, b)| (a + b).abs() < 1e-6);
+    let what = if opposite { "gravity has the wrong sign" } else { "gravity points along another axis" };
+    Finding::new(
+        FindingKind::Gravity { stated, found },
+        Severity::Wrong,
+        format!("{what}: the torques of the record ask for {}, the description states {}", text(found), text(stated)),
+        format!("write gravity = {} in the description, or check how the robot is mounted", text(found)),
+    )
+}
