@@ -5,6 +5,7 @@ use crate::criteria::Criteria;
 use crate::finding::{Channel, Finding, FindingKind, Severity, joints_text, list, number};
 use crate::lag;
 use crate::motion::Motion;
+use crate::open;
 use crate::torque::{Bench, Fit, Torques, fit, friction, sums};
 
 /// Factors to SI and names of units of inputs.
@@ -39,6 +40,8 @@ pub(crate) struct Contest<'a> {
     active: Vec<usize>,
     /// The fits of the record as it is.
     pub(crate) base: Vec<Fit>,
+    /// Share of each torque that the tolerances leave open; differences below it do not count.
+    floor: Vec<f64>,
 }
 
 impl<'a> Contest<'a> {
@@ -52,9 +55,13 @@ impl<'a> Contest<'a> {
             criteria,
             active: Vec::new(),
             base: Vec::new(),
+            floor: Vec::new(),
         };
         let rigid = torques.with(bench.stated());
         out.base = (0..n).map(|j| out.one(&rigid, j, j, 1.0)).collect();
+        let sizes: Vec<f64> = out.base.iter().map(|f| f.size).collect();
+        let open = open::shares(bench, motion, &sizes);
+        out.floor = open.into_iter().map(|x| x.clamp(criteria.floor, criteria.floor_most)).collect();
         out.active = (0..n).filter(|&j| motion.moves(j) && out.base[j].size > 0.0).collect();
         out
     }
@@ -66,18 +73,24 @@ impl<'a> Contest<'a> {
         fit(self.motion.column(rigid, j), &self.friction[j], torque, self.criteria)
     }
 
-    fn log(&self, left: f64) -> f64 {
-        left.max(self.criteria.floor).ln()
+    fn log(&self, j: usize, left: f64) -> f64 {
+        left.max(self.floor[j]).ln()
     }
 
     /// Sum of the logarithms of the shares left as the record is.
-    fn total(&self) -> f64 {
-        self.active.iter().map(|&j| self.log(self.base[j].left)).sum()
+    pub(crate) fn total(&self) -> f64 {
+        self.active.iter().map(|&j| self.log(j, self.base[j].left)).sum()
     }
 
     /// Joints whose torque is little explained.
     pub(crate) fn suspicious(&self) -> bool {
-        self.active.iter().any(|&j| self.base[j].left > self.criteria.suspicious)
+        let much = |&&j: &&usize| self.base[j].left > self.criteria.suspicious.max(2.0 * self.floor[j]);
+        self.active.iter().any(|j| much(&j))
+    }
+
+    /// Joints of which the tolerances leave little open.
+    fn known(&self) -> impl Iterator<Item = usize> + '_ {
+        self.active.iter().copied().filter(|&j| self.floor[j] < self.criteria.known)
     }
 
     /// The best explanation, if it beats the record as it is; alternatives are tried only where a torque
@@ -107,9 +120,9 @@ impl<'a> Contest<'a> {
 
     /// Joints whose torque stays unexplained.
     pub(crate) fn unexplained(&self) -> Vec<Finding> {
-        let little = self.active.iter().filter(|&&j| self.base[j].left > self.criteria.unexplained);
+        let little = self.known().filter(|&j| self.base[j].left > self.criteria.unexplained);
         little
-            .map(|&j| {
+            .map(|j| {
                 let left = self.base[j].left;
                 let sentence = format!(
                     "the torque that the robot needs explains little of that of joint {}: {} of its mean square is left",
@@ -130,12 +143,12 @@ impl<'a> Contest<'a> {
     }
 
     fn worst(&self, fits: &[Fit]) -> f64 {
-        self.active.iter().map(|&j| fits[j].left).fold(0.0, f64::max)
+        self.known().map(|j| fits[j].left).fold(0.0, f64::max)
     }
 
     /// Gain and share left of other torques of the robot, inputs in place.
     fn judged(&self, fits: &[Fit], changes: usize) -> (f64, f64) {
-        let after: f64 = self.active.iter().map(|&j| self.log(fits[j].left)).sum();
+        let after: f64 = self.active.iter().map(|&j| self.log(j, fits[j].left)).sum();
         let price = self.criteria.margin * changes as f64;
         (self.total() - after - price, self.worst(fits))
     }
@@ -161,8 +174,8 @@ impl<'a> Contest<'a> {
                     gain -= moved;
                     continue;
                 }
-                let before = self.log(self.base[j].left);
-                let (keep, flip) = (before - self.log(same), before - self.log(other) - self.criteria.margin);
+                let before = self.log(j, self.base[j].left);
+                let (keep, flip) = (before - self.log(j, same), before - self.log(j, other) - self.criteria.margin);
                 flipped[j] = flip > keep;
                 gain += keep.max(flip) - moved;
             }
@@ -206,8 +219,11 @@ impl<'a> Contest<'a> {
 
     /// Gain and share left of another motion under the same inputs.
     fn other_motion(&self, motion: &Motion, changes: usize) -> (f64, f64) {
-        let other = Contest::new(self.bench, motion, &self.bench.torques(motion), self.criteria).base;
-        self.judged(&other, changes)
+        let torques = self.bench.torques(motion);
+        let other = Contest::new(self.bench, motion, &torques, self.criteria);
+        let price = self.criteria.margin * changes as f64;
+        let after: f64 = self.active.iter().map(|&j| other.log(j, other.base[j].left)).sum();
+        (self.total() - after - price, other.worst(&other.base))
     }
 
     /// Signs, order and units of the positions.

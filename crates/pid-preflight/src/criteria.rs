@@ -48,6 +48,11 @@ pub struct Criteria {
     pub offset: f64,
     /// Share of the mean square of a torque below which differences between explanations do not count.
     pub floor: f64,
+    /// Largest share that the tolerances may leave open: at 0.5 a joint whose torque they leave open gains less
+    /// than the margin by any explanation, so it decides nothing.
+    pub floor_most: f64,
+    /// A joint is known if the tolerances leave open less than this share of its torque.
+    pub known: f64,
     /// Alternatives are tried if at some joint the share left is above this.
     pub suspicious: f64,
     /// An alternative must reduce the sum over joints of the logarithms of the shares left by this much,
@@ -102,6 +107,8 @@ impl Default for Criteria {
             rigid_factor: (0.33, 3.0),
             offset: 0.3,
             floor: 0.01,
+            floor_most: 0.5,
+            known: 0.2,
             suspicious: 0.1,
             margin: 0.7,
             explained: 0.5,

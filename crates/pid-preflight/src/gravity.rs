@@ -7,6 +7,7 @@ use crate::channels::quantile;
 use crate::criteria::Criteria;
 use crate::finding::{Channel, Finding, FindingKind, Severity, number};
 use crate::motion::Motion;
+use crate::open;
 use crate::torque::{Bench, Fit, Torques, friction};
 
 /// Weight of the stated vector, over the largest information that the record gives on a component: what the
@@ -82,6 +83,8 @@ fn fitted(bench: &Bench, motion: &Motion, torques: &Torques, base: &[Fit], crite
 
 /// Joints whose torque at rest is neither that of gravity nor within dry friction.
 pub(crate) fn at_rest(bench: &Bench, nominal: &Nominal, motion: &Motion, rigid: &[f64], base: &[Fit]) -> Vec<Finding> {
+    let sizes: Vec<f64> = base.iter().map(|f| f.size).collect();
+    let open = open::shares(bench, motion, &sizes);
     let n = motion.n;
     let mut out = Vec::new();
     let speeds: Vec<f64> = (0..n)
@@ -99,7 +102,8 @@ pub(crate) fn at_rest(bench: &Bench, nominal: &Nominal, motion: &Motion, rigid: 
         let dry = dry.map_or(0.0, |t| t.nominal + t.half_width).max(1.5 * base[j].x[1]);
         let differences: Vec<f64> = resting.iter().map(|i| bench.gain[j] * motion.u[i * n + j] - rigid[i * n + j]).collect();
         let middle = quantile(&differences, 0.5);
-        let excess = middle.abs() - dry;
+        // Three deviations of what the tolerances leave open.
+        let excess = middle.abs() - dry - 3.0 * open[j].sqrt() * size;
         if excess > 0.2 * size && size > 0.0 {
             out.push(
                 Finding::new(

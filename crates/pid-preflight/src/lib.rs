@@ -27,6 +27,7 @@ mod gravity;
 mod lag;
 mod limits;
 mod motion;
+mod open;
 mod read;
 mod torque;
 mod units;

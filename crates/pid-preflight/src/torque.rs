@@ -7,6 +7,7 @@ use pid_runtime::dynamics::{At, Dynamics, Jacobian};
 
 use crate::criteria::Criteria;
 use crate::motion::Motion;
+use crate::open;
 
 /// The nominal robot, with gravity as three further parameters.
 pub(crate) struct Bench {
@@ -17,6 +18,8 @@ pub(crate) struct Bench {
     pub(crate) gravity: Option<usize>,
     /// Torque per unit of input, joint by joint.
     pub(crate) gain: Vec<f64>,
+    /// Deviation of each parameter that is taken for possible.
+    pub(crate) widths: Vec<f64>,
 }
 
 /// Torques at the points of a motion, points × joints.
@@ -83,7 +86,7 @@ impl Bench {
                 force(&u)[j] - rest[j]
             })
             .collect();
-        Ok(Self { model, p, gravity: place, gain })
+        Ok(Self { model, p, gravity: place, gain, widths: open::widths(nominal) })
     }
 
     /// Stated gravity; zeros where it is no number.

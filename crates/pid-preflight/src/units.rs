@@ -31,8 +31,7 @@ fn by_torque(data: &Dataset, bench: &Bench, settings: &Settings) -> Option<Findi
     let total = |data: &Dataset| {
         let motion = Motion::sample(data, settings.points);
         let torques = bench.torques(&motion);
-        let contest = Contest::new(bench, &motion, &torques, criteria);
-        contest.base.iter().map(|f| f.left.max(criteria.floor).ln()).sum::<f64>()
+        Contest::new(bench, &motion, &torques, criteria).total()
     };
     let before = total(data);
     let (after, finding) = clock::UNITS

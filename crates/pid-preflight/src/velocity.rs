@@ -122,7 +122,7 @@ fn side(position: bool) -> Channel {
 fn explains(bench: &Bench, motion: &Motion, criteria: &Criteria) -> f64 {
     let torques = bench.torques(motion);
     let contest = Contest::new(bench, motion, &torques, criteria);
-    contest.base.iter().map(|f| f.left.max(criteria.floor).ln()).sum()
+    contest.total()
 }
 
 fn units(m: &Moments, n: usize, close: f64) -> Option<Finding> {

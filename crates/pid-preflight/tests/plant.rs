@@ -7,7 +7,7 @@ use pid_interpret::nominal::Nominal;
 use pid_preflight::{Channel, Finding, FindingKind, Severity};
 
 /// Kinds of planted faults.
-pub const KINDS: [&str; 14] = [
+pub(crate) const KINDS: [&str; 14] = [
     "swapped inputs",
     "swapped motion",
     "flipped input",
@@ -25,11 +25,11 @@ pub const KINDS: [&str; 14] = [
 ];
 
 /// Pseudo-random numbers (splitmix64 of Vigna), so that a case depends on its seed alone.
-pub struct Draws(pub u64);
+pub(crate) struct Draws(pub(crate) u64);
 
 impl Draws {
     /// Below `n`.
-    pub fn below(&mut self, n: usize) -> usize {
+    pub(crate) fn below(&mut self, n: usize) -> usize {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -38,21 +38,21 @@ impl Draws {
     }
 
     /// In 0..1.
-    pub fn share(&mut self) -> f64 {
+    pub(crate) fn share(&mut self) -> f64 {
         self.below(1 << 30) as f64 / f64::from(1u32 << 30)
     }
 }
 
 /// What was planted.
-pub struct Planted {
+pub(crate) struct Planted {
     /// Its kind, of [`KINDS`].
-    pub kind: &'static str,
+    pub(crate) kind: &'static str,
     /// Its joints, from 1; empty: all.
-    pub joints: Vec<usize>,
+    pub(crate) joints: Vec<usize>,
     /// The records with it.
-    pub data: Dataset,
+    pub(crate) data: Dataset,
     /// The description with it.
-    pub nominal: String,
+    pub(crate) nominal: String,
 }
 
 /// Joints that move by more than 0.05 rad or m, from 0.
@@ -72,7 +72,7 @@ fn each(x: &mut [f64], n: usize, j: usize, f: impl Fn(&mut f64)) {
 }
 
 /// Plants a fault; `None` where the robot or the record cannot have it.
-pub fn plant(kind: &'static str, clean: &Dataset, nominal: &str, draws: &mut Draws) -> Option<Planted> {
+pub(crate) fn plant(kind: &'static str, clean: &Dataset, nominal: &str, draws: &mut Draws) -> Option<Planted> {
     let n = clean.nq();
     let mut data = clean.clone();
     let mut text = nominal.to_owned();
@@ -192,7 +192,7 @@ fn freeze(data: &mut Dataset, j: usize, draws: &mut Draws) -> Option<()> {
 }
 
 /// Whether a finding names the planted fault: its kind and its joints.
-pub fn names(finding: &Finding, planted: &Planted) -> bool {
+pub(crate) fn names(finding: &Finding, planted: &Planted) -> bool {
     if finding.severity == Severity::Note {
         return false;
     }
@@ -220,6 +220,6 @@ pub fn names(finding: &Finding, planted: &Planted) -> bool {
 }
 
 /// The description of a text.
-pub fn described(text: &str) -> Nominal {
+pub(crate) fn described(text: &str) -> Nominal {
     Nominal::parse("nominal.toml", text).expect("a drawn description")
 }
