@@ -11,31 +11,51 @@ use crate::fix::split;
 pub(crate) fn check(data: &Dataset, criteria: &Criteria) -> Vec<Finding> {
     let mut out: Vec<Finding> = zero_inputs(data).into_iter().collect();
     out.extend(doubled(data));
-    for e in &data.experiments {
+    let mut clean = data.clone();
+    for j in 0..data.nq() {
+        if let Some(finding) = outlying(data, j) {
+            // A single wrong reading ends no stretch that stands still.
+            crate::fix::apply(&mut clean, &finding);
+            out.push(finding);
+        }
+    }
+    for e in &clean.experiments {
         for j in 0..data.nq() {
-            out.extend(outlying(e, j));
             out.extend(dead(e, j));
             out.extend(frozen_position(e, j, criteria));
             out.extend(frozen_velocity(e, j, criteria));
             out.extend(saturated(e, j, criteria));
         }
-        if e.missing > 0 {
-            let cells = e.len() * (e.nq + e.nu());
-            let sentence = format!("{} cells of record `{}` are empty", e.missing, e.name);
-            let share = e.missing as f64 / cells.max(1) as f64;
-            out.push(
-                Finding::new(
-                    FindingKind::MissingSamples { count: e.missing },
-                    Severity::Note,
-                    sentence,
-                    "nothing: missing samples are left out",
-                )
-                .within(&e.name)
-                .with("share of the cells", share, "1"),
-            );
-        }
     }
+    out.extend(holes(data));
     out
+}
+
+/// Empty cells, all records together.
+fn holes(data: &Dataset) -> Option<Finding> {
+    let with: Vec<&Experiment> = data.experiments.iter().filter(|e| e.missing > 0).collect();
+    let count: usize = with.iter().map(|e| e.missing).sum();
+    let cells: usize = data.experiments.iter().map(|e| e.len() * (e.nq + e.nu())).sum();
+    if count == 0 {
+        return None;
+    }
+    Some(
+        Finding::new(
+            FindingKind::MissingSamples { count },
+            Severity::Note,
+            format!("{count} cells of {} are empty", records_text(&with)),
+            "nothing: missing samples are left out",
+        )
+        .with("share of the cells", count as f64 / cells.max(1) as f64, "1"),
+    )
+}
+
+/// `record \`a\`` or `3 records`.
+pub(crate) fn records_text(with: &[&Experiment]) -> String {
+    match with {
+        [one] => format!("record `{}`", one.name),
+        _ => format!("{} records", with.len()),
+    }
 }
 
 /// A column of an experiment by its name; NaN where it has no values.
@@ -159,30 +179,35 @@ pub(crate) fn outlier_rows(e: &Experiment, name: &str) -> Vec<usize> {
     out
 }
 
-fn outlying(e: &Experiment, j: usize) -> Option<Finding> {
+fn outlying(data: &Dataset, j: usize) -> Option<Finding> {
     let name = format!("q{}", j + 1);
-    let rows = outlier_rows(e, &name);
-    let (&first, &last) = (rows.first()?, rows.last()?);
-    let q = named(e, &name)?;
-    let near = |i: usize| {
-        let other = if i > 0 { q[i - 1] } else { q[i + 1] };
-        (q[i] - other).abs()
-    };
-    let largest = rows.iter().map(|&i| near(i)).filter(|x| x.is_finite()).fold(0.0, f64::max);
-    let count = rows.len();
-    Some(
-        Finding::new(
-            FindingKind::Outliers { count },
-            Severity::Note,
-            format!("{count} readings of {name} jump away from their neighbours and back, in record `{}`", e.name),
-            "nothing: they are set aside; `--fix` empties their cells",
-        )
-        .of(&[j + 1], Channel::Position)
-        .within(&e.name)
-        .at((first, last), &e.t)
-        .with("share of the readings", count as f64 / e.len() as f64, "1")
-        .with("largest jump", largest, "rad or m"),
+    let (mut count, mut rows, mut largest, mut with) = (0, 0, 0.0_f64, Vec::new());
+    let mut first = None;
+    for e in &data.experiments {
+        let found = outlier_rows(e, &name);
+        let Some(&row) = found.first() else { continue };
+        let q = named(e, &name)?;
+        let jump = |i: usize| (q[i] - q[if i > 0 { i - 1 } else { 1 }]).abs();
+        largest = found.iter().map(|&i| jump(i)).filter(|x| x.is_finite()).fold(largest, f64::max);
+        first = first.or(Some(e.t[row]));
+        count += found.len();
+        rows += e.len();
+        with.push(e);
+    }
+    let finding = Finding::new(
+        FindingKind::Outliers { count },
+        Severity::Note,
+        format!("{count} readings of {name} jump away from their neighbours and back, in {}", records_text(&with)),
+        "nothing: they are set aside; `--fix` empties their cells",
     )
+    .of(&[j + 1], Channel::Position)
+    .with("share of the readings there", count as f64 / rows as f64, "1")
+    .with("largest jump", largest, data.joints[j].unit())
+    .with("first at", first?, "s");
+    Some(match with.as_slice() {
+        [one] => finding.within(&one.name),
+        _ => finding,
+    })
 }
 
 /// A position that has one value throughout while the joint's velocity or input varies.
@@ -237,11 +262,12 @@ fn frozen_position(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<Finding
         return Vec::new();
     }
     let steps: Vec<f64> = q.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
-    let usual = quantile(&steps, 0.995);
+    // Joints that rest most of the time are judged by when they move.
+    let moving: Vec<f64> = steps.iter().copied().filter(|s| *s > 0.0).collect();
+    let usual = quantile(&moving, 0.995);
     let v = e.v.as_ref().map(|v| column(v, e.nq, j));
     let fast = v.as_ref().map_or(0.0, |v| {
-        let speed: Vec<f64> = v.iter().map(|v| v.abs()).collect();
-        quantile(&speed, 0.95)
+        quantile(&speeds(v), 0.95)
     });
     let mut out = Vec::new();
     for (a, b) in runs(&q, least_rows(e, criteria)) {
@@ -259,7 +285,7 @@ fn frozen_position(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<Finding
         let moved = way > criteria.frozen_way * range && rms > criteria.frozen_speed * fast;
         let after = if b < n { (q[b] - q[b - 1]).abs() } else { 0.0 };
         let jump = after > criteria.frozen_jump * usual && after > criteria.frozen_way * range;
-        let abrupt = abrupt(&q, (a, b), criteria.frozen_speed * quantile(&steps, 0.95));
+        let abrupt = abrupt(&q, (a, b), criteria.frozen_speed * quantile(&moving, 0.95));
         // A velocity that is recorded and rests says that the joint rests.
         let silent = v.is_none() || v.as_ref().is_some_and(|v| v[a..b].iter().all(|v| v.is_nan()));
         if !(moved || jump || (silent && abrupt)) {
@@ -289,6 +315,11 @@ fn frozen_position(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<Finding
     out
 }
 
+/// Sizes of the velocities that are not zero.
+fn speeds(v: &[f64]) -> Vec<f64> {
+    v.iter().map(|v| v.abs()).filter(|v| *v > 0.0).collect()
+}
+
 /// Whether a run begins and ends in full motion: the means of the five steps before and after it are large.
 fn abrupt(q: &[f64], (a, b): (usize, usize), least: f64) -> bool {
     let mean = |from: usize, to: usize| (q[to] - q[from]).abs() / (to - from) as f64;
@@ -309,8 +340,7 @@ fn frozen_velocity(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<Finding
         return Vec::new();
     }
     let slope = central_differences(&e.t, &q);
-    let speed: Vec<f64> = v.iter().map(|v| v.abs()).collect();
-    let fast = quantile(&speed, 0.95);
+    let fast = quantile(&speeds(&v), 0.95);
     let mut out = Vec::new();
     for (a, b) in runs(&v, least_rows(e, criteria)) {
         // Means over fifths of the run keep the noise of the slope small.

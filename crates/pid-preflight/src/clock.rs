@@ -59,47 +59,46 @@ pub(crate) fn check(data: &Dataset, filters: &[Option<f64>], criteria: &Criteria
             );
         }
     }
-    for e in &data.experiments {
-        out.extend(gaps(e, criteria));
-        out.extend(jitter(e, criteria));
-    }
+    out.extend(gaps(data, criteria));
+    out.extend(jitter(data, criteria));
     out.extend(rate(data, filters, criteria));
     out
 }
 
-fn gaps(e: &Experiment, criteria: &Criteria) -> Option<Finding> {
-    let step = e.sample_time();
-    if step <= 0.0 {
-        return None;
-    }
-    let (mut lost, mut longest, mut place) = (0.0, 0.0, 0);
-    for (i, w) in e.t.windows(2).enumerate() {
-        let missing = ((w[1] - w[0]) / step - 1.0).round();
-        if (w[1] - w[0]) > criteria.gap_steps * step {
-            lost += missing.max(1.0);
-            if w[1] - w[0] > longest {
-                (longest, place) = (w[1] - w[0], i);
+/// Rows that are missing, all records together, with the longest hole.
+fn gaps(data: &Dataset, criteria: &Criteria) -> Option<Finding> {
+    let (mut lost, mut rows, mut with) = (0.0, 0.0, Vec::new());
+    let mut longest: Option<(f64, f64, &Experiment, usize)> = None;
+    for e in &data.experiments {
+        let step = e.sample_time();
+        let hole = |w: &[f64]| w[1] - w[0] > criteria.gap_steps * step;
+        let holes: Vec<usize> = (0..e.len() - 1).filter(|&i| hole(&e.t[i..i + 2])).collect();
+        if step <= 0.0 || holes.is_empty() {
+            continue;
+        }
+        for i in holes {
+            let length = e.t[i + 1] - e.t[i];
+            lost += (length / step - 1.0).round().max(1.0);
+            if longest.is_none_or(|(most, ..)| length > most) {
+                longest = Some((length, step, e, i));
             }
         }
+        rows += e.len() as f64;
+        with.push(e);
     }
-    let share = lost / (lost + e.len() as f64);
-    if lost == 0.0 {
-        return None;
-    }
-    let severity = match longest > criteria.gap_seconds.max(20.0 * step) {
-        true => Severity::Doubtful,
-        false => Severity::Note,
-    };
-    let mend = match severity {
-        Severity::Note => "nothing: steps of time are taken as they are",
-        _ => "cut the record at the hole, or record anew: no simulation can run across it",
+    let (length, step, e, place) = longest?;
+    let share = lost / (lost + rows);
+    let (severity, mend) = if length > criteria.gap_seconds.max(20.0 * step) {
+        (Severity::Doubtful, "cut the record at the hole, or record anew: no simulation can run across it")
+    } else {
+        (Severity::Note, "nothing: steps of time are taken as they are")
     };
     let sentence = format!(
-        "{} of the rows of record `{}` are missing ({} rows); the longest hole is {} s",
+        "{} of the rows of {} are missing ({} rows); the longest hole is {} s",
         percent(share),
-        e.name,
+        crate::channels::records_text(&with),
         number(lost),
-        number(longest)
+        number(length)
     );
     Some(
         Finding::new(FindingKind::LostRows { count: lost.min(1e15) as usize }, severity, sentence, mend)
@@ -107,7 +106,7 @@ fn gaps(e: &Experiment, criteria: &Criteria) -> Option<Finding> {
             .within(&e.name)
             .at((place, place + 1), &e.t)
             .with("share of the rows", share, "1")
-            .with("longest hole", longest, "s")
+            .with("longest hole", length, "s")
             .with("median step", step, "s"),
     )
 }
@@ -116,31 +115,34 @@ fn percent(share: f64) -> String {
     format!("{} %", number((1e4 * share).round() / 100.0))
 }
 
-fn jitter(e: &Experiment, criteria: &Criteria) -> Option<Finding> {
-    let step = e.sample_time();
-    let steps = e.t.windows(2).map(|w| w[1] - w[0]);
-    // Holes are counted by themselves.
-    let near: Vec<f64> = steps.filter(|s| *s < criteria.gap_steps * step).collect();
-    if step <= 0.0 || near.len() < 20 {
-        return None;
-    }
-    let mean = near.iter().sum::<f64>() / near.len() as f64;
-    let deviation = (near.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / near.len() as f64).sqrt();
-    let share = deviation / step;
-    if share < criteria.jitter {
+/// Time steps that vary: the record where they vary most.
+fn jitter(data: &Dataset, criteria: &Criteria) -> Option<Finding> {
+    let of = |e: &Experiment| {
+        let step = e.sample_time();
+        let steps = e.t.windows(2).map(|w| w[1] - w[0]);
+        // Holes are counted by themselves.
+        let near: Vec<f64> = steps.filter(|s| *s < criteria.gap_steps * step).collect();
+        let mean = near.iter().sum::<f64>() / near.len() as f64;
+        let square = near.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / near.len() as f64;
+        if step > 0.0 && near.len() >= 20 { square.sqrt() / step } else { 0.0 }
+    };
+    let all: Vec<(f64, &Experiment)> = data.experiments.iter().map(|e| (of(e), e)).collect();
+    let with: Vec<&Experiment> = all.iter().filter(|(s, _)| *s >= criteria.jitter).map(|(_, e)| *e).collect();
+    let &(share, worst) = all.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    if with.is_empty() {
         return None;
     }
     Some(
         Finding::new(
             FindingKind::Jitter { share },
             Severity::Note,
-            format!("the time steps of record `{}` vary by {} of the step", e.name, percent(share)),
+            format!("the time steps of {} vary, by up to {} of the step", crate::channels::records_text(&with), percent(share)),
             "nothing: stamps are taken as they are; if they are those of arrival, take those of measurement",
         )
         .of(&[], Channel::Time)
-        .within(&e.name)
-        .with("standard deviation of the step", deviation, "s")
-        .with("median step", step, "s"),
+        .within(&worst.name)
+        .with("standard deviation over the step", share, "1")
+        .with("median step", worst.sample_time(), "s"),
     )
 }
 

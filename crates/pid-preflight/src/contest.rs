@@ -342,6 +342,21 @@ impl<'a> Contest<'a> {
     }
 }
 
+/// Share of the torque of gravity that inertia and friction do not balance, at the worst joint that moves;
+/// `None` where no joint moves under gravity.
+pub(crate) fn left_of_free_motion(bench: &Bench, motion: &Motion, torques: &Torques, criteria: &Criteria) -> Option<f64> {
+    let stated = bench.stated();
+    let all = torques.with(stated);
+    let moving = (0..motion.n).filter(|&j| motion.moves(j));
+    let left = moving.filter_map(|j| {
+        let inertia = motion.column(&torques.rigid, j);
+        let gravity = motion.column(&all, j).zip(inertia.clone()).map(|(all, rest)| rest - all);
+        let found = fit(inertia, &friction(motion, j), gravity, criteria);
+        (found.size > 0.0).then_some(found.left)
+    });
+    left.max_by(f64::total_cmp)
+}
+
 /// Orders of `n` columns: all up to six, exchanges of two beyond.
 fn orders(n: usize) -> Vec<Vec<usize>> {
     let identity: Vec<usize> = (0..n).collect();

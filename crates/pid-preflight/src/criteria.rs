@@ -8,8 +8,8 @@ pub struct Criteria {
     pub frozen_rows: usize,
     /// And from this long on, s: shorter holds of a bus are bridged like single missing samples.
     pub frozen_seconds: f64,
-    /// The way of the joint in a frozen stretch, over the range of the channel. 1 % is far above the
-    /// drift of an integrated velocity over a rest.
+    /// The way of the joint in a frozen stretch, over the range of the channel. 2 % is above the drift
+    /// of an integrated velocity over a rest and above a few steps of an encoder.
     pub frozen_way: f64,
     /// Speed in a frozen stretch, over the 95 % quantile of the speed.
     pub frozen_speed: f64,
@@ -90,7 +90,7 @@ impl Default for Criteria {
         Self {
             frozen_rows: 15,
             frozen_seconds: 0.04,
-            frozen_way: 0.01,
+            frozen_way: 0.02,
             frozen_speed: 0.15,
             frozen_jump: 3.0,
             frozen_velocity: 0.3,

@@ -76,8 +76,11 @@ pub fn check(data: &Dataset, nominal: &Nominal, settings: &Settings) -> Vec<Find
     take(&mut work, time.into_iter().collect());
     let wraps = wrap::check(&work, criteria);
     take(&mut work, wraps);
-    let channels = channels::check(&work, criteria);
+    let mut channels = channels::check(&work, criteria);
     let silent = channels.iter().any(|f| f.kind == FindingKind::ZeroInput && f.joints.len() == data.nq());
+    if let (true, Some(bench)) = (silent, &bench) {
+        free_motion(&mut channels, &work, bench, settings);
+    }
     take(&mut work, channels);
     let filters: Vec<Option<f64>> = nominal
         .measurement()
@@ -99,6 +102,20 @@ pub fn check(data: &Dataset, nominal: &Nominal, settings: &Settings) -> Vec<Find
     out.extend(timing);
     out.sort_by_key(|f| std::cmp::Reverse(f.severity));
     out
+}
+
+/// Zero inputs are right where the motion is that of the robot left alone: a swing, a fall.
+fn free_motion(findings: &mut [Finding], data: &Dataset, bench: &Bench, settings: &Settings) {
+    let motion = Motion::sample(data, settings.points);
+    let torques = bench.torques(&motion);
+    let left = contest::left_of_free_motion(bench, &motion, &torques, &settings.criteria);
+    let Some(left) = left.filter(|left| *left < settings.criteria.explained) else { return };
+    for finding in findings.iter_mut().filter(|f| f.kind == FindingKind::ZeroInput) {
+        finding.severity = Severity::Note;
+        "all inputs are zero, and the motion is that of the robot left alone".clone_into(&mut finding.sentence);
+        "nothing, if the drives were off".clone_into(&mut finding.mend);
+        finding.evidence.push(Evidence { what: "share of gravity's torque that inertia and friction leave".to_owned(), value: left, unit: "1".to_owned() });
+    }
 }
 
 /// The robot, if the data can be compared with it.
