@@ -24,6 +24,7 @@ pub(crate) fn check(data: &Dataset, criteria: &Criteria) -> Vec<Finding> {
             out.extend(dead(e, j));
             out.extend(frozen_position(e, j, criteria));
             out.extend(frozen_velocity(e, j, criteria));
+            out.extend(frozen_input(e, j, criteria));
             out.extend(saturated(e, j, criteria));
         }
     }
@@ -291,22 +292,7 @@ fn frozen_position(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<Finding
         if !(moved || jump || (silent && abrupt)) {
             continue;
         }
-        let sentence = format!(
-            "q{} stands still for {} rows ({} s) of record `{}` while the joint moves",
-            j + 1,
-            b - a,
-            number(e.t[b - 1] - e.t[a]),
-            e.name
-        );
-        let mut finding = Finding::new(
-            FindingKind::FrozenChannel,
-            Severity::Wrong,
-            sentence,
-            "take the stretch as missing; `--fix` empties its cells",
-        )
-        .of(&[j + 1], Channel::Position)
-        .within(&e.name)
-        .at((a, b - 1), &e.t);
+        let mut finding = frozen(e, j, Channel::Position, (a, b), Severity::Wrong);
         if moved {
             finding = finding.with("way by the velocity meanwhile", way, "rad or m");
         }
@@ -349,31 +335,69 @@ fn frozen_velocity(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<Finding
             .chunks_exact(part)
             .map(|c| (c.iter().sum::<f64>() / part as f64 - v[a]).abs())
             .fold(0.0, f64::max);
-        let q_range = spread(&q[a..b]);
-        if off < criteria.frozen_velocity * fast || q_range < criteria.frozen_way * spread(&q) {
-            continue;
+        let moved = spread(&q[a..b]) > criteria.frozen_way * spread(&q);
+        let chance = repetitions(&v, (a, b));
+        if moved && (off > criteria.frozen_velocity * fast || (v[a] != 0.0 && chance < criteria.frozen_chance)) {
+            let finding = frozen(e, j, Channel::Velocity, (a, b), Severity::Wrong);
+            out.push(finding.with("slope of the position less the velocity", off, "rad/s or m/s"));
         }
-        let sentence = format!(
-            "dq{} stands still for {} rows ({} s) of record `{}` while the position moves",
-            j + 1,
-            b - a,
-            number(e.t[b - 1] - e.t[a]),
-            e.name
-        );
-        out.push(
-            Finding::new(
-                FindingKind::FrozenChannel,
-                Severity::Wrong,
-                sentence,
-                "take the stretch as missing; `--fix` empties its cells",
-            )
-            .of(&[j + 1], Channel::Velocity)
-            .within(&e.name)
-            .at((a, b - 1), &e.t)
-            .with("slope of the position less the velocity", off, "rad/s or m/s"),
-        );
     }
     out
+}
+
+/// An input that repeats a value for long while the joint moves, though it hardly ever repeats one elsewhere.
+fn frozen_input(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<Finding> {
+    let u = column(&e.u, e.nu().max(1), j);
+    let mut q = column(&e.q, e.nq, j);
+    if spread(&u) == 0.0 || pid_data::signal::fill_missing(&e.t, &mut q) == q.len() {
+        return Vec::new();
+    }
+    let known = || u.iter().copied().filter(|u| u.is_finite());
+    let (low, high) = (known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max));
+    let found = runs(&u, least_rows(e, criteria)).into_iter().filter(|&(a, b)| {
+        let moved = spread(&q[a..b]) > criteria.frozen_way * spread(&q);
+        // At its bound an input is saturated; at zero it is off.
+        let free = u[a] != low && u[a] != high && u[a] != 0.0;
+        moved && free && repetitions(&u, (a, b)) < criteria.frozen_chance
+    });
+    found
+        .map(|(a, b)| {
+            let finding = frozen(e, j, Channel::Input, (a, b), Severity::Doubtful);
+            finding.with("way of the joint meanwhile", spread(&q[a..b]), "rad or m")
+        })
+        .collect()
+}
+
+/// Expected number of runs at least as long as the given one, if readings repeat as often as elsewhere in
+/// the channel and independently: `N pⁿ` with the share p of repetitions, at least one in N.
+fn repetitions(x: &[f64], (a, b): (usize, usize)) -> f64 {
+    let equal = x.windows(2).filter(|w| w[0] == w[1]).count();
+    let inside = b - a - 1;
+    let others = x.len().saturating_sub(1 + inside).max(1) as f64;
+    let share = ((equal - inside.min(equal)) as f64 / others).max(1.0 / others);
+    others * share.powi(inside.min(10_000) as i32)
+}
+
+/// Says that a column stands still.
+fn frozen(e: &Experiment, j: usize, channel: Channel, (a, b): (usize, usize), severity: Severity) -> Finding {
+    let what = if channel == Channel::Velocity { "while the position moves" } else { "while the joint moves" };
+    let sentence = format!(
+        "{}{} stands still for {} rows ({} s) of record `{}` {what}",
+        channel.columns(),
+        j + 1,
+        b - a,
+        number(e.t[b - 1] - e.t[a]),
+        e.name
+    );
+    Finding::new(
+        FindingKind::FrozenChannel,
+        severity,
+        sentence,
+        "take the stretch as missing; `--fix` empties its cells",
+    )
+    .of(&[j + 1], channel)
+    .within(&e.name)
+    .at((a, b - 1), &e.t)
 }
 
 /// An input that sits at its largest or smallest value for stretches.

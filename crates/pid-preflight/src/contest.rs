@@ -108,6 +108,10 @@ impl<'a> Contest<'a> {
             rivals.extend(self.motions(data));
         }
         let explained = |r: &Rival| r.gain > 0.0 && r.left < self.criteria.explained;
+        if std::env::var_os("PDBG").is_some() {
+            eprintln!("base {:?} floor {:?}", self.base.iter().map(|f| f.left).collect::<Vec<_>>(), self.floor);
+            for r in &rivals { eprintln!("  {:.3} left {:.3} {}", r.gain, r.left, r.finding.sentence); }
+        }
         let best = rivals.into_iter().filter(explained).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         let (finding, gain) = (best.finding, best.gain);
         Some(
@@ -188,7 +192,8 @@ impl<'a> Contest<'a> {
         let turned: Vec<usize> = (0..n).filter(|&j| flipped[j]).map(|j| j + 1).collect();
         let left = |j: &usize| grid[*j][order[*j]][usize::from(flipped[*j])];
         let changed = (0..n).filter(|j| moved.contains(j) || flipped[*j]);
-        let worst = changed.filter(|j| self.active.contains(j)).map(|j| left(&j)).fold(0.0, f64::max);
+        let known: Vec<usize> = self.known().collect();
+        let worst = changed.filter(|j| known.contains(j)).map(|j| left(&j)).fold(0.0, f64::max);
         let finding = if moved.is_empty() {
             if turned.is_empty() {
                 return None;
@@ -337,7 +342,9 @@ impl<'a> Contest<'a> {
     /// The clock of the inputs.
     fn clock(&self) -> Option<Rival> {
         let rigid = self.torques.with(self.bench.stated());
-        let found = lag::find(self.motion, &rigid, &self.friction, &self.bench.gain, &self.active, self.criteria)?;
+        let known: Vec<usize> = self.known().collect();
+        let joints = if known.is_empty() { &self.active } else { &known };
+        let found = lag::find(self.motion, &rigid, &self.friction, &self.bench.gain, joints, self.criteria)?;
         Some(Rival { finding: lag::finding(&found, self.motion.n), gain: found.gain, left: found.left })
     }
 }

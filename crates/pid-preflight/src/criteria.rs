@@ -18,6 +18,8 @@ pub struct Criteria {
     /// Difference between a velocity that stands still and the slope of the position, over the 95 %
     /// quantile of the speed.
     pub frozen_velocity: f64,
+    /// Expected number of runs of equal readings by chance, below which a run is none of chance.
+    pub frozen_chance: f64,
     /// Rows in a row at a bound that count as saturation.
     pub saturated_rows: usize,
     /// Share of the rows at a bound from which it is said.
@@ -62,6 +64,9 @@ pub struct Criteria {
     pub explained: f64,
     /// Share left from which a torque counts as unexplained.
     pub unexplained: f64,
+    /// Share of gravity's torque that inertia and friction leave in the motion of a robot left alone. Slow
+    /// driven motion reaches 0.3, since friction can take the part of the drive for a while.
+    pub free: f64,
     /// Inputs later than this against the motion are a fault, s. Nothing in a robot makes its input late;
     /// filters of measured currents take up to 5 ms.
     pub late: f64,
@@ -94,6 +99,7 @@ impl Default for Criteria {
             frozen_speed: 0.15,
             frozen_jump: 3.0,
             frozen_velocity: 0.3,
+            frozen_chance: 1e-6,
             saturated_rows: 4,
             saturated_share: 0.01,
             wrap_share: 0.15,
@@ -113,6 +119,7 @@ impl Default for Criteria {
             margin: 0.7,
             explained: 0.5,
             unexplained: 0.6,
+            free: 0.1,
             late: 0.012,
             early: 0.045,
             lag_rows: 5.0,

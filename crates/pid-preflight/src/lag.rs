@@ -53,6 +53,19 @@ pub(crate) fn find(
     let zero = count as usize;
     let best_of = |curve: &[f64]| (0..curve.len()).min_by(|&a, &b| curve[a].total_cmp(&curve[b])).unwrap_or(zero);
     let each: Vec<f64> = curves.iter().map(|c| shifts[best_of(c)]).collect();
+    // Around the best step, at the rate of the record.
+    let refined = |places: &[usize], around: f64| {
+        let finest = (step / native).ceil() as i64;
+        let near = (-finest..=finest).map(|k| around + k as f64 * native);
+        let sum = |s: f64| -> f64 {
+            let at = |k: usize| {
+                let j = active[k];
+                log(left_at(motion, (rigid, &friction[j], gain[j]), j, s, criteria))
+            };
+            places.iter().map(|&k| at(k)).sum()
+        };
+        near.map(|s| (sum(s), s)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or(around, |(_, s)| s)
+    };
     let judge = |places: &[usize]| -> Option<Late> {
         let sum: Vec<f64> = (0..shifts.len()).map(|s| places.iter().map(|&k| log(curves[k][s])).sum()).collect();
         let best = best_of(&sum);
@@ -62,6 +75,7 @@ pub(crate) fn find(
         if late.abs() < enough.max(criteria.lag_rows * native) {
             return None;
         }
+        let late = refined(places, late);
         let gain = fall - criteria.lag_margin * places.len() as f64;
         let left = places.iter().map(|&k| curves[k][best]).fold(0.0, f64::max);
         let joints = places.iter().map(|&k| active[k]).collect();

@@ -109,7 +109,7 @@ fn free_motion(findings: &mut [Finding], data: &Dataset, bench: &Bench, settings
     let motion = Motion::sample(data, settings.points);
     let torques = bench.torques(&motion);
     let left = contest::left_of_free_motion(bench, &motion, &torques, &settings.criteria);
-    let Some(left) = left.filter(|left| *left < settings.criteria.explained) else { return };
+    let Some(left) = left.filter(|left| *left < settings.criteria.free) else { return };
     for finding in findings.iter_mut().filter(|f| f.kind == FindingKind::ZeroInput) {
         finding.severity = Severity::Note;
         "all inputs are zero, and the motion is that of the robot left alone".clone_into(&mut finding.sentence);

@@ -170,7 +170,7 @@ pub(crate) fn plant(kind: &'static str, clean: &Dataset, nominal: &str, draws: &
     Some(Planted { kind, joints, data, nominal: text })
 }
 
-/// Holds one value of a position, or of a velocity, for 0.3 s of motion in one record.
+/// Holds one value of a position, a velocity or an input for 0.3 s of motion in one record.
 fn freeze(data: &mut Dataset, j: usize, draws: &mut Draws) -> Option<()> {
     let n = data.nq();
     let k = draws.below(data.experiments.len());
@@ -181,9 +181,9 @@ fn freeze(data: &mut Dataset, j: usize, draws: &mut Draws) -> Option<()> {
     // A freeze of a joint that rests changes nothing: the joint goes a twentieth of its way meanwhile.
     let fits: Vec<usize> = (1..e.len() - rows - 1).filter(|&i| (q[i + rows] - q[i]).abs() > 0.05 * range).collect();
     let start = *fits.get(draws.below(fits.len().max(1)))?;
-    let velocity = e.v.is_some() && draws.below(3) == 0;
-    let x = match (&mut e.v, velocity) {
-        (Some(v), true) => v,
+    let x = match (&mut e.v, draws.below(4)) {
+        (Some(v), 0) => v,
+        (_, 1) => &mut e.u,
         _ => &mut e.q,
     };
     let held = x[start * n + j];
