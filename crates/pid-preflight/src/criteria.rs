@@ -27,6 +27,11 @@ pub struct Criteria {
     /// A jump is a whole turn if it differs from it by less than this share of a turn; a joint moves less
     /// than that from row to row.
     pub wrap_share: f64,
+    /// A position jumps if it goes faster than this many times the 99.5 % quantile of its speeds. Impacts
+    /// change speeds, not positions; twice the quantile is the largest speed of smooth motions.
+    pub jump_speed: f64,
+    /// And farther than this share of its range: some steps of a coarse encoder.
+    pub jump_way: f64,
     /// A step of time is a hole from this many median steps on: half way between one and two.
     pub gap_steps: f64,
     /// A hole is doubtful from this long on, s: in a tenth of a second a joint moves on visibly.
@@ -103,6 +108,8 @@ impl Default for Criteria {
             saturated_rows: 4,
             saturated_share: 0.01,
             wrap_share: 0.15,
+            jump_speed: 6.0,
+            jump_way: 0.03,
             gap_steps: 1.5,
             gap_seconds: 0.1,
             jitter: 0.01,

@@ -93,6 +93,11 @@ pub enum FindingKind {
         /// How many jumps.
         jumps: usize,
     },
+    /// A position jumps between two rows, by no whole turn, and stays.
+    Jump {
+        /// How many jumps.
+        count: usize,
+    },
     /// Rows whose time does not increase.
     DuplicateStamps {
         /// How many.
@@ -248,6 +253,7 @@ impl FindingKind {
             Self::Outliers { .. } => "outliers",
             Self::MissingSamples { .. } => "missing-samples",
             Self::Wrapped { .. } => "wrapped",
+            Self::Jump { .. } => "jump",
             Self::DuplicateStamps { .. } => "duplicate-stamps",
             Self::LostRows { .. } => "lost-rows",
             Self::Jitter { .. } => "jitter",

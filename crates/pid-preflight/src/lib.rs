@@ -82,6 +82,8 @@ pub fn check(data: &Dataset, nominal: &Nominal, settings: &Settings) -> Vec<Find
         free_motion(&mut channels, &work, bench, settings);
     }
     take(&mut work, channels);
+    let jumps = wrap::jumps(&work, criteria);
+    take(&mut work, jumps);
     let filters: Vec<Option<f64>> = nominal
         .measurement()
         .channels
@@ -95,7 +97,7 @@ pub fn check(data: &Dataset, nominal: &Nominal, settings: &Settings) -> Vec<Find
             out.extend(found);
         }
         None => {
-            let motion = Motion::sample(&work, settings.points);
+            let motion = Motion::sample(&work, settings);
             out.extend(velocity::check(&motion, None, criteria));
         }
     }
@@ -106,7 +108,7 @@ pub fn check(data: &Dataset, nominal: &Nominal, settings: &Settings) -> Vec<Find
 
 /// Zero inputs are right where the motion is that of the robot left alone: a swing, a fall.
 fn free_motion(findings: &mut [Finding], data: &Dataset, bench: &Bench, settings: &Settings) {
-    let motion = Motion::sample(data, settings.points);
+    let motion = Motion::sample(data, settings);
     let torques = bench.torques(&motion);
     let left = contest::left_of_free_motion(bench, &motion, &torques, &settings.criteria);
     let Some(left) = left.filter(|left| *left < settings.criteria.free) else { return };
@@ -143,7 +145,7 @@ fn bench(data: &Dataset, nominal: &Nominal) -> Result<Bench, Finding> {
 fn against_robot(work: &mut Dataset, nominal: &Nominal, mut bench: Bench, silent: bool, settings: &Settings) -> Vec<Finding> {
     let criteria = &settings.criteria;
     let mut out = Vec::new();
-    let mut motion = Motion::sample(work, settings.points);
+    let mut motion = Motion::sample(work, settings);
     for _ in 0..ROUNDS {
         let found = velocity::check(&motion, (!silent).then_some(&bench), criteria).or_else(|| {
             let torques = bench.torques(&motion);
@@ -162,7 +164,7 @@ fn against_robot(work: &mut Dataset, nominal: &Nominal, mut bench: Bench, silent
                     out.push(finding);
                     break;
                 }
-                motion = Motion::sample(work, settings.points);
+                motion = Motion::sample(work, settings);
             }
         }
         out.push(finding);

@@ -3,6 +3,9 @@
 use pid_data::signal::{acting_inputs, fill_missing, low_pass_channels, state_from_data};
 use pid_data::{Dataset, Experiment};
 
+use crate::criteria::{Criteria, Settings};
+use crate::wrap;
+
 /// Cut-off of the filters, Hz: above the motion of arms and drives, below most of the noise of a second
 /// difference.
 const CUTOFF: f64 = 10.0;
@@ -39,15 +42,15 @@ pub(crate) struct Motion {
 
 impl Motion {
     /// Samples of all records, about `points` in all.
-    pub(crate) fn sample(data: &Dataset, points: usize) -> Self {
+    pub(crate) fn sample(data: &Dataset, settings: &Settings) -> Self {
         let rows: usize = data.experiments.iter().map(Experiment::len).sum();
-        let stride = rows.div_ceil(points.max(1)).max(1);
+        let stride = rows.div_ceil(settings.points.max(1)).max(1);
         let mut out = Self {
             n: data.nq(),
             ..Self::default()
         };
         for (k, e) in data.experiments.iter().enumerate() {
-            let filtered = out.add(data, k, e, stride).unwrap_or_default();
+            let filtered = out.add(data, k, (e, stride), &settings.criteria).unwrap_or_default();
             out.inputs.push(filtered);
             out.steps.push(e.sample_time());
         }
@@ -55,7 +58,7 @@ impl Motion {
     }
 
     /// Adds one record; `None` if it cannot be filtered.
-    fn add(&mut self, data: &Dataset, k: usize, e: &Experiment, stride: usize) -> Option<Vec<f64>> {
+    fn add(&mut self, data: &Dataset, k: usize, (e, stride): (&Experiment, usize), criteria: &Criteria) -> Option<Vec<f64>> {
         let (n, rows) = (self.n, e.len());
         let step = e.sample_time();
         if rows < 30 || step <= 0.0 || e.nu() != n || e.duration() / step > SPARSE * rows as f64 {
@@ -73,7 +76,7 @@ impl Motion {
         let u = low_pass_channels(&e.t, &u, n, cutoff).ok()?;
         let dq = e.v.as_ref().map(|v| filtered_velocities(e, v, cutoff));
         let margin = ((rate / cutoff) as usize).clamp(3, rows / 10);
-        let usable = usable(e, margin);
+        let usable = usable(e, margin, criteria);
         for i in (margin..rows - margin).step_by(stride).filter(|&i| usable[i]) {
             let row = i * n..(i + 1) * n;
             self.at.push((k, i));
@@ -158,19 +161,23 @@ fn filtered_velocities(e: &Experiment, v: &[f64], cutoff: f64) -> Vec<f64> {
     out
 }
 
-/// Rows that are not near a stretch of missing readings or a hole in time.
-fn usable(e: &Experiment, margin: usize) -> Vec<bool> {
+/// Rows that are not near a stretch of missing readings, a hole in time, or a jump.
+fn usable(e: &Experiment, margin: usize, criteria: &Criteria) -> Vec<bool> {
     let (rows, n) = (e.len(), e.nq);
     let mut out = vec![true; rows];
     let mut block = |from: usize, to: usize| {
         let (from, to) = (from.saturating_sub(margin), (to + margin).min(rows));
-        out[from..to].iter_mut().for_each(|x| *x = false);
+        out[from.min(to)..to].iter_mut().for_each(|x| *x = false);
     };
     let step = e.sample_time();
     for (i, w) in e.t.windows(2).enumerate() {
         if w[1] - w[0] > BRIDGED as f64 * step {
             block(i, i + 2);
         }
+    }
+    for j in 0..n {
+        // What a jump leaves behind the filter fades over two of its margins.
+        wrap::breaks(e, j, criteria).into_iter().for_each(|i| block(i.saturating_sub(margin), i + margin));
     }
     for x in [&e.q, &e.u] {
         for j in 0..n {

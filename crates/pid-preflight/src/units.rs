@@ -18,7 +18,7 @@ const SLOW: f64 = 0.25;
 pub(crate) fn time(data: &Dataset, bench: Option<&Bench>, settings: &Settings) -> Option<Finding> {
     let criteria = &settings.criteria;
     clock::stated_unit(data, criteria)
-        .or_else(|| velocity::time_unit(data, criteria, settings.points))
+        .or_else(|| velocity::time_unit(data, settings))
         .or_else(|| by_torque(data, bench?, settings))
 }
 
@@ -29,7 +29,7 @@ fn by_torque(data: &Dataset, bench: &Bench, settings: &Settings) -> Option<Findi
         return None;
     }
     let total = |data: &Dataset| {
-        let motion = Motion::sample(data, settings.points);
+        let motion = Motion::sample(data, settings);
         let torques = bench.torques(&motion);
         Contest::new(bench, &motion, &torques, criteria).total()
     };

@@ -6,7 +6,7 @@ use pid_data::Dataset;
 
 use crate::contest::{Contest, flipped, swapped, unit_finding};
 use crate::clock;
-use crate::criteria::Criteria;
+use crate::criteria::{Criteria, Settings};
 use crate::finding::{Channel, Finding, FindingKind, Severity, number};
 use crate::motion::Motion;
 use crate::torque::Bench;
@@ -60,13 +60,14 @@ fn moments(motion: &Motion) -> Moments {
 }
 
 /// Time in another unit, as the velocities have it.
-pub(crate) fn time_unit(data: &Dataset, criteria: &Criteria, points: usize) -> Option<Finding> {
+pub(crate) fn time_unit(data: &Dataset, settings: &Settings) -> Option<Finding>
+ {
     let slowest = data.experiments.iter().map(pid_data::Experiment::sample_time).fold(0.0, f64::max);
     if slowest < SLOW {
         return None;
     }
-    let m = moments(&Motion::sample(data, points));
-    let fits = |j: &&usize| m.correlation[**j][**j] > criteria.velocity_correlation;
+    let m = moments(&Motion::sample(data, settings));
+    let fits = |j: &&usize| m.correlation[**j][**j] > settings.criteria.velocity_correlation;
     let ratios: Vec<f64> = m.there.iter().filter(fits).map(|&j| m.ratio[j]).collect();
     let first = ratios.first()?;
     let (factor, unit) = clock::near(1.0 / first, WIDTH)?;

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use pid_data::{Dataset, Experiment};
 
+use crate::channels::{quantile, spread};
 use crate::criteria::Criteria;
 use crate::finding::{Channel, Finding, FindingKind, Severity, number};
 
@@ -66,6 +67,43 @@ fn jumps_of(e: &Experiment, j: usize, turn: f64, criteria: &Criteria) -> Vec<usi
     let middle = steps.len() * 9 / 10;
     let usual = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
     if usual > criteria.wrap_share * turn { Vec::new() } else { jumps }
+}
+
+/// Rows before which a position jumps and stays: far faster than the joint ever moves, over a part of its
+/// range.
+pub(crate) fn breaks(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<usize> {
+    let q = pid_data::signal::column(&e.q, e.nq, j);
+    let speed = |i: usize| ((q[i] - q[i - 1]) / (e.t[i] - e.t[i - 1])).abs();
+    let speeds: Vec<f64> = (1..q.len()).map(speed).collect();
+    let moving: Vec<f64> = speeds.iter().copied().filter(|s| *s > 0.0).collect();
+    let fast = criteria.jump_speed * quantile(&moving, 0.995);
+    let far = criteria.jump_way * spread(&q);
+    let stays = |i: usize| (1..4).all(|k| q.get(i + k).is_none_or(|x| (x - q[i - 1]).abs() > far));
+    let jumps = |i: &usize| speeds[i - 1] > fast && (q[*i] - q[i - 1]).abs() > far && stays(*i);
+    (1..q.len()).filter(jumps).collect()
+}
+
+/// Says that positions jump.
+pub(crate) fn jumps(data: &Dataset, criteria: &Criteria) -> Vec<Finding> {
+    let mut out = Vec::new();
+    for j in 0..data.nq() {
+        let all: Vec<(&Experiment, usize)> =
+            data.experiments.iter().flat_map(|e| breaks(e, j, criteria).into_iter().map(move |i| (e, i))).collect();
+        let Some(&(e, row)) = all.first() else { continue };
+        let (count, size) = (all.len(), e.q[row * e.nq + j] - e.q[(row - 1) * e.nq + j]);
+        out.push(
+            Finding::new(
+                FindingKind::Jump { count },
+                Severity::Doubtful,
+                format!("q{} jumps {count} times and stays (first: record `{}`, row {row})", j + 1, e.name),
+                "cut the record there: an encoder that was referenced anew, or records that were joined",
+            )
+            .of(&[j + 1], Channel::Position)
+            .with("first jump", size, data.joints[j].unit())
+            .with("at", e.t[row], "s"),
+        );
+    }
+    out
 }
 
 /// Rows and readings of a position.
