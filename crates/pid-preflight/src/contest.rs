@@ -42,6 +42,8 @@ pub(crate) struct Contest<'a> {
     pub(crate) base: Vec<Fit>,
     /// Share of each torque that the tolerances leave open; differences below it do not count.
     floor: Vec<f64>,
+    /// Mean square of each torque that the tolerances leave open.
+    open: Vec<f64>,
 }
 
 impl<'a> Contest<'a> {
@@ -56,12 +58,12 @@ impl<'a> Contest<'a> {
             active: Vec::new(),
             base: Vec::new(),
             floor: Vec::new(),
+            open: Vec::new(),
         };
         let rigid = torques.with(bench.stated());
         out.base = (0..n).map(|j| out.one(&rigid, j, j, 1.0)).collect();
-        let sizes: Vec<f64> = out.base.iter().map(|f| f.size).collect();
-        let open = open::shares(bench, motion, &sizes);
-        out.floor = open.into_iter().map(|x| x.clamp(criteria.floor, criteria.floor_most)).collect();
+        out.open = open::squares(bench, motion);
+        out.floor = (0..n).map(|j| out.floor_of(j, &out.base[j])).collect();
         out.active = (0..n).filter(|&j| motion.moves(j) && out.base[j].size > 0.0).collect();
         out
     }
@@ -71,6 +73,12 @@ impl<'a> Contest<'a> {
         let gain = self.bench.gain[j] * factor;
         let torque = self.motion.column(&self.motion.u, i).map(|u| gain * u);
         fit(self.motion.column(rigid, j), &self.friction[j], torque, self.criteria)
+    }
+
+    /// Share of a torque taken as that of joint `j` that the tolerances leave open.
+    fn floor_of(&self, j: usize, fit: &Fit) -> f64 {
+        let share = self.open[j] / (fit.size * fit.size);
+        if share.is_finite() { share.clamp(self.criteria.floor, self.criteria.floor_most) } else { self.criteria.floor_most }
     }
 
     fn log(&self, j: usize, left: f64) -> f64 {
@@ -108,10 +116,6 @@ impl<'a> Contest<'a> {
             rivals.extend(self.motions(data));
         }
         let explained = |r: &Rival| r.gain > 0.0 && r.left < self.criteria.explained;
-        if std::env::var_os("PDBG").is_some() {
-            eprintln!("base {:?} floor {:?}", self.base.iter().map(|f| f.left).collect::<Vec<_>>(), self.floor);
-            for r in &rivals { eprintln!("  {:.3} left {:.3} {}", r.gain, r.left, r.finding.sentence); }
-        }
         let best = rivals.into_iter().filter(explained).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         let (finding, gain) = (best.finding, best.gain);
         Some(
@@ -161,28 +165,21 @@ impl<'a> Contest<'a> {
     fn inputs(&self) -> Option<Rival> {
         let n = self.motion.n;
         let rigid = self.torques.with(self.bench.stated());
-        let grid: Vec<Vec<[f64; 2]>> = (0..n)
-            .map(|j| {
-                let both = |i: usize| [1.0, -1.0].map(|s| self.one(&rigid, j, i, s).left);
-                (0..n).map(both).collect()
-            })
-            .collect();
+        let both = |j: usize, i: usize| [1.0, -1.0].map(|s| self.one(&rigid, j, i, s));
+        let grid: Vec<Vec<[Fit; 2]>> = (0..n).map(|j| (0..n).map(|i| both(j, i)).collect()).collect();
+        let log = |j: usize, fit: &Fit| fit.left.max(self.floor_of(j, fit)).ln();
         let mut best: Option<(f64, Vec<usize>, Vec<bool>)> = None;
         for order in orders(n) {
             let mut gain = 0.0;
             let mut flipped = vec![false; n];
-            for j in 0..n {
-                let [same, other] = grid[j][order[j]];
-                let moved = self.criteria.margin * f64::from(u8::from(order[j] != j));
-                if !self.active.contains(&j) {
-                    gain -= moved;
-                    continue;
-                }
+            for &j in &self.active {
+                let [same, other] = &grid[j][order[j]];
                 let before = self.log(j, self.base[j].left);
-                let (keep, flip) = (before - self.log(j, same), before - self.log(j, other) - self.criteria.margin);
+                let (keep, flip) = (before - log(j, same), before - log(j, other) - self.criteria.margin);
                 flipped[j] = flip > keep;
-                gain += keep.max(flip) - moved;
+                gain += keep.max(flip);
             }
+            gain -= self.criteria.margin * (0..n).filter(|&j| order[j] != j).count() as f64;
             if best.as_ref().is_none_or(|(g, ..)| gain > *g) {
                 best = Some((gain, order, flipped));
             }
@@ -190,10 +187,10 @@ impl<'a> Contest<'a> {
         let (gain, order, flipped) = best?;
         let moved: Vec<usize> = (0..n).filter(|&j| order[j] != j).collect();
         let turned: Vec<usize> = (0..n).filter(|&j| flipped[j]).map(|j| j + 1).collect();
-        let left = |j: &usize| grid[*j][order[*j]][usize::from(flipped[*j])];
-        let changed = (0..n).filter(|j| moved.contains(j) || flipped[*j]);
-        let known: Vec<usize> = self.known().collect();
-        let worst = changed.filter(|j| known.contains(j)).map(|j| left(&j)).fold(0.0, f64::max);
+        let changed = self.active.iter().filter(|&&j| moved.contains(&j) || flipped[j]);
+        let fits = changed.map(|&j| (j, grid[j][order[j]][usize::from(flipped[j])]));
+        let known = fits.filter(|(j, fit)| self.floor_of(*j, fit) < self.criteria.known);
+        let worst = known.map(|(_, fit)| fit.left).fold(0.0, f64::max);
         let finding = if moved.is_empty() {
             if turned.is_empty() {
                 return None;
@@ -311,7 +308,8 @@ impl<'a> Contest<'a> {
             let mean = logs.iter().sum::<f64>() / logs.len() as f64;
             let slope = mean.exp();
             let (low, high) = self.criteria.rigid_factor;
-            if (low..high).contains(&slope) {
+            // A torque without likeness to the robot's has no slope.
+            if (low..high).contains(&slope) || slope < 1e-8 {
                 continue;
             }
             let near = INPUT_UNITS

@@ -83,8 +83,7 @@ fn fitted(bench: &Bench, motion: &Motion, torques: &Torques, base: &[Fit], crite
 
 /// Joints whose torque at rest is neither that of gravity nor within dry friction.
 pub(crate) fn at_rest(bench: &Bench, nominal: &Nominal, motion: &Motion, rigid: &[f64], base: &[Fit]) -> Vec<Finding> {
-    let sizes: Vec<f64> = base.iter().map(|f| f.size).collect();
-    let open = open::shares(bench, motion, &sizes);
+    let open = open::squares(bench, motion);
     let n = motion.n;
     let mut out = Vec::new();
     let speeds: Vec<f64> = (0..n)
@@ -103,7 +102,7 @@ pub(crate) fn at_rest(bench: &Bench, nominal: &Nominal, motion: &Motion, rigid: 
         let differences: Vec<f64> = resting.iter().map(|i| bench.gain[j] * motion.u[i * n + j] - rigid[i * n + j]).collect();
         let middle = quantile(&differences, 0.5);
         // Three deviations of what the tolerances leave open.
-        let excess = middle.abs() - dry - 3.0 * open[j].sqrt() * size;
+        let excess = middle.abs() - dry - 3.0 * open[j].sqrt();
         if excess > 0.2 * size && size > 0.0 {
             out.push(
                 Finding::new(

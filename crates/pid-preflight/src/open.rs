@@ -26,10 +26,9 @@ pub(crate) fn widths(nominal: &Nominal) -> Vec<f64> {
     nominal.tolerances().iter().map(width).collect()
 }
 
-/// Share of the mean square of each torque (root mean squares given) that the tolerances leave open:
-/// deviations of the parameters by half their width, which is that of an even distribution and a bit less,
-/// independent of each other.
-pub(crate) fn shares(bench: &Bench, motion: &Motion, sizes: &[f64]) -> Vec<f64> {
+/// Mean square of each torque that the tolerances leave open: deviations of the parameters by half their
+/// width, which is that of an even distribution and a bit less, independent of each other.
+pub(crate) fn squares(bench: &Bench, motion: &Motion) -> Vec<f64> {
     let n = motion.n;
     let np = bench.gravity.unwrap_or(bench.p.len());
     let step = motion.len().div_ceil(STATES).max(1);
@@ -44,9 +43,5 @@ pub(crate) fn shares(bench: &Bench, motion: &Motion, sizes: &[f64]) -> Vec<f64> 
         }
         count += 1.0;
     }
-    let share = |(sum, size): (f64, &f64)| {
-        let share = sum / (f64::max(count, 1.0) * size * size);
-        if share.is_finite() { share } else { 0.0 }
-    };
-    sums.into_iter().zip(sizes).map(share).collect()
+    sums.into_iter().map(|s| s / f64::max(count, 1.0)).collect()
 }
