@@ -9,16 +9,15 @@ use crate::open;
 use crate::torque::{Bench, Fit, Torques, fit, friction, sums};
 
 /// Factors to SI and names of units of inputs.
-const INPUT_UNITS: [(f64, &str); 8] = [
+const INPUT_UNITS: [(f64, &str); 4] = [
     (1e-3, "thousandths (N·mm, mA, mV)"),
     (1e3, "thousands (kN·m, kA)"),
-    (1e-6, "millionths"),
     (9.80665, "kgf or kgf·m"),
-    (1.0 / 9.80665, "the inverse of kgf"),
     (0.0980665, "kgf·cm"),
-    (180.0 / std::f64::consts::PI, "per degree"),
-    (std::f64::consts::PI / 180.0, "per degree, inverse"),
 ];
+/// A single joint whose input is off by less than this has a drive that gives less or more than it should, not
+/// a unit of its own.
+const ALONE: f64 = 30.0;
 
 /// An explanation of the record.
 struct Rival {
@@ -115,7 +114,10 @@ impl<'a> Contest<'a> {
             rivals.extend(self.input_units());
             rivals.extend(self.motions(data));
         }
-        let explained = |r: &Rival| r.gain > 0.0 && r.left < self.criteria.explained;
+        let explained = |r: &Rival| {
+            let limit = if r.gain > self.criteria.clear { 1.0 } else { self.criteria.explained };
+            r.gain > 0.0 && r.left < limit
+        };
         let best = rivals.into_iter().filter(explained).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         let (finding, gain) = (best.finding, best.gain);
         Some(
@@ -175,7 +177,12 @@ impl<'a> Contest<'a> {
             for &j in &self.active {
                 let [same, other] = &grid[j][order[j]];
                 let before = self.log(j, self.base[j].left);
-                let (keep, flip) = (before - log(j, same), before - log(j, other) - self.criteria.margin);
+                let keep = before - log(j, same);
+                let mut flip = before - log(j, other) - self.criteria.margin;
+                if order[j] == j && self.floor_of(j, other) >= self.criteria.known {
+                    // Friction tells the sign of a torque whose size the tolerances leave open.
+                    flip = (same.left / other.left).ln() - self.criteria.sign_margin;
+                }
                 flipped[j] = flip > keep;
                 gain += keep.max(flip);
             }
@@ -316,7 +323,10 @@ impl<'a> Contest<'a> {
                 .into_iter()
                 .map(|(f, unit)| ((slope * f).ln().abs(), f, unit))
                 .min_by(|a, b| a.0.total_cmp(&b.0))
-                .filter(|(off, ..)| *off < self.criteria.factor_width.ln());
+                .filter(|(off, f, _)| {
+                    let own = f.ln().abs() > ALONE.ln() || set.len() > 1 || self.motion.n == 1;
+                    *off < self.criteria.factor_width.ln() && own
+                });
             let factor = near.map_or(1.0 / slope, |(_, f, _)| f);
             let fits: Vec<Fit> = (0..n)
                 .map(|j| if set.contains(&j) { self.one(&rigid, j, j, factor) } else { self.base[j] })

@@ -65,8 +65,14 @@ pub struct Criteria {
     /// An alternative must reduce the sum over joints of the logarithms of the shares left by this much,
     /// per joint that it changes.
     pub margin: f64,
+    /// Fall of the logarithm by which a sign wins at a joint whose torque the tolerances leave open. A right
+    /// sign never loses there: friction, which is not negative, explains more of it than of its opposite.
+    pub sign_margin: f64,
     /// And leave at most this share of the torque at the joints it changes.
     pub explained: f64,
+    /// Gain from which a share left of up to 1 is enough: an effect may hide half a torque, but it does not
+    /// make a wrong explanation twenty times better than the record as it is.
+    pub clear: f64,
     /// Share left from which a torque counts as unexplained.
     pub unexplained: f64,
     /// Share of gravity's torque that inertia and friction leave in the motion of a robot left alone. Slow
@@ -124,7 +130,9 @@ impl Default for Criteria {
             known: 0.2,
             suspicious: 0.1,
             margin: 0.7,
+            sign_margin: 0.4,
             explained: 0.5,
+            clear: 3.0,
             unexplained: 0.6,
             free: 0.1,
             late: 0.012,
