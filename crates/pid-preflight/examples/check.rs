@@ -17,7 +17,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut findings = opened.findings;
         findings.extend(check(&opened.dataset, &nominal, &Settings::default()));
         let seconds = start.elapsed().as_secs_f64();
-        println!("== {} ({} findings, {seconds:.2} s)", folder.display(), findings.len());
+        println!(
+            "== {} ({} findings, {seconds:.2} s)",
+            folder.display(),
+            findings.len()
+        );
         for finding in findings {
             println!("{finding}");
         }

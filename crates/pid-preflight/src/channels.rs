@@ -36,7 +36,11 @@ pub(crate) fn check(data: &Dataset, criteria: &Criteria) -> Vec<Finding> {
 fn holes(data: &Dataset) -> Option<Finding> {
     let with: Vec<&Experiment> = data.experiments.iter().filter(|e| e.missing > 0).collect();
     let count: usize = with.iter().map(|e| e.missing).sum();
-    let cells: usize = data.experiments.iter().map(|e| e.len() * (e.nq + e.nu())).sum();
+    let cells: usize = data
+        .experiments
+        .iter()
+        .map(|e| e.len() * (e.nq + e.nu()))
+        .sum();
     if count == 0 {
         return None;
     }
@@ -47,7 +51,11 @@ fn holes(data: &Dataset) -> Option<Finding> {
             format!("{count} cells of {} are empty", records_text(&with)),
             "nothing: missing samples are left out",
         )
-        .with("share of the cells", count as f64 / cells.max(1) as f64, "1"),
+        .with(
+            "share of the cells",
+            count as f64 / cells.max(1) as f64,
+            "1",
+        ),
     )
 }
 
@@ -73,7 +81,9 @@ pub(crate) fn named(e: &Experiment, name: &str) -> Option<Vec<f64>> {
 /// Largest less smallest value, without missing ones; 0 of nothing.
 pub(crate) fn spread(x: &[f64]) -> f64 {
     let known = x.iter().filter(|x| x.is_finite());
-    let (low, high) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
+    let (low, high) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| {
+        (l.min(x), h.max(x))
+    });
     (high - low).max(0.0)
 }
 
@@ -92,7 +102,11 @@ fn zero_inputs(data: &Dataset) -> Option<Finding> {
     let nq = data.nq();
     let zero = |j: usize| {
         data.experiments.iter().all(|e| {
-            let mut u = e.u.iter().skip(j).step_by(e.nu().max(1)).filter(|u| u.is_finite());
+            let mut u =
+                e.u.iter()
+                    .skip(j)
+                    .step_by(e.nu().max(1))
+                    .filter(|u| u.is_finite());
             u.all(|u| *u == 0.0)
         })
     };
@@ -126,7 +140,11 @@ fn zero_inputs(data: &Dataset) -> Option<Finding> {
 fn doubled(data: &Dataset) -> Vec<Finding> {
     let nq = data.nq();
     let mut out = Vec::new();
-    for (stem, channel) in [("q", Channel::Position), ("dq", Channel::Velocity), ("u", Channel::Input)] {
+    for (stem, channel) in [
+        ("q", Channel::Position),
+        ("dq", Channel::Velocity),
+        ("u", Channel::Input),
+    ] {
         for j in 0..nq {
             for i in 0..j {
                 let (a, b) = (format!("{stem}{}", i + 1), format!("{stem}{}", j + 1));
@@ -137,7 +155,10 @@ fn doubled(data: &Dataset) -> Vec<Finding> {
                     };
                     rows += x.len();
                     // A channel that rests is no copy of another that rests.
-                    spread(&x) > 0.0 && x.iter().zip(&y).all(|(x, y)| x == y || x.is_nan() || y.is_nan())
+                    spread(&x) > 0.0
+                        && x.iter()
+                            .zip(&y)
+                            .all(|(x, y)| x == y || x.is_nan() || y.is_nan())
                 });
                 if same && rows > 0 {
                     out.push(
@@ -163,7 +184,9 @@ const PART: usize = 2000;
 
 /// Rows of a column that hold outliers.
 pub(crate) fn outlier_rows(e: &Experiment, name: &str) -> Vec<usize> {
-    let Some(x) = named(e, name) else { return Vec::new() };
+    let Some(x) = named(e, name) else {
+        return Vec::new();
+    };
     // Chatter of inputs and steps of velocities are no errors: below a hundredth of the range nothing is.
     let least = if name.starts_with('q') { 1e-5 } else { 1e-3 } * spread(&x);
     if least == 0.0 {
@@ -172,7 +195,11 @@ pub(crate) fn outlier_rows(e: &Experiment, name: &str) -> Vec<usize> {
     let mut out = Vec::new();
     let mut start = 0;
     while start < x.len() {
-        let end = if x.len() - start < 2 * PART { x.len() } else { start + PART };
+        let end = if x.len() - start < 2 * PART {
+            x.len()
+        } else {
+            start + PART
+        };
         let found = outliers(&e.t[start..end], &x[start..end], least);
         out.extend(found.into_iter().map(|i| start + i));
         start = end;
@@ -189,7 +216,11 @@ fn outlying(data: &Dataset, j: usize) -> Option<Finding> {
         let Some(&row) = found.first() else { continue };
         let q = named(e, &name)?;
         let jump = |i: usize| (q[i] - q[if i > 0 { i - 1 } else { 1 }]).abs();
-        largest = found.iter().map(|&i| jump(i)).filter(|x| x.is_finite()).fold(largest, f64::max);
+        largest = found
+            .iter()
+            .map(|&i| jump(i))
+            .filter(|x| x.is_finite())
+            .fold(largest, f64::max);
         first = first.or(Some(e.t[row]));
         count += found.len();
         rows += e.len();
@@ -198,11 +229,18 @@ fn outlying(data: &Dataset, j: usize) -> Option<Finding> {
     let finding = Finding::new(
         FindingKind::Outliers { count },
         Severity::Note,
-        format!("{count} readings of {name} jump away from their neighbours and back, in {}", records_text(&with)),
+        format!(
+            "{count} readings of {name} jump away from their neighbours and back, in {}",
+            records_text(&with)
+        ),
         "nothing: they are set aside; `--fix` empties their cells",
     )
     .of(&[j + 1], Channel::Position)
-    .with("share of the readings there", count as f64 / rows as f64, "1")
+    .with(
+        "share of the readings there",
+        count as f64 / rows as f64,
+        "1",
+    )
     .with("largest jump", largest, data.joints[j].unit())
     .with("first at", first?, "s");
     Some(match with.as_slice() {
@@ -220,11 +258,21 @@ fn dead(e: &Experiment, j: usize) -> Option<Finding> {
     let v = e.v.as_ref().map_or(0.0, |v| spread(&column(v, e.nq, j)));
     let u = spread(&column(&e.u, e.nu().max(1), j));
     let (severity, mend) = match (v > 0.0, u > 0.0) {
-        (true, _) => (Severity::Wrong, "the encoder or its column is dead; record it"),
-        (_, true) => (Severity::Doubtful, "a joint that is held or stuck, or a dead encoder; look"),
+        (true, _) => (
+            Severity::Wrong,
+            "the encoder or its column is dead; record it",
+        ),
+        (_, true) => (
+            Severity::Doubtful,
+            "a joint that is held or stuck, or a dead encoder; look",
+        ),
         _ => return None,
     };
-    let sentence = format!("q{} has one value throughout record `{}` while the joint is driven", j + 1, e.name);
+    let sentence = format!(
+        "q{} has one value throughout record `{}` while the joint is driven",
+        j + 1,
+        e.name
+    );
     Some(
         Finding::new(FindingKind::DeadChannel, severity, sentence, mend)
             .of(&[j + 1], Channel::Position)
@@ -267,9 +315,7 @@ fn frozen_position(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<Finding
     let moving: Vec<f64> = steps.iter().copied().filter(|s| *s > 0.0).collect();
     let usual = quantile(&moving, 0.995);
     let v = e.v.as_ref().map(|v| column(v, e.nq, j));
-    let fast = v.as_ref().map_or(0.0, |v| {
-        quantile(&speeds(v), 0.95)
-    });
+    let fast = v.as_ref().map_or(0.0, |v| quantile(&speeds(v), 0.95));
     let mut out = Vec::new();
     for (a, b) in runs(&q, least_rows(e, criteria)) {
         // Where the velocity says that the joint went meanwhile.
@@ -288,7 +334,9 @@ fn frozen_position(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<Finding
         let jump = after > criteria.frozen_jump * usual && after > criteria.frozen_way * range;
         let abrupt = abrupt(&q, (a, b), criteria.frozen_speed * quantile(&moving, 0.95));
         // A velocity that is recorded and rests says that the joint rests.
-        let silent = v.is_none() || v.as_ref().is_some_and(|v| v[a..b].iter().all(|v| v.is_nan()));
+        let silent = v.is_none()
+            || v.as_ref()
+                .is_some_and(|v| v[a..b].iter().all(|v| v.is_nan()));
         if !(moved || jump || (silent && abrupt)) {
             continue;
         }
@@ -337,9 +385,16 @@ fn frozen_velocity(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<Finding
             .fold(0.0, f64::max);
         let moved = spread(&q[a..b]) > criteria.frozen_way * spread(&q);
         let chance = repetitions(&v, (a, b));
-        if moved && (off > criteria.frozen_velocity * fast || (v[a] != 0.0 && chance < criteria.frozen_chance)) {
+        if moved
+            && (off > criteria.frozen_velocity * fast
+                || (v[a] != 0.0 && chance < criteria.frozen_chance))
+        {
             let finding = frozen(e, j, Channel::Velocity, (a, b), Severity::Wrong);
-            out.push(finding.with("slope of the position less the velocity", off, "rad/s or m/s"));
+            out.push(finding.with(
+                "slope of the position less the velocity",
+                off,
+                "rad/s or m/s",
+            ));
         }
     }
     out
@@ -353,13 +408,18 @@ fn frozen_input(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<Finding> {
         return Vec::new();
     }
     let known = || u.iter().copied().filter(|u| u.is_finite());
-    let (low, high) = (known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max));
-    let found = runs(&u, least_rows(e, criteria)).into_iter().filter(|&(a, b)| {
-        let moved = spread(&q[a..b]) > criteria.frozen_way * spread(&q);
-        // At its bound an input is saturated; at zero it is off.
-        let free = u[a] != low && u[a] != high && u[a] != 0.0;
-        moved && free && repetitions(&u, (a, b)) < criteria.frozen_chance
-    });
+    let (low, high) = (
+        known().fold(f64::INFINITY, f64::min),
+        known().fold(f64::NEG_INFINITY, f64::max),
+    );
+    let found = runs(&u, least_rows(e, criteria))
+        .into_iter()
+        .filter(|&(a, b)| {
+            let moved = spread(&q[a..b]) > criteria.frozen_way * spread(&q);
+            // At its bound an input is saturated; at zero it is off.
+            let free = u[a] != low && u[a] != high && u[a] != 0.0;
+            moved && free && repetitions(&u, (a, b)) < criteria.frozen_chance
+        });
     found
         .map(|(a, b)| {
             let finding = frozen(e, j, Channel::Input, (a, b), Severity::Doubtful);
@@ -379,8 +439,18 @@ fn repetitions(x: &[f64], (a, b): (usize, usize)) -> f64 {
 }
 
 /// Says that a column stands still.
-fn frozen(e: &Experiment, j: usize, channel: Channel, (a, b): (usize, usize), severity: Severity) -> Finding {
-    let what = if channel == Channel::Velocity { "while the position moves" } else { "while the joint moves" };
+fn frozen(
+    e: &Experiment,
+    j: usize,
+    channel: Channel,
+    (a, b): (usize, usize),
+    severity: Severity,
+) -> Finding {
+    let what = if channel == Channel::Velocity {
+        "while the position moves"
+    } else {
+        "while the joint moves"
+    };
     let sentence = format!(
         "{}{} stands still for {} rows ({} s) of record `{}` {what}",
         channel.columns(),
@@ -408,13 +478,18 @@ fn saturated(e: &Experiment, j: usize, criteria: &Criteria) -> Option<Finding> {
         return None;
     }
     let known = || u.iter().copied().filter(|u| u.is_finite());
-    let (low, high) = (known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max));
+    let (low, high) = (
+        known().fold(f64::INFINITY, f64::min),
+        known().fold(f64::NEG_INFINITY, f64::max),
+    );
     let at = runs(&u, criteria.saturated_rows);
     let mut best: Option<(f64, usize, (usize, usize))> = None;
     for level in [low, high] {
         let there: Vec<_> = at.iter().filter(|(a, _)| u[*a] == level).collect();
         let rows: usize = there.iter().map(|(a, b)| b - a).sum();
-        let (Some(first), Some(last)) = (there.first(), there.last()) else { continue };
+        let (Some(first), Some(last)) = (there.first(), there.last()) else {
+            continue;
+        };
         if level != 0.0 && best.is_none_or(|(_, most, _)| rows > most) {
             best = Some((level, rows, (first.0, last.1 - 1)));
         }

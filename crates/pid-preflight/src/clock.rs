@@ -6,7 +6,11 @@ use crate::criteria::Criteria;
 use crate::finding::{Channel, Finding, FindingKind, Severity, number};
 
 /// Seconds per unit of time columns that are not in seconds.
-pub(crate) const UNITS: [(f64, &str); 3] = [(1e-3, "milliseconds"), (1e-6, "microseconds"), (1e-9, "nanoseconds")];
+pub(crate) const UNITS: [(f64, &str); 3] = [
+    (1e-3, "milliseconds"),
+    (1e-6, "microseconds"),
+    (1e-9, "nanoseconds"),
+];
 
 /// Time in another unit, as the stated sample time has it.
 pub(crate) fn stated_unit(data: &Dataset, criteria: &Criteria) -> Option<Finding> {
@@ -28,7 +32,9 @@ pub(crate) fn stated_unit(data: &Dataset, criteria: &Criteria) -> Option<Finding
 
 /// The unit of time whose factor is near a ratio.
 pub(crate) fn near(ratio: f64, width: f64) -> Option<(f64, &'static str)> {
-    UNITS.into_iter().find(|(f, _)| (ratio / f).ln().abs() < width.ln())
+    UNITS
+        .into_iter()
+        .find(|(f, _)| (ratio / f).ln().abs() < width.ln())
 }
 
 /// Says that t is in a unit.
@@ -46,12 +52,24 @@ pub(crate) fn unit_finding(factor: f64, unit: &str) -> Finding {
 pub(crate) fn check(data: &Dataset, filters: &[Option<f64>], criteria: &Criteria) -> Vec<Finding> {
     let mut out = Vec::new();
     for warning in &data.warnings {
-        if let DataWarning::SampleTime { file, found, stated } = warning {
+        if let DataWarning::SampleTime {
+            file,
+            found,
+            stated,
+        } = warning
+        {
             out.push(
                 Finding::new(
-                    FindingKind::SampleTimeStated { found: *found, stated: *stated },
+                    FindingKind::SampleTimeStated {
+                        found: *found,
+                        stated: *stated,
+                    },
                     Severity::Doubtful,
-                    format!("{file}: the median time step is {} s, {} s is stated", number(*found), number(*stated)),
+                    format!(
+                        "{file}: the median time step is {} s, {} s is stated",
+                        number(*found),
+                        number(*stated)
+                    ),
                     "correct sample_time_s, or the time stamps",
                 )
                 .of(&[], Channel::Time)
@@ -89,9 +107,15 @@ fn gaps(data: &Dataset, criteria: &Criteria) -> Option<Finding> {
     let (length, step, e, place) = longest?;
     let share = lost / (lost + rows);
     let (severity, mend) = if length > criteria.gap_seconds.max(20.0 * step) {
-        (Severity::Doubtful, "cut the record at the hole, or record anew: no simulation can run across it")
+        (
+            Severity::Doubtful,
+            "cut the record at the hole, or record anew: no simulation can run across it",
+        )
     } else {
-        (Severity::Note, "nothing: steps of time are taken as they are")
+        (
+            Severity::Note,
+            "nothing: steps of time are taken as they are",
+        )
     };
     let sentence = format!(
         "{} of the rows of {} are missing ({} rows); the longest hole is {} s",
@@ -101,13 +125,20 @@ fn gaps(data: &Dataset, criteria: &Criteria) -> Option<Finding> {
         number(length)
     );
     Some(
-        Finding::new(FindingKind::LostRows { count: lost.min(1e15) as usize }, severity, sentence, mend)
-            .of(&[], Channel::Time)
-            .within(&e.name)
-            .at((place, place + 1), &e.t)
-            .with("share of the rows", share, "1")
-            .with("longest hole", length, "s")
-            .with("median step", step, "s"),
+        Finding::new(
+            FindingKind::LostRows {
+                count: lost.min(1e15) as usize,
+            },
+            severity,
+            sentence,
+            mend,
+        )
+        .of(&[], Channel::Time)
+        .within(&e.name)
+        .at((place, place + 1), &e.t)
+        .with("share of the rows", share, "1")
+        .with("longest hole", length, "s")
+        .with("median step", step, "s"),
     )
 }
 
@@ -124,10 +155,18 @@ fn jitter(data: &Dataset, criteria: &Criteria) -> Option<Finding> {
         let near: Vec<f64> = steps.filter(|s| *s < criteria.gap_steps * step).collect();
         let mean = near.iter().sum::<f64>() / near.len() as f64;
         let square = near.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / near.len() as f64;
-        if step > 0.0 && near.len() >= 20 { square.sqrt() / step } else { 0.0 }
+        if step > 0.0 && near.len() >= 20 {
+            square.sqrt() / step
+        } else {
+            0.0
+        }
     };
     let all: Vec<(f64, &Experiment)> = data.experiments.iter().map(|e| (of(e), e)).collect();
-    let with: Vec<&Experiment> = all.iter().filter(|(s, _)| *s >= criteria.jitter).map(|(_, e)| *e).collect();
+    let with: Vec<&Experiment> = all
+        .iter()
+        .filter(|(s, _)| *s >= criteria.jitter)
+        .map(|(_, e)| *e)
+        .collect();
     let &(share, worst) = all.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
     if with.is_empty() {
         return None;
@@ -163,13 +202,27 @@ fn rate(data: &Dataset, filters: &[Option<f64>], criteria: &Criteria) -> Option<
         return None;
     }
     let why = if filter >= needed * 0.99 {
-        format!("the stated velocity filter of {} Hz needs {} Hz", number(corner), number(filter))
+        format!(
+            "the stated velocity filter of {} Hz needs {} Hz",
+            number(corner),
+            number(filter)
+        )
     } else if moved >= needed * 0.99 {
-        format!("the motion changes so fast that it needs {} Hz", number(moved))
+        format!(
+            "the motion changes so fast that it needs {} Hz",
+            number(moved)
+        )
     } else {
-        format!("effects of the drives (delays, play, elasticity, reversals) need {} Hz", number(needed))
+        format!(
+            "effects of the drives (delays, play, elasticity, reversals) need {} Hz",
+            number(needed)
+        )
     };
-    let severity = if rate < filter.max(moved) { Severity::Doubtful } else { Severity::Note };
+    let severity = if rate < filter.max(moved) {
+        Severity::Doubtful
+    } else {
+        Severity::Note
+    };
     Some(
         Finding::new(
             FindingKind::RateLow { rate, needed },

@@ -2,7 +2,8 @@
 //! judged by the share of the recorded torque that the nominal robot leaves unexplained.
 
 use crate::criteria::Criteria;
-use crate::finding::{Channel, Finding, FindingKind, Severity, joints_text, list, number};
+use crate::faults::{flipped, gravity_finding, scale_finding, swapped, unit_finding};
+use crate::finding::{Channel, Finding, FindingKind, Severity, number};
 use crate::lag;
 use crate::motion::Motion;
 use crate::open;
@@ -46,7 +47,12 @@ pub(crate) struct Contest<'a> {
 }
 
 impl<'a> Contest<'a> {
-    pub(crate) fn new(bench: &'a Bench, motion: &'a Motion, torques: &'a Torques, criteria: &'a Criteria) -> Self {
+    pub(crate) fn new(
+        bench: &'a Bench,
+        motion: &'a Motion,
+        torques: &'a Torques,
+        criteria: &'a Criteria,
+    ) -> Self {
         let n = motion.n;
         let mut out = Self {
             bench,
@@ -63,7 +69,9 @@ impl<'a> Contest<'a> {
         out.base = (0..n).map(|j| out.one(&rigid, j, j, 1.0)).collect();
         out.open = open::squares(bench, motion);
         out.floor = (0..n).map(|j| out.floor_of(j, &out.base[j])).collect();
-        out.active = (0..n).filter(|&j| motion.moves(j) && out.base[j].size > 0.0).collect();
+        out.active = (0..n)
+            .filter(|&j| motion.moves(j) && out.base[j].size > 0.0)
+            .collect();
         out
     }
 
@@ -71,13 +79,22 @@ impl<'a> Contest<'a> {
     fn one(&self, rigid: &[f64], j: usize, i: usize, factor: f64) -> Fit {
         let gain = self.bench.gain[j] * factor;
         let torque = self.motion.column(&self.motion.u, i).map(|u| gain * u);
-        fit(self.motion.column(rigid, j), &self.friction[j], torque, self.criteria)
+        fit(
+            self.motion.column(rigid, j),
+            &self.friction[j],
+            torque,
+            self.criteria,
+        )
     }
 
     /// Share of a torque taken as that of joint `j` that the tolerances leave open.
     fn floor_of(&self, j: usize, fit: &Fit) -> f64 {
         let share = self.open[j] / (fit.size * fit.size);
-        if share.is_finite() { share.clamp(self.criteria.floor, self.criteria.floor_most) } else { self.criteria.floor_most }
+        if share.is_finite() {
+            share.clamp(self.criteria.floor, self.criteria.floor_most)
+        } else {
+            self.criteria.floor_most
+        }
     }
 
     fn log(&self, j: usize, left: f64) -> f64 {
@@ -86,18 +103,25 @@ impl<'a> Contest<'a> {
 
     /// Sum of the logarithms of the shares left as the record is.
     pub(crate) fn total(&self) -> f64 {
-        self.active.iter().map(|&j| self.log(j, self.base[j].left)).sum()
+        self.active
+            .iter()
+            .map(|&j| self.log(j, self.base[j].left))
+            .sum()
     }
 
     /// Joints whose torque is little explained.
     pub(crate) fn suspicious(&self) -> bool {
-        let much = |&&j: &&usize| self.base[j].left > self.criteria.suspicious.max(2.0 * self.floor[j]);
+        let much =
+            |&&j: &&usize| self.base[j].left > self.criteria.suspicious.max(2.0 * self.floor[j]);
         self.active.iter().any(|j| much(&j))
     }
 
     /// Joints of which the tolerances leave little open.
     fn known(&self) -> impl Iterator<Item = usize> + '_ {
-        self.active.iter().copied().filter(|&j| self.floor[j] < self.criteria.known)
+        self.active
+            .iter()
+            .copied()
+            .filter(|&j| self.floor[j] < self.criteria.known)
     }
 
     /// The best explanation, if it beats the record as it is; alternatives are tried only where a torque
@@ -115,14 +139,25 @@ impl<'a> Contest<'a> {
             rivals.extend(self.motions(data));
         }
         let explained = |r: &Rival| {
-            let limit = if r.gain > self.criteria.clear { 1.0 } else { self.criteria.explained };
+            let limit = if r.gain > self.criteria.clear {
+                1.0
+            } else {
+                self.criteria.explained
+            };
             r.gain > 0.0 && r.left < limit
         };
-        let best = rivals.into_iter().filter(explained).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let best = rivals
+            .into_iter()
+            .filter(explained)
+            .max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         let (finding, gain) = (best.finding, best.gain);
         Some(
             finding
-                .with("share of the torque left as recorded", self.worst(&self.base), "1")
+                .with(
+                    "share of the torque left as recorded",
+                    self.worst(&self.base),
+                    "1",
+                )
                 .with("share left once mended", best.left, "1")
                 .with("fall of the log of the shares left", gain, "1"),
         )
@@ -130,7 +165,9 @@ impl<'a> Contest<'a> {
 
     /// Joints whose torque stays unexplained.
     pub(crate) fn unexplained(&self) -> Vec<Finding> {
-        let little = self.known().filter(|&j| self.base[j].left > self.criteria.unexplained);
+        let little = self
+            .known()
+            .filter(|&j| self.base[j].left > self.criteria.unexplained);
         little
             .map(|j| {
                 let left = self.base[j].left;
@@ -168,7 +205,9 @@ impl<'a> Contest<'a> {
         let n = self.motion.n;
         let rigid = self.torques.with(self.bench.stated());
         let both = |j: usize, i: usize| [1.0, -1.0].map(|s| self.one(&rigid, j, i, s));
-        let grid: Vec<Vec<[Fit; 2]>> = (0..n).map(|j| (0..n).map(|i| both(j, i)).collect()).collect();
+        let grid: Vec<Vec<[Fit; 2]>> = (0..n)
+            .map(|j| (0..n).map(|i| both(j, i)).collect())
+            .collect();
         let log = |j: usize, fit: &Fit| fit.left.max(self.floor_of(j, fit)).ln();
         let mut best: Option<(f64, Vec<usize>, Vec<bool>)> = None;
         for order in orders(n) {
@@ -194,7 +233,10 @@ impl<'a> Contest<'a> {
         let (gain, order, flipped) = best?;
         let moved: Vec<usize> = (0..n).filter(|&j| order[j] != j).collect();
         let turned: Vec<usize> = (0..n).filter(|&j| flipped[j]).map(|j| j + 1).collect();
-        let changed = self.active.iter().filter(|&&j| moved.contains(&j) || flipped[j]);
+        let changed = self
+            .active
+            .iter()
+            .filter(|&&j| moved.contains(&j) || flipped[j]);
         let fits = changed.map(|&j| (j, grid[j][order[j]][usize::from(flipped[j])]));
         let known = fits.filter(|(j, fit)| self.floor_of(*j, fit) < self.criteria.known);
         let worst = known.map(|(_, fit)| fit.left).fold(0.0, f64::max);
@@ -206,7 +248,11 @@ impl<'a> Contest<'a> {
         } else {
             swapped(Channel::Input, &order)
         };
-        Some(Rival { finding, gain, left: worst })
+        Some(Rival {
+            finding,
+            gain,
+            left: worst,
+        })
     }
 
     /// A sign of inputs; says whether the motion of the joint flipped explains the record as well.
@@ -231,7 +277,11 @@ impl<'a> Contest<'a> {
         let torques = self.bench.torques(motion);
         let other = Contest::new(self.bench, motion, &torques, self.criteria);
         let price = self.criteria.margin * changes as f64;
-        let after: f64 = self.active.iter().map(|&j| other.log(j, other.base[j].left)).sum();
+        let after: f64 = self
+            .active
+            .iter()
+            .map(|&j| other.log(j, other.base[j].left))
+            .sum();
         (self.total() - after - price, other.worst(&other.base))
     }
 
@@ -243,7 +293,11 @@ impl<'a> Contest<'a> {
             let (gain, left) = self.flipped_motion(j);
             let finding = flipped(Channel::Motion, &[j + 1], false);
             // A tie with the sign of the input goes to the input.
-            out.push(Rival { finding, gain: gain - 0.05, left });
+            out.push(Rival {
+                finding,
+                gain: gain - 0.05,
+                left,
+            });
         }
         for i in 0..n {
             for j in i + 1..n {
@@ -251,18 +305,38 @@ impl<'a> Contest<'a> {
                 order.swap(i, j);
                 let (gain, left) = self.other_motion(&self.motion.exchanged(i, j), 2);
                 let finding = swapped(Channel::Motion, &order);
-                out.push(Rival { finding, gain: gain - 0.05, left });
+                out.push(Rival {
+                    finding,
+                    gain: gain - 0.05,
+                    left,
+                });
             }
         }
-        for (prismatic, factor, unit) in [(false, std::f64::consts::PI / 180.0, "degrees"), (true, 1e-3, "millimetres")] {
-            let joints: Vec<usize> = (0..n).filter(|&j| data.joints[j].prismatic == prismatic).collect();
+        for (prismatic, factor, unit) in [
+            (false, std::f64::consts::PI / 180.0, "degrees"),
+            (true, 1e-3, "millimetres"),
+        ] {
+            let joints: Vec<usize> = (0..n)
+                .filter(|&j| data.joints[j].prismatic == prismatic)
+                .collect();
             if joints.is_empty() {
                 continue;
             }
-            let motion = joints.iter().fold(self.motion.points(), |m, &j| m.scaled(j, factor));
+            let motion = joints
+                .iter()
+                .fold(self.motion.points(), |m, &j| m.scaled(j, factor));
             let (gain, left) = self.other_motion(&motion, 1);
-            let finding = unit_finding(Channel::Motion, &joints.iter().map(|j| j + 1).collect::<Vec<_>>(), factor, unit);
-            out.push(Rival { finding, gain, left });
+            let finding = unit_finding(
+                Channel::Motion,
+                &joints.iter().map(|j| j + 1).collect::<Vec<_>>(),
+                factor,
+                unit,
+            );
+            out.push(Rival {
+                finding,
+                gain,
+                left,
+            });
         }
         out
     }
@@ -283,14 +357,19 @@ impl<'a> Contest<'a> {
                 found.push(g);
             }
         }
-        let cosine = |g: &[f64; 3]| g.iter().zip(stated).map(|(a, b)| a * b).sum::<f64>() / (size * size);
+        let cosine =
+            |g: &[f64; 3]| g.iter().zip(stated).map(|(a, b)| a * b).sum::<f64>() / (size * size);
         let others = found.into_iter().filter(|g| cosine(g) < 0.9);
         others
             .map(|g| {
                 let rigid = self.torques.with(g);
                 let fits: Vec<Fit> = (0..n).map(|j| self.one(&rigid, j, j, 1.0)).collect();
                 let (gain, left) = self.judged(&fits, 1);
-                Rival { finding: gravity_finding(stated, g), gain, left }
+                Rival {
+                    finding: gravity_finding(stated, g),
+                    gain,
+                    left,
+                }
             })
             .collect()
     }
@@ -301,7 +380,10 @@ impl<'a> Contest<'a> {
         let rigid = self.torques.with(self.bench.stated());
         let mut slopes = Vec::new();
         for &j in &self.active {
-            let torque = self.motion.column(&self.motion.u, j).map(|u| self.bench.gain[j] * u);
+            let torque = self
+                .motion
+                .column(&self.motion.u, j)
+                .map(|u| self.bench.gain[j] * u);
             let sums = sums(self.motion.column(&rigid, j), &self.friction[j], torque);
             slopes.push((j, sums.fit((0.0, f64::INFINITY), self.criteria.offset).x[0]));
         }
@@ -311,7 +393,11 @@ impl<'a> Contest<'a> {
         }
         let mut out = Vec::new();
         for set in sets {
-            let logs: Vec<f64> = slopes.iter().filter(|(j, _)| set.contains(j)).map(|(_, s)| s.max(1e-12).ln()).collect();
+            let logs: Vec<f64> = slopes
+                .iter()
+                .filter(|(j, _)| set.contains(j))
+                .map(|(_, s)| s.max(1e-12).ln())
+                .collect();
             let mean = logs.iter().sum::<f64>() / logs.len() as f64;
             let slope = mean.exp();
             let (low, high) = self.criteria.rigid_factor;
@@ -329,7 +415,13 @@ impl<'a> Contest<'a> {
                 });
             let factor = near.map_or(1.0 / slope, |(_, f, _)| f);
             let fits: Vec<Fit> = (0..n)
-                .map(|j| if set.contains(&j) { self.one(&rigid, j, j, factor) } else { self.base[j] })
+                .map(|j| {
+                    if set.contains(&j) {
+                        self.one(&rigid, j, j, factor)
+                    } else {
+                        self.base[j]
+                    }
+                })
                 .collect();
             let (gain, _) = self.judged(&fits, 1);
             let left = set.iter().map(|&j| fits[j].left).fold(0.0, f64::max);
@@ -342,7 +434,11 @@ impl<'a> Contest<'a> {
                 Some((_, f, unit)) => unit_finding(Channel::Input, &joints, f, unit),
                 None => scale_finding(&joints, slope),
             };
-            out.push(Rival { finding: finding.with("slope of the input over the robot's torque", slope, "1"), gain, left });
+            out.push(Rival {
+                finding: finding.with("slope of the input over the robot's torque", slope, "1"),
+                gain,
+                left,
+            });
         }
         out
     }
@@ -351,21 +447,44 @@ impl<'a> Contest<'a> {
     fn clock(&self) -> Option<Rival> {
         let rigid = self.torques.with(self.bench.stated());
         let known: Vec<usize> = self.known().collect();
-        let joints = if known.is_empty() { &self.active } else { &known };
-        let found = lag::find(self.motion, &rigid, &self.friction, &self.bench.gain, joints, self.criteria)?;
-        Some(Rival { finding: lag::finding(&found, self.motion.n), gain: found.gain, left: found.left })
+        let joints = if known.is_empty() {
+            &self.active
+        } else {
+            &known
+        };
+        let found = lag::find(
+            self.motion,
+            &rigid,
+            &self.friction,
+            &self.bench.gain,
+            joints,
+            self.criteria,
+        )?;
+        Some(Rival {
+            finding: lag::finding(&found, self.motion.n),
+            gain: found.gain,
+            left: found.left,
+        })
     }
 }
 
 /// Share of the torque of gravity that inertia and friction do not balance, at the worst joint that moves;
 /// `None` where no joint moves under gravity.
-pub(crate) fn left_of_free_motion(bench: &Bench, motion: &Motion, torques: &Torques, criteria: &Criteria) -> Option<f64> {
+pub(crate) fn left_of_free_motion(
+    bench: &Bench,
+    motion: &Motion,
+    torques: &Torques,
+    criteria: &Criteria,
+) -> Option<f64> {
     let stated = bench.stated();
     let all = torques.with(stated);
     let moving = (0..motion.n).filter(|&j| motion.moves(j));
     let left = moving.filter_map(|j| {
         let inertia = motion.column(&torques.rigid, j);
-        let gravity = motion.column(&all, j).zip(inertia.clone()).map(|(all, rest)| rest - all);
+        let gravity = motion
+            .column(&all, j)
+            .zip(inertia.clone())
+            .map(|(all, rest)| rest - all);
         let found = fit(inertia, &friction(motion, j), gravity, criteria);
         (found.size > 0.0).then_some(found.left)
     });
@@ -397,67 +516,4 @@ fn orders(n: usize) -> Vec<Vec<usize>> {
             .collect();
     }
     out
-}
-
-/// Says that columns stand in the wrong order.
-pub(crate) fn swapped(channel: Channel, order: &[usize]) -> Finding {
-    let moved: Vec<usize> = (0..order.len()).filter(|&j| order[j] != j).map(|j| j + 1).collect();
-    let order: Vec<usize> = order.iter().map(|j| j + 1).collect();
-    let way = moved.iter().map(|&j| format!("joint {j} belongs what stands in place {}", order[j - 1]));
-    let way = list(way);
-    Finding::new(
-        FindingKind::Swapped { channel, order },
-        Severity::Wrong,
-        format!("the {} columns of {} are swapped: to {way}", channel.word(), joints_text(&moved)),
-        format!("put the columns {} into the order of the robot; `--fix` does it", channel.columns()),
-    )
-    .of(&moved, channel)
-}
-
-/// Says that columns have the wrong sign.
-pub(crate) fn flipped(channel: Channel, joints: &[usize], or_other: bool) -> Finding {
-    let mut sentence = format!("the {} of {} has the opposite sign", channel.word(), joints_text(joints));
-    if or_other {
-        sentence.push_str(" (or its motion has: this record cannot tell)");
-    }
-    Finding::new(
-        FindingKind::SignFlipped { channel, or_other },
-        Severity::Wrong,
-        sentence,
-        format!("change the sign of {}; `--fix` does it", channel.columns()),
-    )
-    .of(joints, channel)
-}
-
-/// Says that columns are in another unit.
-pub(crate) fn unit_finding(channel: Channel, joints: &[usize], factor: f64, unit: &str) -> Finding {
-    Finding::new(
-        FindingKind::Unit { channel, factor, unit: unit.to_owned() },
-        Severity::Wrong,
-        format!("the {} of {} is in {unit}, not in SI units", channel.word(), joints_text(joints)),
-        format!("multiply {} by {}; `--fix` does it", channel.columns(), number(factor)),
-    )
-    .of(joints, channel)
-}
-
-fn scale_finding(joints: &[usize], factor: f64) -> Finding {
-    Finding::new(
-        FindingKind::InputScale { factor },
-        Severity::Doubtful,
-        format!("the input of {} is {} times what the robot needs", joints_text(joints), number(factor)),
-        "check motor_gain, the gear ratio and the unit of u: the factor is that of no usual unit",
-    )
-    .of(joints, Channel::Input)
-}
-
-fn gravity_finding(stated: [f64; 3], found: [f64; 3]) -> Finding {
-    let text = |g: [f64; 3]| format!("[{}]", g.map(number).join(", "));
-    let opposite = stated.iter().zip(found).all(|(a, b)| (a + b).abs() < 1e-6);
-    let what = if opposite { "gravity has the wrong sign" } else { "gravity points along another axis" };
-    Finding::new(
-        FindingKind::Gravity { stated, found },
-        Severity::Wrong,
-        format!("{what}: the torques of the record ask for {}, the description states {}", text(found), text(stated)),
-        format!("write gravity = {} in the description, or check how the robot is mounted", text(found)),
-    )
 }

@@ -19,7 +19,14 @@ const LEAST: f64 = 0.02;
 const NAMED: usize = 8;
 
 /// Parameters that are not determined, and motion that is missing.
-pub(crate) fn check(bench: &Bench, nominal: &Nominal, motion: &Motion, base: &[Fit], seconds: f64, criteria: &Criteria) -> Vec<Finding> {
+pub(crate) fn check(
+    bench: &Bench,
+    nominal: &Nominal,
+    motion: &Motion,
+    base: &[Fit],
+    seconds: f64,
+    criteria: &Criteria,
+) -> Vec<Finding> {
     let mut out = missing(bench, nominal, motion);
     let free: Vec<usize> = (0..nominal.tolerances().len())
         .filter(|&k| {
@@ -30,14 +37,22 @@ pub(crate) fn check(bench: &Bench, nominal: &Nominal, motion: &Motion, base: &[F
     if free.is_empty() || motion.len() < 50 {
         return out;
     }
-    let widths: Vec<f64> = free.iter().map(|&k| nominal.tolerances()[k].half_width).collect();
-    let noise: Vec<f64> = base.iter().map(|f| f.size * f.left.sqrt().clamp(LEAST, 1.0)).collect();
+    let widths: Vec<f64> = free
+        .iter()
+        .map(|&k| nominal.tolerances()[k].half_width)
+        .collect();
+    let noise: Vec<f64> = base
+        .iter()
+        .map(|f| f.size * f.left.sqrt().clamp(LEAST, 1.0))
+        .collect();
     let recorded = states(motion);
     let rich = rich(motion, nominal, recorded.len());
     let scale = PER_SECOND * seconds / recorded.len() as f64;
     let of = |states: &[State]| information(bench, states, &free, &widths, &noise, scale);
     let (here, there) = (of(&recorded), of(&rich));
-    let (Some(left), Some(possible)) = (shrunk(&here), shrunk(&there)) else { return out };
+    let (Some(left), Some(possible)) = (shrunk(&here), shrunk(&there)) else {
+        return out;
+    };
     let names: Vec<String> = (0..free.len())
         .filter(|&k| left[k] > criteria.undetermined && possible[k] < 0.5 * criteria.undetermined)
         .map(|k| nominal.tolerances()[free[k]].name.clone())
@@ -48,15 +63,28 @@ pub(crate) fn check(bench: &Bench, nominal: &Nominal, motion: &Motion, base: &[F
     }
     let some = list(names.iter().take(NAMED).cloned());
     let more = names.len().saturating_sub(NAMED);
-    let rest = if more > 0 { format!(" ({more} more)") } else { String::new() };
+    let rest = if more > 0 {
+        format!(" ({more} more)")
+    } else {
+        String::new()
+    };
     let sentence = format!(
         "this record tells {rank} of the {most} combinations of inertial and friction parameters that a rich motion tells; not told: {some}{rest}"
     );
     let mend = "nothing, if their tolerances are good enough; otherwise record a motion that excites them (`simtrue excite`)";
     out.push(
-        Finding::new(FindingKind::NotDetermined { names, rank, possible: most }, Severity::Note, sentence, mend)
-            .with("combinations told", rank as f64, "1")
-            .with("of", most as f64, "1"),
+        Finding::new(
+            FindingKind::NotDetermined {
+                names,
+                rank,
+                possible: most,
+            },
+            Severity::Note,
+            sentence,
+            mend,
+        )
+        .with("combinations told", rank as f64, "1")
+        .with("of", most as f64, "1"),
     );
     out
 }
@@ -79,16 +107,28 @@ fn rich(motion: &Motion, nominal: &Nominal, count: usize) -> Vec<State> {
     let n = motion.n;
     let mut seed: u64 = 1;
     let mut draw = || {
-        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        seed = seed
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         2.0 * ((seed >> 11) as f64 / (1u64 << 53) as f64) - 1.0
     };
     let scales: Vec<(f64, f64, f64, f64)> = (0..n)
         .map(|j| {
             let q: Vec<f64> = motion.column(&motion.q, j).collect();
-            let top = |x: &[f64]| quantile(&motion.column(x, j).map(f64::abs).collect::<Vec<_>>(), 0.99);
-            let stated = nominal.measurement().channels.get(j).and_then(|c| c.speed_scale);
+            let top =
+                |x: &[f64]| quantile(&motion.column(x, j).map(f64::abs).collect::<Vec<_>>(), 0.99);
+            let stated = nominal
+                .measurement()
+                .channels
+                .get(j)
+                .and_then(|c| c.speed_scale);
             let v = top(&motion.v).max(stated.unwrap_or(0.0)).max(0.1);
-            (quantile(&q, 0.5), (0.5 * spread(&q)).max(0.8), v, top(&motion.a).max(4.0 * v))
+            (
+                quantile(&q, 0.5),
+                (0.5 * spread(&q)).max(0.8),
+                v,
+                top(&motion.a).max(4.0 * v),
+            )
         })
         .collect();
     (0..count)
@@ -105,7 +145,14 @@ fn rich(motion: &Motion, nominal: &Nominal, count: usize) -> Vec<State> {
 }
 
 /// Information on the parameters in units of their tolerances.
-fn information(bench: &Bench, states: &[State], free: &[usize], widths: &[f64], noise: &[f64], scale: f64) -> DMatrix<f64> {
+fn information(
+    bench: &Bench,
+    states: &[State],
+    free: &[usize],
+    widths: &[f64],
+    noise: &[f64],
+    scale: f64,
+) -> DMatrix<f64> {
     let n = noise.len();
     let np = bench.gravity.unwrap_or(bench.p.len());
     let mut rows = vec![0.0; n * np];
@@ -125,13 +172,19 @@ fn information(bench: &Bench, states: &[State], free: &[usize], widths: &[f64], 
 /// Standard deviation after the record, over the tolerance.
 fn shrunk(information: &DMatrix<f64>) -> Option<Vec<f64>> {
     let n = information.nrows();
-    let inverse = (information + DMatrix::identity(n, n)).cholesky()?.inverse();
+    let inverse = (information + DMatrix::identity(n, n))
+        .cholesky()?
+        .inverse();
     Some((0..n).map(|k| inverse[(k, k)].sqrt()).collect())
 }
 
 /// Combinations that the record tells better than the tolerances do.
 fn rank(information: DMatrix<f64>) -> usize {
-    SymmetricEigen::new(information).eigenvalues.iter().filter(|x| **x > 1.0).count()
+    SymmetricEigen::new(information)
+        .eigenvalues
+        .iter()
+        .filter(|x| **x > 1.0)
+        .count()
 }
 
 /// Joints that rest, and motions that are missing.
@@ -159,16 +212,33 @@ fn missing(bench: &Bench, nominal: &Nominal, motion: &Motion) -> Vec<Finding> {
         let fast = quantile(&v.iter().map(|v| v.abs()).collect::<Vec<_>>(), 0.95);
         // A reversal is slow if 0.1 s away from it the joint still moves at less than a fifth of its speed.
         let slow = (1..v.len())
-            .filter(|&i| motion.at[i].0 == motion.at[i - 1].0 && v[i] * v[i - 1] < 0.0 && a[i].abs() * 0.1 < 0.2 * fast)
+            .filter(|&i| {
+                motion.at[i].0 == motion.at[i - 1].0
+                    && v[i] * v[i - 1] < 0.0
+                    && a[i].abs() * 0.1 < 0.2 * fast
+            })
             .count();
         if slow < 2 {
             out.push(lacking(j, Missing::SlowReversal, "never reverses slowly", "dry friction, play and what happens before sliding cannot be told apart; add slow ramps to and fro").with("slow reversals", slow as f64, "1"));
         }
-        let stated = nominal.measurement().channels.get(j).and_then(|c| c.speed_scale);
+        let stated = nominal
+            .measurement()
+            .channels
+            .get(j)
+            .and_then(|c| c.speed_scale);
         if let Some(stated) = stated.filter(|s| fast < 0.3 * s) {
             out.push(
-                lacking(j, Missing::Fast, &format!("stays below {} of its usual speed", number(fast / stated)), "viscous friction and drag are not told; add fast motion")
-                    .with("95 % of the speeds are below", fast, bench.model.joints()[j].velocity_unit()),
+                lacking(
+                    j,
+                    Missing::Fast,
+                    &format!("stays below {} of its usual speed", number(fast / stated)),
+                    "viscous friction and drag are not told; add fast motion",
+                )
+                .with(
+                    "95 % of the speeds are below",
+                    fast,
+                    bench.model.joints()[j].velocity_unit(),
+                ),
             );
         }
         if !bench.model.joints()[j].prismatic && range < 0.3 {

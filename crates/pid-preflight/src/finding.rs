@@ -393,7 +393,11 @@ impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.severity, self.sentence)?;
         let mut place = Vec::new();
-        place.extend(self.experiment.as_ref().map(|name| format!("record `{name}`")));
+        place.extend(
+            self.experiment
+                .as_ref()
+                .map(|name| format!("record `{name}`")),
+        );
         place.extend(self.rows.map(|(a, b)| format!("rows {a} to {b}")));
         place.extend(self.time.map(|(a, b)| format!("{a:.3} to {b:.3} s")));
         if !place.is_empty() {
@@ -401,10 +405,18 @@ impl fmt::Display for Finding {
         }
         if !self.evidence.is_empty() {
             let numbers = self.evidence.iter().map(|e| {
-                let unit = if e.unit == "1" { String::new() } else { format!(" {}", e.unit) };
+                let unit = if e.unit == "1" {
+                    String::new()
+                } else {
+                    format!(" {}", e.unit)
+                };
                 format!("{} {}{unit}", e.what, number(e.value))
             });
-            write!(f, "\n  evidence: {}", numbers.collect::<Vec<_>>().join("; "))?;
+            write!(
+                f,
+                "\n  evidence: {}",
+                numbers.collect::<Vec<_>>().join("; ")
+            )?;
         }
         write!(f, "\n  help: {}", self.mend)
     }

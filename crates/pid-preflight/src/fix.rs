@@ -22,13 +22,22 @@ pub fn fix(data: &Dataset, findings: &[Finding]) -> (Dataset, Vec<String>) {
 
 /// Mends one finding; says what was done.
 pub(crate) fn apply(data: &mut Dataset, finding: &Finding) -> Option<String> {
-    let joints: Vec<usize> = finding.joints.iter().filter_map(|j| j.checked_sub(1)).collect();
+    let joints: Vec<usize> = finding
+        .joints
+        .iter()
+        .filter_map(|j| j.checked_sub(1))
+        .collect();
     let nq = data.nq();
     if joints.iter().any(|&j| j >= nq) {
         return None;
     }
     let who = joints_text(&finding.joints);
-    let meant = |e: &Experiment| finding.experiment.as_ref().is_none_or(|name| *name == e.name);
+    let meant = |e: &Experiment| {
+        finding
+            .experiment
+            .as_ref()
+            .is_none_or(|name| *name == e.name)
+    };
     let records = data.experiments.iter_mut().filter(|e| meant(e));
     match &finding.kind {
         FindingKind::Swapped { channel, order } => {
@@ -37,21 +46,36 @@ pub(crate) fn apply(data: &mut Dataset, finding: &Finding) -> Option<String> {
                 return None;
             }
             records.for_each(|e| permute(e, *channel, &order));
-            Some(format!("put the {} columns of {who} into their order", channel.word()))
+            Some(format!(
+                "put the {} columns of {who} into their order",
+                channel.word()
+            ))
         }
         FindingKind::SignFlipped { channel, .. } => {
             records.for_each(|e| scale(e, *channel, &joints, -1.0));
-            Some(format!("changed the sign of the {} of {who}", channel.word()))
+            Some(format!(
+                "changed the sign of the {} of {who}",
+                channel.word()
+            ))
         }
-        FindingKind::Unit { channel, factor, unit } => {
+        FindingKind::Unit {
+            channel,
+            factor,
+            unit,
+        } => {
             records.for_each(|e| scale(e, *channel, &joints, *factor));
             let (word, factor) = (channel.word(), number(*factor));
-            Some(format!("brought the {word} of {who} from {unit} to SI units (times {factor})"))
+            Some(format!(
+                "brought the {word} of {who} from {unit} to SI units (times {factor})"
+            ))
         }
         FindingKind::TimeUnit { factor } => {
             records.for_each(|e| e.t.iter_mut().for_each(|t| *t *= factor));
             restate_times(data, *factor);
-            Some(format!("brought the time to seconds (times {})", number(*factor)))
+            Some(format!(
+                "brought the time to seconds (times {})",
+                number(*factor)
+            ))
         }
         FindingKind::Wrapped { turn, .. } => {
             let mut jumps = 0;
@@ -117,7 +141,11 @@ fn permute(e: &mut Experiment, channel: Channel, order: &[usize]) {
 }
 
 fn scale(e: &mut Experiment, channel: Channel, joints: &[usize], factor: f64) {
-    let width = if channel == Channel::Input { e.nu() } else { e.nq };
+    let width = if channel == Channel::Input {
+        e.nu()
+    } else {
+        e.nq
+    };
     for x in channels(e, channel) {
         for row in x.chunks_exact_mut(width.max(1)) {
             joints.iter().for_each(|&j| row[j] *= factor);
@@ -141,7 +169,11 @@ fn shift_inputs(e: &mut Experiment, late: f64) {
         }
         let outside = t < e.t[0] - slack || t > e.t[n - 1] + slack;
         for j in 0..nu {
-            e.u[i * nu + j] = if outside { f64::NAN } else { old[from * nu + j] };
+            e.u[i * nu + j] = if outside {
+                f64::NAN
+            } else {
+                old[from * nu + j]
+            };
         }
     }
     recount(e);
@@ -150,7 +182,9 @@ fn shift_inputs(e: &mut Experiment, late: f64) {
 /// Makes cells of a column missing; returns how many there were.
 pub(crate) fn forget(e: &mut Experiment, column: &str, rows: std::ops::Range<usize>) -> usize {
     let (n, nq, nu) = (e.len(), e.nq, e.nu());
-    let Some((stem, j)) = split(column) else { return 0 };
+    let Some((stem, j)) = split(column) else {
+        return 0;
+    };
     let (x, width) = match stem {
         "q" => (Some(&mut e.q), nq),
         "dq" => (e.v.as_mut(), nq),

@@ -19,7 +19,13 @@ const REST: f64 = 0.02;
 const FEWEST: usize = 30;
 
 /// The fitted vector where it lies off the stated one.
-pub(crate) fn check(bench: &Bench, motion: &Motion, torques: &Torques, base: &[Fit], criteria: &Criteria) -> Option<Finding> {
+pub(crate) fn check(
+    bench: &Bench,
+    motion: &Motion,
+    torques: &Torques,
+    base: &[Fit],
+    criteria: &Criteria,
+) -> Option<Finding> {
     let stated = bench.stated();
     let size = stated.iter().map(|g| g * g).sum::<f64>().sqrt();
     if torques.unit.is_empty() || size == 0.0 {
@@ -32,7 +38,11 @@ pub(crate) fn check(bench: &Bench, motion: &Motion, torques: &Torques, base: &[F
     if angle < criteria.gravity_note || !angle.is_finite() {
         return None;
     }
-    let severity = if angle > criteria.gravity_doubtful { Severity::Doubtful } else { Severity::Note };
+    let severity = if angle > criteria.gravity_doubtful {
+        Severity::Doubtful
+    } else {
+        Severity::Note
+    };
     Some(
         Finding::new(
             FindingKind::Gravity { stated, found },
@@ -46,10 +56,19 @@ pub(crate) fn check(bench: &Bench, motion: &Motion, torques: &Torques, base: &[F
 }
 
 /// Least squares of gravity and of friction per joint; equations weighted by what is left at the joint.
-fn fitted(bench: &Bench, motion: &Motion, torques: &Torques, base: &[Fit], criteria: &Criteria) -> Option<[f64; 3]> {
+fn fitted(
+    bench: &Bench,
+    motion: &Motion,
+    torques: &Torques,
+    base: &[Fit],
+    criteria: &Criteria,
+) -> Option<[f64; 3]> {
     let n = motion.n;
     let width = 3 + 2 * n;
-    let (mut a, mut b) = (DMatrix::<f64>::zeros(width, width), DVector::<f64>::zeros(width));
+    let (mut a, mut b) = (
+        DMatrix::<f64>::zeros(width, width),
+        DVector::<f64>::zeros(width),
+    );
     let stated = bench.stated();
     let rigid = torques.with(stated);
     for j in (0..n).filter(|&j| base[j].size > 0.0 && base[j].left < criteria.explained) {
@@ -57,7 +76,13 @@ fn fitted(bench: &Bench, motion: &Motion, torques: &Torques, base: &[Fit], crite
         for (i, f) in friction(motion, j).iter().enumerate() {
             let at = i * n + j;
             let y = bench.gain[j] * motion.u[at] - rigid[at];
-            let columns = [torques.unit[0][at], torques.unit[1][at], torques.unit[2][at], f[0], f[1]];
+            let columns = [
+                torques.unit[0][at],
+                torques.unit[1][at],
+                torques.unit[2][at],
+                f[0],
+                f[1],
+            ];
             if !y.is_finite() || columns.iter().any(|x| !x.is_finite()) {
                 continue;
             }
@@ -75,19 +100,37 @@ fn fitted(bench: &Bench, motion: &Motion, torques: &Torques, base: &[Fit], crite
         return None;
     }
     for k in 0..width {
-        a[(k, k)] += if k < 3 { prior } else { 1e-9 * a[(k, k)] + 1e-12 };
+        a[(k, k)] += if k < 3 {
+            prior
+        } else {
+            1e-9 * a[(k, k)] + 1e-12
+        };
     }
     let change = a.cholesky()?.solve(&b);
     Some([0, 1, 2].map(|k| stated[k] + change[k]))
 }
 
 /// Joints whose torque at rest is neither that of gravity nor within dry friction.
-pub(crate) fn at_rest(bench: &Bench, nominal: &Nominal, motion: &Motion, rigid: &[f64], base: &[Fit]) -> Vec<Finding> {
+pub(crate) fn at_rest(
+    bench: &Bench,
+    nominal: &Nominal,
+    motion: &Motion,
+    rigid: &[f64],
+    base: &[Fit],
+) -> Vec<Finding> {
     let open = open::squares(bench, motion);
     let n = motion.n;
     let mut out = Vec::new();
     let speeds: Vec<f64> = (0..n)
-        .map(|j| quantile(&motion.column(&motion.v, j).map(f64::abs).collect::<Vec<_>>(), 0.95))
+        .map(|j| {
+            quantile(
+                &motion
+                    .column(&motion.v, j)
+                    .map(f64::abs)
+                    .collect::<Vec<_>>(),
+                0.95,
+            )
+        })
         .collect();
     let resting: Vec<usize> = (0..motion.len())
         .filter(|i| (0..n).all(|j| motion.v[i * n + j].abs() <= REST * speeds[j]))
@@ -97,9 +140,17 @@ pub(crate) fn at_rest(bench: &Bench, nominal: &Nominal, motion: &Motion, rigid: 
     }
     for j in 0..n {
         let size = base[j].size;
-        let dry = nominal.tolerances().iter().find(|t| t.joint == Some(j) && t.role == Role::Coulomb);
-        let dry = dry.map_or(0.0, |t| t.nominal + t.half_width).max(1.5 * base[j].x[1]);
-        let differences: Vec<f64> = resting.iter().map(|i| bench.gain[j] * motion.u[i * n + j] - rigid[i * n + j]).collect();
+        let dry = nominal
+            .tolerances()
+            .iter()
+            .find(|t| t.joint == Some(j) && t.role == Role::Coulomb);
+        let dry = dry
+            .map_or(0.0, |t| t.nominal + t.half_width)
+            .max(1.5 * base[j].x[1]);
+        let differences: Vec<f64> = resting
+            .iter()
+            .map(|i| bench.gain[j] * motion.u[i * n + j] - rigid[i * n + j])
+            .collect();
         let middle = quantile(&differences, 0.5);
         // Three deviations of what the tolerances leave open.
         let excess = middle.abs() - dry - 3.0 * open[j].sqrt();

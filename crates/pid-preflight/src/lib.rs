@@ -21,6 +21,7 @@ mod clock;
 mod contest;
 mod criteria;
 mod excitation;
+mod faults;
 mod finding;
 mod fix;
 mod gravity;
@@ -77,7 +78,9 @@ pub fn check(data: &Dataset, nominal: &Nominal, settings: &Settings) -> Vec<Find
     let wraps = wrap::check(&work, criteria);
     take(&mut work, wraps);
     let mut channels = channels::check(&work, criteria);
-    let silent = channels.iter().any(|f| f.kind == FindingKind::ZeroInput && f.joints.len() == data.nq());
+    let silent = channels
+        .iter()
+        .any(|f| f.kind == FindingKind::ZeroInput && f.joints.len() == data.nq());
     if let (true, Some(bench)) = (silent, &bench) {
         free_motion(&mut channels, &work, bench, settings);
     }
@@ -88,7 +91,13 @@ pub fn check(data: &Dataset, nominal: &Nominal, settings: &Settings) -> Vec<Find
         .measurement()
         .channels
         .iter()
-        .map(|c| if let Velocity::Derived { filter_hz } = c.velocity { filter_hz } else { None })
+        .map(|c| {
+            if let Velocity::Derived { filter_hz } = c.velocity {
+                filter_hz
+            } else {
+                None
+            }
+        })
         .collect();
     let timing = clock::check(&work, &filters, criteria);
     match bench {
@@ -111,12 +120,22 @@ fn free_motion(findings: &mut [Finding], data: &Dataset, bench: &Bench, settings
     let motion = Motion::sample(data, settings);
     let torques = bench.torques(&motion);
     let left = contest::left_of_free_motion(bench, &motion, &torques, &settings.criteria);
-    let Some(left) = left.filter(|left| *left < settings.criteria.free) else { return };
-    for finding in findings.iter_mut().filter(|f| f.kind == FindingKind::ZeroInput) {
+    let Some(left) = left.filter(|left| *left < settings.criteria.free) else {
+        return;
+    };
+    for finding in findings
+        .iter_mut()
+        .filter(|f| f.kind == FindingKind::ZeroInput)
+    {
         finding.severity = Severity::Note;
-        "all inputs are zero, and the motion is that of the robot left alone".clone_into(&mut finding.sentence);
+        "all inputs are zero, and the motion is that of the robot left alone"
+            .clone_into(&mut finding.sentence);
         "nothing, if the drives were off".clone_into(&mut finding.mend);
-        finding.evidence.push(Evidence { what: "share of gravity's torque that inertia and friction leave".to_owned(), value: left, unit: "1".to_owned() });
+        finding.evidence.push(Evidence {
+            what: "share of gravity's torque that inertia and friction leave".to_owned(),
+            value: left,
+            unit: "1".to_owned(),
+        });
     }
 }
 
@@ -137,19 +156,28 @@ fn bench(data: &Dataset, nominal: &Nominal) -> Result<Bench, Finding> {
         return Err(finding);
     }
     let bench = Bench::new(nominal).map_err(|e| refuse(e.to_string()))?;
-    data.check_model(&bench.model).map_err(|e| refuse(e.to_string()))?;
+    data.check_model(&bench.model)
+        .map_err(|e| refuse(e.to_string()))?;
     Ok(bench)
 }
 
 /// Order, signs, units, gravity, clock of the inputs, one after the other; then what is stated and told.
-fn against_robot(work: &mut Dataset, nominal: &Nominal, mut bench: Bench, silent: bool, settings: &Settings) -> Vec<Finding> {
+fn against_robot(
+    work: &mut Dataset,
+    nominal: &Nominal,
+    mut bench: Bench,
+    silent: bool,
+    settings: &Settings,
+) -> Vec<Finding> {
     let criteria = &settings.criteria;
     let mut out = Vec::new();
     let mut motion = Motion::sample(work, settings);
     for _ in 0..ROUNDS {
         let found = velocity::check(&motion, (!silent).then_some(&bench), criteria).or_else(|| {
             let torques = bench.torques(&motion);
-            (!silent).then(|| Contest::new(&bench, &motion, &torques, criteria).best(work)).flatten()
+            (!silent)
+                .then(|| Contest::new(&bench, &motion, &torques, criteria).best(work))
+                .flatten()
         });
         let Some(finding) = found else { break };
         match &finding.kind {
@@ -178,13 +206,32 @@ fn against_robot(work: &mut Dataset, nominal: &Nominal, mut bench: Bench, silent
     let contest = Contest::new(&bench, &motion, &torques, criteria);
     if !silent {
         out.extend(contest.unexplained());
-        out.extend(gravity::check(&bench, &motion, &torques, &contest.base, criteria));
+        out.extend(gravity::check(
+            &bench,
+            &motion,
+            &torques,
+            &contest.base,
+            criteria,
+        ));
         let rigid = torques.with(bench.stated());
-        out.extend(gravity::at_rest(&bench, nominal, &motion, &rigid, &contest.base));
+        out.extend(gravity::at_rest(
+            &bench,
+            nominal,
+            &motion,
+            &rigid,
+            &contest.base,
+        ));
     }
     if settings.determinable {
         let seconds = work.experiments.iter().map(Experiment::duration).sum();
-        out.extend(excitation::check(&bench, nominal, &motion, &contest.base, seconds, criteria));
+        out.extend(excitation::check(
+            &bench,
+            nominal,
+            &motion,
+            &contest.base,
+            seconds,
+            criteria,
+        ));
     }
     out
 }

@@ -15,33 +15,92 @@ use crate::torque::Bench;
 const SLACK: f64 = 0.01;
 
 /// Positions, torques and speeds beyond what is stated.
-pub(crate) fn check(bench: &Bench, nominal: &Nominal, motion: &Motion, criteria: &Criteria) -> Vec<Finding> {
+pub(crate) fn check(
+    bench: &Bench,
+    nominal: &Nominal,
+    motion: &Motion,
+    criteria: &Criteria,
+) -> Vec<Finding> {
     let mut out = Vec::new();
     for j in 0..motion.n {
         out.extend(positions(bench, motion, j));
-        let Some(channel) = nominal.measurement().channels.get(j) else { continue };
-        let torque: Vec<f64> = motion.column(&motion.u, j).map(|u| (bench.gain[j] * u).abs()).collect();
+        let Some(channel) = nominal.measurement().channels.get(j) else {
+            continue;
+        };
+        let torque: Vec<f64> = motion
+            .column(&motion.u, j)
+            .map(|u| (bench.gain[j] * u).abs())
+            .collect();
         let speed: Vec<f64> = motion.column(&motion.v, j).map(f64::abs).collect();
         let (torque, speed) = (quantile(&torque, 0.999), quantile(&speed, 0.999));
-        let unit = if bench.model.joints()[j].prismatic { ("N", "m/s") } else { ("N*m", "rad/s") };
-        if let Some(stated) = channel.torque_peak.filter(|s| torque > criteria.above_stated * s) {
-            let kind = FindingKind::AbovePeak { found: torque, stated };
-            out.push(above(kind, j, Channel::Input, "torque", (torque, stated), unit.0, "torque_peak"));
+        let unit = if bench.model.joints()[j].prismatic {
+            ("N", "m/s")
+        } else {
+            ("N*m", "rad/s")
+        };
+        if let Some(stated) = channel
+            .torque_peak
+            .filter(|s| torque > criteria.above_stated * s)
+        {
+            let kind = FindingKind::AbovePeak {
+                found: torque,
+                stated,
+            };
+            out.push(above(
+                kind,
+                j,
+                Channel::Input,
+                "torque",
+                (torque, stated),
+                unit.0,
+                "torque_peak",
+            ));
         }
-        if let Some(stated) = channel.speed_scale.filter(|s| speed > criteria.above_stated * s) {
-            let kind = FindingKind::AboveSpeed { found: speed, stated };
-            out.push(above(kind, j, Channel::Velocity, "speed", (speed, stated), unit.1, "speed_scale"));
+        if let Some(stated) = channel
+            .speed_scale
+            .filter(|s| speed > criteria.above_stated * s)
+        {
+            let kind = FindingKind::AboveSpeed {
+                found: speed,
+                stated,
+            };
+            out.push(above(
+                kind,
+                j,
+                Channel::Velocity,
+                "speed",
+                (speed, stated),
+                unit.1,
+                "speed_scale",
+            ));
         }
     }
     out
 }
 
-fn above(kind: FindingKind, j: usize, channel: Channel, what: &str, (found, stated): (f64, f64), unit: &str, key: &str) -> Finding {
-    let severity = if found > 10.0 * stated { Severity::Doubtful } else { Severity::Note };
+fn above(
+    kind: FindingKind,
+    j: usize,
+    channel: Channel,
+    what: &str,
+    (found, stated): (f64, f64),
+    unit: &str,
+    key: &str,
+) -> Finding {
+    let severity = if found > 10.0 * stated {
+        Severity::Doubtful
+    } else {
+        Severity::Note
+    };
     Finding::new(
         kind,
         severity,
-        format!("the {what} of joint {} reaches {} {unit}, {} {unit} is stated", j + 1, number(found), number(stated)),
+        format!(
+            "the {what} of joint {} reaches {} {unit}, {} {unit} is stated",
+            j + 1,
+            number(found),
+            number(stated)
+        ),
         format!("check {key} and the unit of the columns"),
     )
     .of(&[j + 1], channel)
@@ -66,7 +125,10 @@ fn positions(bench: &Bench, motion: &Motion, j: usize) -> Option<Finding> {
     let unit = joint.unit();
     Some(
         Finding::new(
-            FindingKind::OutsideLimits { reached: [from, to], limits: [low, high] },
+            FindingKind::OutsideLimits {
+                reached: [from, to],
+                limits: [low, high],
+            },
             Severity::Doubtful,
             format!(
                 "q{} reaches {} to {} {unit}, the limits are {} to {} {unit}",

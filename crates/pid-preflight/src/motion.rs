@@ -50,7 +50,9 @@ impl Motion {
             ..Self::default()
         };
         for (k, e) in data.experiments.iter().enumerate() {
-            let filtered = out.add(data, k, (e, stride), &settings.criteria).unwrap_or_default();
+            let filtered = out
+                .add(data, k, (e, stride), &settings.criteria)
+                .unwrap_or_default();
             out.inputs.push(filtered);
             out.steps.push(e.sample_time());
         }
@@ -58,7 +60,13 @@ impl Motion {
     }
 
     /// Adds one record; `None` if it cannot be filtered.
-    fn add(&mut self, data: &Dataset, k: usize, (e, stride): (&Experiment, usize), criteria: &Criteria) -> Option<Vec<f64>> {
+    fn add(
+        &mut self,
+        data: &Dataset,
+        k: usize,
+        (e, stride): (&Experiment, usize),
+        criteria: &Criteria,
+    ) -> Option<Vec<f64>> {
         let (n, rows) = (self.n, e.len());
         let step = e.sample_time();
         if rows < 30 || step <= 0.0 || e.nu() != n || e.duration() / step > SPARSE * rows as f64 {
@@ -77,7 +85,10 @@ impl Motion {
         let dq = e.v.as_ref().map(|v| filtered_velocities(e, v, cutoff));
         let margin = ((rate / cutoff) as usize).clamp(3, rows / 10);
         let usable = usable(e, margin, criteria);
-        for i in (margin..rows - margin).step_by(stride).filter(|&i| usable[i]) {
+        for i in (margin..rows - margin)
+            .step_by(stride)
+            .filter(|&i| usable[i])
+        {
             let row = i * n..(i + 1) * n;
             self.at.push((k, i));
             self.q.extend_from_slice(&state.q[row.clone()]);
@@ -98,7 +109,11 @@ impl Motion {
     }
 
     /// One column of points × joints.
-    pub(crate) fn column<'a>(&self, x: &'a [f64], j: usize) -> impl Iterator<Item = f64> + Clone + 'a {
+    pub(crate) fn column<'a>(
+        &self,
+        x: &'a [f64],
+        j: usize,
+    ) -> impl Iterator<Item = f64> + Clone + 'a {
         x.iter().skip(j).step_by(self.n.max(1)).copied()
     }
 
@@ -121,7 +136,10 @@ impl Motion {
     pub(crate) fn scaled(&self, j: usize, factor: f64) -> Self {
         let mut out = self.points();
         for x in [&mut out.q, &mut out.v, &mut out.a] {
-            x.iter_mut().skip(j).step_by(self.n).for_each(|x| *x *= factor);
+            x.iter_mut()
+                .skip(j)
+                .step_by(self.n)
+                .for_each(|x| *x *= factor);
         }
         out
     }
@@ -140,7 +158,9 @@ impl Motion {
     pub(crate) fn moves(&self, j: usize) -> bool {
         let (low, high) = self
             .column(&self.q, j)
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| {
+                (l.min(x), h.max(x))
+            });
         high - low > 3e-3
     }
 }
@@ -177,7 +197,9 @@ fn usable(e: &Experiment, margin: usize, criteria: &Criteria) -> Vec<bool> {
     }
     for j in 0..n {
         // What a jump leaves behind the filter fades over two of its margins.
-        wrap::breaks(e, j, criteria).into_iter().for_each(|i| block(i.saturating_sub(margin), i + margin));
+        wrap::breaks(e, j, criteria)
+            .into_iter()
+            .for_each(|i| block(i.saturating_sub(margin), i + margin));
     }
     for x in [&e.q, &e.u] {
         for j in 0..n {

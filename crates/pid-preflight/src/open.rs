@@ -36,7 +36,12 @@ pub(crate) fn squares(bench: &Bench, motion: &Motion) -> Vec<f64> {
     let (mut sums, mut count) = (vec![0.0; n], 0.0);
     for i in (0..motion.len()).step_by(step) {
         let at = i * n..(i + 1) * n;
-        bench.by_parameters(&motion.q[at.clone()], &motion.v[at.clone()], &motion.a[at], &mut rows);
+        bench.by_parameters(
+            &motion.q[at.clone()],
+            &motion.v[at.clone()],
+            &motion.a[at],
+            &mut rows,
+        );
         for j in 0..n {
             let row = rows[j * np..(j + 1) * np].iter().zip(&bench.widths);
             sums[j] += row.map(|(x, w)| (0.5 * x * w).powi(2)).sum::<f64>();

@@ -36,7 +36,11 @@ struct Listed {
 pub fn open(folder: &Path) -> Result<Opened, DataError> {
     let first = match Dataset::read(folder) {
         Ok(dataset) => {
-            return Ok(Opened { dataset, findings: Vec::new(), mended: Vec::new() });
+            return Ok(Opened {
+                dataset,
+                findings: Vec::new(),
+                mended: Vec::new(),
+            });
         }
         Err(error @ DataError::TimeNotIncreasing { .. }) => error,
         Err(error) => return Err(error),
@@ -49,7 +53,9 @@ pub fn open(folder: &Path) -> Result<Opened, DataError> {
         })
     };
     let manifest = text("dataset.toml")?;
-    let Ok(listing) = toml::from_str::<Listing>(&manifest) else { return Err(first) };
+    let Ok(listing) = toml::from_str::<Listing>(&manifest) else {
+        return Err(first);
+    };
     let mut files = vec![("dataset.toml".to_owned(), manifest)];
     let (mut findings, mut mended) = (Vec::new(), Vec::new());
     for listed in listing.experiment {
@@ -64,9 +70,16 @@ pub fn open(folder: &Path) -> Result<Opened, DataError> {
         };
         files.push((listed.file, new));
     }
-    let files: Vec<(&str, &str)> = files.iter().map(|(a, b)| (a.as_str(), b.as_str())).collect();
+    let files: Vec<(&str, &str)> = files
+        .iter()
+        .map(|(a, b)| (a.as_str(), b.as_str()))
+        .collect();
     let dataset = Dataset::from_embedded(&files)?;
-    Ok(Opened { dataset, findings, mended })
+    Ok(Opened {
+        dataset,
+        findings,
+        mended,
+    })
 }
 
 /// A record without rows whose time does not increase.
@@ -87,11 +100,22 @@ fn increasing(text: &str) -> Option<Kept> {
     let mut lines = text.lines();
     let header = lines.next()?;
     let names = header.trim_start_matches('\u{feff}').split(',');
-    let column = names.map(|n| n.trim().trim_matches('"')).position(|n| n == "t")?;
-    let mut kept = Kept { text: format!("{header}\n"), dropped: 0, back: 0, rows: (0, 0), time: (0.0, 0.0) };
+    let column = names
+        .map(|n| n.trim().trim_matches('"'))
+        .position(|n| n == "t")?;
+    let mut kept = Kept {
+        text: format!("{header}\n"),
+        dropped: 0,
+        back: 0,
+        rows: (0, 0),
+        time: (0.0, 0.0),
+    };
     let mut before = f64::NEG_INFINITY;
     for (row, line) in lines.enumerate() {
-        let cell = line.split(',').nth(column).map(|c| c.trim().trim_matches('"'));
+        let cell = line
+            .split(',')
+            .nth(column)
+            .map(|c| c.trim().trim_matches('"'));
         let time = cell.and_then(|c| c.parse::<f64>().ok());
         if let Some(time) = time.filter(|t| *t <= before) {
             if kept.dropped == 0 {
@@ -110,7 +134,10 @@ fn increasing(text: &str) -> Option<Kept> {
 }
 
 fn finding(file: &str, kept: &Kept) -> Finding {
-    let stem = Path::new(file).file_stem().and_then(std::ffi::OsStr::to_str).unwrap_or(file);
+    let stem = Path::new(file)
+        .file_stem()
+        .and_then(std::ffi::OsStr::to_str)
+        .unwrap_or(file);
     let count = kept.dropped;
     let (sentence, mend) = match kept.back {
         0 => (
@@ -122,10 +149,15 @@ fn finding(file: &str, kept: &Kept) -> Finding {
             "sort the rows by time, or cut the record where the clock was set; `--fix` removes these rows",
         ),
     };
-    let mut finding = Finding::new(FindingKind::DuplicateStamps { count }, Severity::Wrong, sentence, mend)
-        .of(&[], Channel::Time)
-        .within(stem)
-        .with("first of them at", kept.time.0, "s");
+    let mut finding = Finding::new(
+        FindingKind::DuplicateStamps { count },
+        Severity::Wrong,
+        sentence,
+        mend,
+    )
+    .of(&[], Channel::Time)
+    .within(stem)
+    .with("first of them at", kept.time.0, "s");
     finding.rows = Some(kept.rows);
     finding.time = Some(kept.time);
     if kept.back > 0 {

@@ -74,7 +74,13 @@ impl Bench {
         let (q, zero) = (vec![0.3; n], vec![0.0; n]);
         let force = |u: &[f64]| {
             let mut f = vec![0.0; n];
-            let at = At { q: &q, v: &zero, a: &zero, u, p: &p };
+            let at = At {
+                q: &q,
+                v: &zero,
+                a: &zero,
+                u,
+                p: &p,
+            };
             model.applied_force(&at, &mut f);
             f
         };
@@ -86,7 +92,13 @@ impl Bench {
                 force(&u)[j] - rest[j]
             })
             .collect();
-        Ok(Self { model, p, gravity: place, gain, widths: open::widths(nominal) })
+        Ok(Self {
+            model,
+            p,
+            gravity: place,
+            gain,
+            widths: open::widths(nominal),
+        })
     }
 
     /// Stated gravity; zeros where it is no number.
@@ -131,7 +143,13 @@ impl Bench {
         for (i, r) in out.chunks_exact_mut(n).enumerate() {
             let row = i * n..(i + 1) * n;
             let (q, v) = (&motion.q[row.clone()], &motion.v[row.clone()]);
-            let at = At { q, v, a: &motion.a[row], u: &u, p };
+            let at = At {
+                q,
+                v,
+                a: &motion.a[row],
+                u: &u,
+                p,
+            };
             self.model.residual(&at, r);
             self.model.applied_force(&at, &mut moving);
             let at = At { v: &zero, ..at };
@@ -149,12 +167,20 @@ impl Bench {
         let u = vec![0.0; dims.nu];
         let pattern = self.model.jacobian_pattern();
         let (mut r, mut values) = (vec![0.0; dims.nq], vec![0.0; pattern.nnz()]);
-        let at = At { q, v, a, u: &u, p: &self.p };
+        let at = At {
+            q,
+            v,
+            a,
+            u: &u,
+            p: &self.p,
+        };
         self.model.residual_jacobian(&at, &mut r, &mut values);
         let np = self.gravity.unwrap_or(dims.np);
         out.fill(0.0);
         for ((&row, &col), value) in pattern.rows.iter().zip(pattern.cols).zip(&values) {
-            let Some(k) = (col as usize).checked_sub(dims.p()) else { continue };
+            let Some(k) = (col as usize).checked_sub(dims.p()) else {
+                continue;
+            };
             if k < np {
                 out[row as usize * np + k] = *value;
             }
@@ -198,7 +224,12 @@ impl Sums {
     /// torque is within bounds (coordinate descent; the quadratic is convex, so it converges).
     pub(crate) fn fit(&self, factor: (f64, f64), offset: f64) -> Fit {
         let size = (self.yy / self.count.max(1.0)).sqrt();
-        let bounds = [factor, (0.0, f64::INFINITY), (0.0, f64::INFINITY), (-offset * size, offset * size)];
+        let bounds = [
+            factor,
+            (0.0, f64::INFINITY),
+            (0.0, f64::INFINITY),
+            (-offset * size, offset * size),
+        ];
         let mut x = [0.0; 4];
         x[0] = 1.0_f64.clamp(factor.0, factor.1);
         for _ in 0..200 {
@@ -207,7 +238,10 @@ impl Sums {
                 if self.xx[i][i] <= 0.0 {
                     continue;
                 }
-                let others: f64 = (0..4).filter(|&k| k != i).map(|k| self.xx[i][k] * x[k]).sum();
+                let others: f64 = (0..4)
+                    .filter(|&k| k != i)
+                    .map(|k| self.xx[i][k] * x[k])
+                    .sum();
                 let new = ((self.xy[i] - others) / self.xx[i][i]).clamp(bounds[i].0, bounds[i].1);
                 change = change.max((new - x[i]).abs() * self.xx[i][i].sqrt());
                 x[i] = new;
@@ -223,7 +257,11 @@ impl Sums {
                 left += x[i] * x[j] * self.xx[i][j];
             }
         }
-        let left = if self.yy > 0.0 { (left / self.yy).max(0.0) } else { 1.0 };
+        let left = if self.yy > 0.0 {
+            (left / self.yy).max(0.0)
+        } else {
+            1.0
+        };
         Fit { left, x, size }
     }
 }

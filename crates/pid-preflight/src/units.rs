@@ -24,7 +24,11 @@ pub(crate) fn time(data: &Dataset, bench: Option<&Bench>, settings: &Settings) -
 
 fn by_torque(data: &Dataset, bench: &Bench, settings: &Settings) -> Option<Finding> {
     let criteria = &settings.criteria;
-    let step = data.experiments.iter().map(Experiment::sample_time).fold(f64::INFINITY, f64::min);
+    let step = data
+        .experiments
+        .iter()
+        .map(Experiment::sample_time)
+        .fold(f64::INFINITY, f64::min);
     if step < SLOW || !step.is_finite() {
         return None;
     }
@@ -44,5 +48,11 @@ fn by_torque(data: &Dataset, bench: &Bench, settings: &Settings) -> Option<Findi
         })
         .min_by(|a, b| a.0.total_cmp(&b.0))?;
     // A step of seconds is suspicious by itself, so that any gain at all decides.
-    (after < before - 0.1).then(|| finding.with("median step of t", step, "of t").with("fall of the log of the torque left", before - after, "1"))
+    (after < before - 0.1).then(|| {
+        finding.with("median step of t", step, "of t").with(
+            "fall of the log of the torque left",
+            before - after,
+            "1",
+        )
+    })
 }

@@ -66,7 +66,11 @@ fn jumps_of(e: &Experiment, j: usize, turn: f64, criteria: &Criteria) -> Vec<usi
     // A joint that turns half a turn from row to row cannot be told from one that wraps.
     let middle = steps.len() * 9 / 10;
     let usual = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
-    if usual > criteria.wrap_share * turn { Vec::new() } else { jumps }
+    if usual > criteria.wrap_share * turn {
+        Vec::new()
+    } else {
+        jumps
+    }
 }
 
 /// Rows before which a position jumps and stays: far faster than the joint ever moves, over a part of its
@@ -87,9 +91,14 @@ pub(crate) fn breaks(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<usize
 pub(crate) fn jumps(data: &Dataset, criteria: &Criteria) -> Vec<Finding> {
     let mut out = Vec::new();
     for j in 0..data.nq() {
-        let all: Vec<(&Experiment, usize)> =
-            data.experiments.iter().flat_map(|e| breaks(e, j, criteria).into_iter().map(move |i| (e, i))).collect();
-        let Some(&(e, row)) = all.first() else { continue };
+        let all: Vec<(&Experiment, usize)> = data
+            .experiments
+            .iter()
+            .flat_map(|e| breaks(e, j, criteria).into_iter().map(move |i| (e, i)))
+            .collect();
+        let Some(&(e, row)) = all.first() else {
+            continue;
+        };
         let (count, size) = (all.len(), e.q[row * e.nq + j] - e.q[(row - 1) * e.nq + j]);
         out.push(
             Finding::new(

@@ -44,8 +44,17 @@ pub(crate) fn swinging(amplitude: f64) -> Dataset {
     let (mut t, mut q, mut v, mut u) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for k in 0..2000 {
         let time = 0.005 * f64::from(k);
-        let sum = |f: &dyn Fn(f64, f64) -> f64| tones.iter().map(|&(a, w, p)| amplitude * a * f(w, w * time + p)).sum::<f64>();
-        let (x, dx, ddx) = (sum(&|_, s| s.sin()), sum(&|w, s| w * s.cos()), sum(&|w, s| -w * w * s.sin()));
+        let sum = |f: &dyn Fn(f64, f64) -> f64| {
+            tones
+                .iter()
+                .map(|&(a, w, p)| amplitude * a * f(w, w * time + p))
+                .sum::<f64>()
+        };
+        let (x, dx, ddx) = (
+            sum(&|_, s| s.sin()),
+            sum(&|w, s| w * s.cos()),
+            sum(&|w, s| -w * w * s.sin()),
+        );
         t.push(time);
         q.push(x);
         v.push(dx);
@@ -101,7 +110,13 @@ fn a_right_record_has_no_findings() {
     let all = found(&swinging(0.8));
     let worse: Vec<&Finding> = all.iter().filter(|f| f.severity > Severity::Note).collect();
     assert!(worse.is_empty(), "{worse:#?}");
-    assert!(!all.iter().any(|f| matches!(f.kind, FindingKind::RateLow { .. } | FindingKind::Jitter { .. } | FindingKind::Outliers { .. })), "{all:#?}");
+    assert!(
+        !all.iter().any(|f| matches!(
+            f.kind,
+            FindingKind::RateLow { .. } | FindingKind::Jitter { .. } | FindingKind::Outliers { .. }
+        )),
+        "{all:#?}"
+    );
 }
 
 #[test]
@@ -114,12 +129,22 @@ fn lost_rows_jitter_and_empty_cells_are_counted() {
     e.q[5] = f64::NAN;
     e.missing = 1;
     let jitter = |i: usize| if i % 2 == 0 { 2e-4 } else { -2e-4 };
-    e.t.iter_mut().enumerate().for_each(|(i, t)| *t += jitter(i));
+    e.t.iter_mut()
+        .enumerate()
+        .for_each(|(i, t)| *t += jitter(i));
     let all = found(&data);
-    assert_eq!(only(&all, "lost-rows").kind, FindingKind::LostRows { count: 10 });
+    assert_eq!(
+        only(&all, "lost-rows").kind,
+        FindingKind::LostRows { count: 10 }
+    );
     assert_eq!(only(&all, "lost-rows").rows, Some((699, 700)));
-    assert_eq!(only(&all, "missing-samples").kind, FindingKind::MissingSamples { count: 1 });
-    let FindingKind::Jitter { share } = only(&all, "jitter").kind else { unreachable!() };
+    assert_eq!(
+        only(&all, "missing-samples").kind,
+        FindingKind::MissingSamples { count: 1 }
+    );
+    let FindingKind::Jitter { share } = only(&all, "jitter").kind else {
+        unreachable!()
+    };
     // Every other row early, every other late: steps differ from their mean by two shifts.
     assert!((share - 0.08).abs() < 1e-3, "{share}");
 }
@@ -131,7 +156,10 @@ fn outliers_are_counted_and_set_aside() {
         data.experiments[0].q[row] += 0.5;
     }
     let all = found(&data);
-    assert_eq!(only(&all, "outliers").kind, FindingKind::Outliers { count: 3 });
+    assert_eq!(
+        only(&all, "outliers").kind,
+        FindingKind::Outliers { count: 3 }
+    );
     assert!(all.iter().all(|f| f.severity == Severity::Note), "{all:#?}");
     let (mended, done) = fix(&data, &all);
     assert_eq!(done, ["took 3 outliers of q1 as missing"]);
@@ -142,7 +170,9 @@ fn outliers_are_counted_and_set_aside() {
 #[test]
 fn a_jump_that_stays_is_no_wrap() {
     let mut data = swinging(0.5);
-    data.experiments[0].q[1200..].iter_mut().for_each(|q| *q += 0.7);
+    data.experiments[0].q[1200..]
+        .iter_mut()
+        .for_each(|q| *q += 0.7);
     let jump = only(&found(&data), "jump");
     assert_eq!(jump.kind, FindingKind::Jump { count: 1 });
     assert!((jump.evidence[0].value - 0.7).abs() < 0.05, "{jump}");
@@ -152,9 +182,14 @@ fn a_jump_that_stays_is_no_wrap() {
 #[test]
 fn a_bound_of_the_input_is_said() {
     let mut data = swinging(0.8);
-    data.experiments[0].u.iter_mut().for_each(|u| *u = u.clamp(-4.0, 4.0));
+    data.experiments[0]
+        .u
+        .iter_mut()
+        .for_each(|u| *u = u.clamp(-4.0, 4.0));
     let saturated = only(&found(&data), "saturated");
-    let FindingKind::Saturated { level } = saturated.kind else { unreachable!() };
+    let FindingKind::Saturated { level } = saturated.kind else {
+        unreachable!()
+    };
     assert_eq!(level.abs(), 4.0);
 }
 
@@ -162,11 +197,20 @@ fn a_bound_of_the_input_is_said() {
 fn limits_of_the_description_are_compared_whole_turns_aside() {
     let mut data = swinging(1.6);
     let reached = only(&found(&data), "outside-limits");
-    let FindingKind::OutsideLimits { limits, .. } = reached.kind else { unreachable!() };
+    let FindingKind::OutsideLimits { limits, .. } = reached.kind else {
+        unreachable!()
+    };
     assert_eq!(limits, [-2.0, 2.0]);
     data = swinging(0.8);
-    data.experiments[0].q.iter_mut().for_each(|q| *q -= std::f64::consts::TAU);
-    assert!(found(&data).iter().all(|f| f.kind.name() != "outside-limits"));
+    data.experiments[0]
+        .q
+        .iter_mut()
+        .for_each(|q| *q -= std::f64::consts::TAU);
+    assert!(
+        found(&data)
+            .iter()
+            .all(|f| f.kind.name() != "outside-limits")
+    );
 }
 
 #[test]
@@ -177,9 +221,15 @@ fn a_low_rate_is_said_with_what_can_still_be_told() {
         *x = x.iter().step_by(5).copied().collect();
     }
     let low = only(&found(&data), "rate-low");
-    let FindingKind::RateLow { rate, needed } = low.kind else { unreachable!() };
+    let FindingKind::RateLow { rate, needed } = low.kind else {
+        unreachable!()
+    };
     assert!((rate - 40.0).abs() < 1e-6 && needed >= 100.0, "{low}");
-    assert!(low.mend.contains("gravity, inertia and friction can still be told"), "{low}");
+    assert!(
+        low.mend
+            .contains("gravity, inertia and friction can still be told"),
+        "{low}"
+    );
 }
 
 #[test]
@@ -197,7 +247,13 @@ fn motion_that_tells_nothing_is_named() {
     let all = found(&data);
     let missing: Vec<Missing> = all
         .iter()
-        .filter_map(|f| if let FindingKind::MotionMissing { motion } = f.kind { Some(motion) } else { None })
+        .filter_map(|f| {
+            if let FindingKind::MotionMissing { motion } = f.kind {
+                Some(motion)
+            } else {
+                None
+            }
+        })
         .collect();
     assert_eq!(missing, [Missing::SlowReversal, Missing::Range], "{all:#?}");
 }
@@ -210,11 +266,20 @@ fn what_a_resting_joint_does_not_tell_has_names() {
     let noise = |i: usize| 1e-5 * ((i * 7919 % 1000) as f64 / 500.0 - 1.0);
     e.q = (0..e.t.len()).map(|i| 0.5 + noise(i)).collect();
     e.v = Some((0..e.t.len()).map(|i| 10.0 * noise(i + 3)).collect());
-    e.u = (0..e.t.len()).map(|i| 7.848 * 0.5_f64.sin() + noise(i + 5)).collect();
+    e.u = (0..e.t.len())
+        .map(|i| 7.848 * 0.5_f64.sin() + noise(i + 5))
+        .collect();
     let all = found(&data);
     only(&all, "joint-rests");
     let told = only(&all, "not-determined");
-    let FindingKind::NotDetermined { names, rank, possible } = &told.kind else { unreachable!() };
+    let FindingKind::NotDetermined {
+        names,
+        rank,
+        possible,
+    } = &told.kind
+    else {
+        unreachable!()
+    };
     assert!(names.iter().any(|n| n == "viscous_j1"), "{told}");
     assert!(rank < possible, "{told}");
 }
@@ -233,6 +298,16 @@ fn findings_are_json_and_back() {
     let back: Vec<Finding> = serde_json::from_str(&serde_json::to_string(&all).unwrap()).unwrap();
     assert_eq!(back, all);
     // A pendulum cannot tell the sign of its input from that of its motion, and it is said.
-    assert!(flipped.to_string().starts_with("wrong: the input of joint 1 has the opposite sign (or its motion"), "{flipped}");
-    assert!(flipped.to_string().contains("\n  help: change the sign of u"), "{flipped}");
+    assert!(
+        flipped
+            .to_string()
+            .starts_with("wrong: the input of joint 1 has the opposite sign (or its motion"),
+        "{flipped}"
+    );
+    assert!(
+        flipped
+            .to_string()
+            .contains("\n  help: change the sign of u"),
+        "{flipped}"
+    );
 }

@@ -72,7 +72,12 @@ fn each(x: &mut [f64], n: usize, j: usize, f: impl Fn(&mut f64)) {
 }
 
 /// Plants a fault; `None` where the robot or the record cannot have it.
-pub(crate) fn plant(kind: &'static str, clean: &Dataset, nominal: &str, draws: &mut Draws) -> Option<Planted> {
+pub(crate) fn plant(
+    kind: &'static str,
+    clean: &Dataset,
+    nominal: &str,
+    draws: &mut Draws,
+) -> Option<Planted> {
     let n = clean.nq();
     let mut data = clean.clone();
     let mut text = nominal.to_owned();
@@ -86,14 +91,20 @@ pub(crate) fn plant(kind: &'static str, clean: &Dataset, nominal: &str, draws: &
             let other = other?;
             joints = vec![one.min(other) + 1, one.max(other) + 1];
             for e in &mut data.experiments {
-                let channels: Vec<&mut Vec<f64>> =
-                    if kind == "swapped inputs" { vec![&mut e.u] } else { [&mut e.q].into_iter().chain(e.v.as_mut()).collect() };
+                let channels: Vec<&mut Vec<f64>> = if kind == "swapped inputs" {
+                    vec![&mut e.u]
+                } else {
+                    [&mut e.q].into_iter().chain(e.v.as_mut()).collect()
+                };
                 for x in channels {
                     x.chunks_exact_mut(n).for_each(|row| row.swap(one, other));
                 }
             }
         }
-        "flipped input" => data.experiments.iter_mut().for_each(|e| each(&mut e.u, n, one, |u| *u = -*u)),
+        "flipped input" => data
+            .experiments
+            .iter_mut()
+            .for_each(|e| each(&mut e.u, n, one, |u| *u = -*u)),
         "flipped position" | "flipped motion" | "flipped velocity" => {
             if kind != "flipped motion" && !has_velocity {
                 return None;
@@ -108,16 +119,23 @@ pub(crate) fn plant(kind: &'static str, clean: &Dataset, nominal: &str, draws: &
             }
         }
         "degrees" => {
-            joints = (0..n).filter(|&j| !clean.joints[j].prismatic).map(|j| j + 1).collect();
+            joints = (0..n)
+                .filter(|&j| !clean.joints[j].prismatic)
+                .map(|j| j + 1)
+                .collect();
             for e in &mut data.experiments {
                 for x in [&mut e.q].into_iter().chain(e.v.as_mut()) {
-                    joints.iter().for_each(|j| each(x, n, j - 1, |q| *q *= 180.0 / PI));
+                    joints
+                        .iter()
+                        .for_each(|j| each(x, n, j - 1, |q| *q *= 180.0 / PI));
                 }
             }
         }
         "milliseconds" => {
             joints.clear();
-            data.experiments.iter_mut().for_each(|e| e.t.iter_mut().for_each(|t| *t *= 1e3));
+            data.experiments
+                .iter_mut()
+                .for_each(|e| e.t.iter_mut().for_each(|t| *t *= 1e3));
         }
         "frozen channel" => freeze(&mut data, one, draws)?,
         "offset clock" => {
@@ -130,7 +148,11 @@ pub(crate) fn plant(kind: &'static str, clean: &Dataset, nominal: &str, draws: &
                 let old = e.u.clone();
                 let last = e.len() - 1;
                 for i in 0..=last {
-                    let from = if late { i.saturating_sub(rows) } else { (i + rows).min(last) };
+                    let from = if late {
+                        i.saturating_sub(rows)
+                    } else {
+                        (i + rows).min(last)
+                    };
                     e.u[i * n..(i + 1) * n].copy_from_slice(&old[from * n..(from + 1) * n]);
                 }
             }
@@ -141,16 +163,26 @@ pub(crate) fn plant(kind: &'static str, clean: &Dataset, nominal: &str, draws: &
             let one = *hinges.get(draws.below(hinges.len().max(1)))?;
             joints = vec![one + 1];
             // The seam lies within the motion.
-            let all = clean.experiments.iter().flat_map(|e| e.q.iter().skip(one).step_by(n));
+            let all = clean
+                .experiments
+                .iter()
+                .flat_map(|e| e.q.iter().skip(one).step_by(n));
             let (low, high) = all.fold((f64::MAX, f64::MIN), |(l, h), &q| (l.min(q), h.max(q)));
             let seam = low + (0.2 + 0.6 * draws.share()) * (high - low);
             for e in &mut data.experiments {
-                each(&mut e.q, n, one, |q| *q = (*q - seam).rem_euclid(TAU) + seam - TAU);
+                each(&mut e.q, n, one, |q| {
+                    *q = (*q - seam).rem_euclid(TAU) + seam - TAU
+                });
             }
         }
         "wrong gravity" => {
             joints.clear();
-            let wrong = ["[0.0, 0.0, 9.81]", "[0.0, 0.0, 9.81]", "[9.81, 0.0, 0.0]", "[0.0, 9.81, 0.0]"][draws.below(4)];
+            let wrong = [
+                "[0.0, 0.0, 9.81]",
+                "[0.0, 0.0, 9.81]",
+                "[9.81, 0.0, 0.0]",
+                "[0.0, 9.81, 0.0]",
+            ][draws.below(4)];
             text = text.replace("gravity = [0.0, 0.0, -9.81]", &format!("gravity = {wrong}"));
             if text == nominal {
                 return None;
@@ -159,7 +191,9 @@ pub(crate) fn plant(kind: &'static str, clean: &Dataset, nominal: &str, draws: &
         "milli-units" => {
             joints.clear();
             let factor = [1e3, 1e-3][draws.below(2)];
-            data.experiments.iter_mut().for_each(|e| e.u.iter_mut().for_each(|u| *u *= factor));
+            data.experiments
+                .iter_mut()
+                .for_each(|e| e.u.iter_mut().for_each(|u| *u *= factor));
         }
         "zero effort" => {
             joints.clear();
@@ -167,7 +201,12 @@ pub(crate) fn plant(kind: &'static str, clean: &Dataset, nominal: &str, draws: &
         }
         _ => return None,
     }
-    Some(Planted { kind, joints, data, nominal: text })
+    Some(Planted {
+        kind,
+        joints,
+        data,
+        nominal: text,
+    })
 }
 
 /// Holds one value of a position, a velocity or an input for 0.3 s of motion in one record.
@@ -177,9 +216,12 @@ fn freeze(data: &mut Dataset, j: usize, draws: &mut Draws) -> Option<()> {
     let e = &mut data.experiments[k];
     let rows = ((0.3 / e.sample_time()) as usize).max(30);
     let q: Vec<f64> = e.q.iter().skip(j).step_by(n).copied().collect();
-    let range = q.iter().copied().fold(f64::MIN, f64::max) - q.iter().copied().fold(f64::MAX, f64::min);
+    let range =
+        q.iter().copied().fold(f64::MIN, f64::max) - q.iter().copied().fold(f64::MAX, f64::min);
     // A freeze of a joint that rests changes nothing: the joint goes a twentieth of its way meanwhile.
-    let fits: Vec<usize> = (1..e.len() - rows - 1).filter(|&i| (q[i + rows] - q[i]).abs() > 0.05 * range).collect();
+    let fits: Vec<usize> = (1..e.len() - rows - 1)
+        .filter(|&i| (q[i + rows] - q[i]).abs() > 0.05 * range)
+        .collect();
     let start = *fits.get(draws.below(fits.len().max(1)))?;
     let x = match (&mut e.v, draws.below(4)) {
         (Some(v), 0) => v,
@@ -201,19 +243,32 @@ pub(crate) fn names(finding: &Finding, planted: &Planted) -> bool {
         && match (&finding.kind, planted.kind) {
             (FindingKind::Swapped { channel, .. }, "swapped inputs") => *channel == Channel::Input,
             (FindingKind::Swapped { channel, .. }, "swapped motion") => *channel == Channel::Motion,
-            (FindingKind::SignFlipped { channel, .. }, "flipped input") => *channel == Channel::Input,
-            (FindingKind::SignFlipped { channel, .. }, "flipped position") => *channel == Channel::Position,
-            (FindingKind::SignFlipped { channel, .. }, "flipped velocity") => *channel == Channel::Velocity,
-            (FindingKind::SignFlipped { channel, or_other }, "flipped motion") => *channel == Channel::Motion || *or_other,
-            (FindingKind::Unit { channel, unit, .. }, "degrees") => *channel == Channel::Motion && unit == "degrees",
+            (FindingKind::SignFlipped { channel, .. }, "flipped input") => {
+                *channel == Channel::Input
+            }
+            (FindingKind::SignFlipped { channel, .. }, "flipped position") => {
+                *channel == Channel::Position
+            }
+            (FindingKind::SignFlipped { channel, .. }, "flipped velocity") => {
+                *channel == Channel::Velocity
+            }
+            (FindingKind::SignFlipped { channel, or_other }, "flipped motion") => {
+                *channel == Channel::Motion || *or_other
+            }
+            (FindingKind::Unit { channel, unit, .. }, "degrees") => {
+                *channel == Channel::Motion && unit == "degrees"
+            }
             (FindingKind::TimeUnit { factor }, "milliseconds") => *factor == 1e-3,
             (FindingKind::FrozenChannel, "frozen channel") => true,
             (FindingKind::InputClock { .. }, "offset clock") => true,
             (FindingKind::Wrapped { .. }, "wrapped angle") => true,
             (FindingKind::Gravity { .. }, "wrong gravity") => finding.severity == Severity::Wrong,
-            (FindingKind::Unit { channel, factor, .. }, "milli-units") => {
-                *channel == Channel::Input && (*factor == 1e3 || *factor == 1e-3)
-            }
+            (
+                FindingKind::Unit {
+                    channel, factor, ..
+                },
+                "milli-units",
+            ) => *channel == Channel::Input && (*factor == 1e3 || *factor == 1e-3),
             (FindingKind::ZeroInput, "zero effort") => true,
             _ => false,
         }

@@ -12,7 +12,12 @@ use crate::plant::{Draws, KINDS, Planted, described, names, plant};
 const CASES: usize = 4;
 
 fn drawn(i: usize) -> (Dataset, String) {
-    let plan = Plan { seed: 2024, cases: CASES, joints: 2, nulls: false };
+    let plan = Plan {
+        seed: 2024,
+        cases: CASES,
+        joints: 2,
+        nulls: false,
+    };
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("preflight");
     let here = lay_out(&plan, i, &folder).unwrap();
     let text = std::fs::read_to_string(here.join("nominal.toml")).unwrap();
@@ -20,7 +25,10 @@ fn drawn(i: usize) -> (Dataset, String) {
 }
 
 fn settings() -> Settings {
-    Settings { determinable: false, ..Settings::default() }
+    Settings {
+        determinable: false,
+        ..Settings::default()
+    }
 }
 
 fn wrong(findings: &[Finding]) -> Vec<String> {
@@ -37,21 +45,35 @@ fn mendable(planted: &Planted) -> bool {
 fn all_kinds(i: usize) {
     let (data, text) = drawn(i);
     let found = check(&data, &described(&text), &settings());
-    assert!(wrong(&found).is_empty(), "case {i}, clean: {:#?}", wrong(&found));
+    assert!(
+        wrong(&found).is_empty(),
+        "case {i}, clean: {:#?}",
+        wrong(&found)
+    );
     let mut draws = Draws(7 + i as u64);
     let mut planted_kinds = 0;
     for kind in KINDS {
-        let Some(planted) = plant(kind, &data, &text, &mut draws) else { continue };
+        let Some(planted) = plant(kind, &data, &text, &mut draws) else {
+            continue;
+        };
         planted_kinds += 1;
         let nominal = described(&planted.nominal);
         let found = check(&planted.data, &nominal, &settings());
         let named = found.iter().filter(|f| names(f, &planted)).count();
-        assert!(named > 0, "case {i}, {kind} at {:?}: {found:#?}", planted.joints);
+        assert!(
+            named > 0,
+            "case {i}, {kind} at {:?}: {found:#?}",
+            planted.joints
+        );
         if mendable(&planted) {
             let (mended, done) = fix(&planted.data, &found);
             assert!(!done.is_empty(), "case {i}, {kind}");
             let left = check(&mended, &nominal, &settings());
-            assert!(wrong(&left).is_empty(), "case {i}, {kind} mended by {done:?}: {:#?}", wrong(&left));
+            assert!(
+                wrong(&left).is_empty(),
+                "case {i}, {kind} mended by {done:?}: {:#?}",
+                wrong(&left)
+            );
         }
     }
     assert!(planted_kinds >= 9, "case {i} took {planted_kinds} kinds");
@@ -66,7 +88,13 @@ fn every_kind_is_found_and_mended_in_drawn_robots() {
 fn mended_columns_are_those_of_the_clean_record() {
     let two = (0..CASES).map(drawn).find(|(data, _)| data.nq() == 2);
     let (data, text) = two.unwrap();
-    for kind in ["swapped inputs", "flipped input", "milli-units", "wrapped angle", "milliseconds"] {
+    for kind in [
+        "swapped inputs",
+        "flipped input",
+        "milli-units",
+        "wrapped angle",
+        "milliseconds",
+    ] {
         let planted = plant(kind, &data, &text, &mut Draws(3)).unwrap();
         assert_ne!(planted.data, data, "{kind} changes the records");
         let found = check(&planted.data, &described(&text), &settings());
@@ -75,12 +103,18 @@ fn mended_columns_are_those_of_the_clean_record() {
             // A wrapped angle may come back whole turns off, which is the same angle.
             let turn = |j: usize| {
                 let off = (a.q[j] - b.q[j]) / std::f64::consts::TAU;
-                assert!((off - off.round()).abs() < 1e-9, "{kind}: joint {j} is {off} turns off");
+                assert!(
+                    (off - off.round()).abs() < 1e-9,
+                    "{kind}: joint {j} is {off} turns off"
+                );
                 off.round() * std::f64::consts::TAU
             };
             let turns = [turn(0), turn(1)];
             let near = |x: &[f64], y: &[f64], shift: [f64; 2]| {
-                x.iter().zip(y).enumerate().all(|(k, (x, y))| (x - y - shift[k % 2]).abs() <= 1e-9 * (1.0 + y.abs()))
+                x.iter()
+                    .zip(y)
+                    .enumerate()
+                    .all(|(k, (x, y))| (x - y - shift[k % 2]).abs() <= 1e-9 * (1.0 + y.abs()))
             };
             assert!(near(&a.q, &b.q, turns), "{kind}: positions of {}", a.name);
             assert!(near(&a.u, &b.u, [0.0; 2]), "{kind}: inputs of {}", a.name);
@@ -95,7 +129,10 @@ fn whole_turns_are_no_fault() {
     let hinge = data.joints.iter().position(|j| !j.prismatic).unwrap();
     let n = data.nq();
     for e in &mut data.experiments {
-        e.q.iter_mut().skip(hinge).step_by(n).for_each(|q| *q += 3.0 * std::f64::consts::TAU);
+        e.q.iter_mut()
+            .skip(hinge)
+            .step_by(n)
+            .for_each(|q| *q += 3.0 * std::f64::consts::TAU);
     }
     let found = check(&data, &described(&text), &settings());
     assert!(wrong(&found).is_empty(), "{found:#?}");
@@ -109,8 +146,16 @@ fn two_faults_in_one_record_are_both_found() {
     let once = plant("swapped inputs", &data, &text, &mut draws).unwrap();
     let twice = plant("milliseconds", &once.data, &text, &mut draws).unwrap();
     let found = check(&twice.data, &described(&text), &settings());
-    assert!(found.iter().any(|f| names(f, &once)) && found.iter().any(|f| names(f, &twice)), "{found:#?}");
-    assert!(found.iter().all(|f| f.severity < Severity::Wrong || names(f, &once) || names(f, &twice)), "{found:#?}");
+    assert!(
+        found.iter().any(|f| names(f, &once)) && found.iter().any(|f| names(f, &twice)),
+        "{found:#?}"
+    );
+    assert!(
+        found
+            .iter()
+            .all(|f| f.severity < Severity::Wrong || names(f, &once) || names(f, &twice)),
+        "{found:#?}"
+    );
 }
 
 #[test]

@@ -34,23 +34,45 @@ fn folder(name: &str, csv: &str) -> PathBuf {
 
 #[test]
 fn repeated_stamps_are_found_and_taken_out() {
-    let here = folder("repeated", "t,q1,u1\n0,0.0,1\n0.1,0.005,1\n0.1,0.005,1\n0.2,0.02,1\n0.2,0.03,1\n0.3,0.04,1\n");
-    assert!(matches!(Dataset::read(&here), Err(DataError::TimeNotIncreasing { .. })));
+    let here = folder(
+        "repeated",
+        "t,q1,u1\n0,0.0,1\n0.1,0.005,1\n0.1,0.005,1\n0.2,0.02,1\n0.2,0.03,1\n0.3,0.04,1\n",
+    );
+    assert!(matches!(
+        Dataset::read(&here),
+        Err(DataError::TimeNotIncreasing { .. })
+    ));
     let opened = open(&here).unwrap();
     assert_eq!(opened.dataset.experiments[0].t, [0.0, 0.1, 0.2, 0.3]);
     assert_eq!(opened.dataset.experiments[0].q, [0.0, 0.005, 0.02, 0.04]);
     let finding = &opened.findings[0];
     assert_eq!(finding.kind, FindingKind::DuplicateStamps { count: 2 });
-    assert_eq!((finding.severity, finding.rows), (Severity::Wrong, Some((2, 4))));
-    assert_eq!(opened.mended, [("train.csv".to_owned(), "t,q1,u1\n0,0.0,1\n0.1,0.005,1\n0.2,0.02,1\n0.3,0.04,1\n".to_owned())]);
+    assert_eq!(
+        (finding.severity, finding.rows),
+        (Severity::Wrong, Some((2, 4)))
+    );
+    assert_eq!(
+        opened.mended,
+        [(
+            "train.csv".to_owned(),
+            "t,q1,u1\n0,0.0,1\n0.1,0.005,1\n0.2,0.02,1\n0.3,0.04,1\n".to_owned()
+        )]
+    );
 }
 
 #[test]
 fn time_that_goes_back_is_told_from_time_that_stands() {
-    let here = folder("back", "t,q1,u1\n0,0.0,1\n0.1,0.005,1\n0.2,0.02,1\n0.05,0.03,1\n0.3,0.04,1\n");
+    let here = folder(
+        "back",
+        "t,q1,u1\n0,0.0,1\n0.1,0.005,1\n0.2,0.02,1\n0.05,0.03,1\n0.3,0.04,1\n",
+    );
     let opened = open(&here).unwrap();
     assert_eq!(opened.dataset.experiments[0].t, [0.0, 0.1, 0.2, 0.3]);
-    assert!(opened.findings[0].sentence.contains("1 of them go back"), "{}", opened.findings[0]);
+    assert!(
+        opened.findings[0].sentence.contains("1 of them go back"),
+        "{}",
+        opened.findings[0]
+    );
 }
 
 #[test]
