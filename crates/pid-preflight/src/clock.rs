@@ -94,9 +94,13 @@ fn gaps(data: &Dataset, criteria: &Criteria) -> Option<Finding> {
         if step <= 0.0 || holes.is_empty() {
             continue;
         }
+        // The median of uneven steps is one of them; rows are counted by the mean.
+        let near = e.t.windows(2).map(|w| w[1] - w[0]);
+        let near: Vec<f64> = near.filter(|s| *s <= criteria.gap_steps * step).collect();
+        let mean = near.iter().sum::<f64>() / near.len() as f64;
         for i in holes {
             let length = e.t[i + 1] - e.t[i];
-            lost += (length / step - 1.0).round().max(1.0);
+            lost += (length / mean - 1.0).round().max(1.0);
             if longest.is_none_or(|(most, ..)| length > most) {
                 longest = Some((length, step, e, i));
             }
@@ -156,7 +160,7 @@ fn jitter(data: &Dataset, criteria: &Criteria) -> Option<Finding> {
         let mean = near.iter().sum::<f64>() / near.len() as f64;
         let square = near.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / near.len() as f64;
         if step > 0.0 && near.len() >= 20 {
-            square.sqrt() / step
+            square.sqrt() / mean
         } else {
             0.0
         }
@@ -180,7 +184,7 @@ fn jitter(data: &Dataset, criteria: &Criteria) -> Option<Finding> {
         )
         .of(&[], Channel::Time)
         .within(&worst.name)
-        .with("standard deviation over the step", share, "1")
+        .with("standard deviation over the mean step", share, "1")
         .with("median step", worst.sample_time(), "s"),
     )
 }

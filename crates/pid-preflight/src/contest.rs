@@ -20,6 +20,9 @@ const INPUT_UNITS: [(f64, &str); 4] = [
 /// a unit of its own.
 const ALONE: f64 = 30.0;
 
+/// Points at which orders of whole joints are compared: 720 orders of six joints take half a second.
+const FEW: usize = 150;
+
 /// An explanation of the record.
 struct Rival {
     finding: Finding,
@@ -146,9 +149,13 @@ impl<'a> Contest<'a> {
             };
             r.gain > 0.0 && r.left < limit
         };
+        rivals.retain(explained);
+        let good = |r: &Rival| r.left < self.criteria.suspicious;
+        if self.suspicious() && !rivals.iter().any(good) {
+            rivals.extend(self.whole_orders().filter(explained));
+        }
         let best = rivals
             .into_iter()
-            .filter(explained)
             .max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         let (finding, gain) = (best.finding, best.gain);
         Some(
@@ -285,6 +292,39 @@ impl<'a> Contest<'a> {
         (self.total() - after - price, other.worst(&other.base))
     }
 
+    /// Other orders of whole joints, looked for at few points first; it is asked last, since it costs most.
+    fn whole_orders(&self) -> Option<Rival> {
+        let n = self.motion.n;
+        let few = self.motion.thinned(FEW);
+        let total = |motion: &Motion, order: &[usize]| {
+            let motion = motion.ordered(order).with_inputs_ordered(order);
+            let rigid = self.bench.stated_torques(&motion);
+            let left = |j: usize| {
+                let torque = motion.column(&motion.u, j).map(|u| self.bench.gain[j] * u);
+                let rigid = motion.column(&rigid, j);
+                fit(rigid, &friction(&motion, j), torque, self.criteria).left
+            };
+            let log = |j: usize| left(j).max(self.criteria.floor).ln();
+            let moved = (0..n).filter(|&j| order[j] != j).count();
+            (0..n).map(log).sum::<f64>() + self.criteria.margin * moved as f64
+        };
+        let moved = orders(n)
+            .into_iter()
+            .filter(|o| o.iter().enumerate().any(|(j, &k)| j != k));
+        let (_, order) = moved
+            .map(|order| (total(&few, &order), order))
+            .min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let motion = self.motion.ordered(&order).with_inputs_ordered(&order);
+        let changes = (0..n).filter(|&j| order[j] != j).count();
+        let (gain, left) = self.other_motion(&motion, changes);
+        let finding = swapped(Channel::All, &order);
+        Some(Rival {
+            finding,
+            gain,
+            left,
+        })
+    }
+
     /// Signs, order and units of the positions.
     fn motions(&self, data: &pid_data::Dataset) -> Vec<Rival> {
         let n = self.motion.n;
@@ -296,6 +336,16 @@ impl<'a> Contest<'a> {
             out.push(Rival {
                 finding,
                 gain: gain - 0.05,
+                left,
+            });
+        }
+        for j in 0..n {
+            let motion = self.motion.scaled(j, -1.0).with_input_scaled(j, -1.0);
+            let (gain, left) = self.other_motion(&motion, 2);
+            let finding = flipped(Channel::All, &[j + 1], false);
+            out.push(Rival {
+                finding,
+                gain,
                 left,
             });
         }

@@ -36,7 +36,7 @@ pub struct Criteria {
     pub gap_steps: f64,
     /// A hole is doubtful from this long on, s: in a tenth of a second a joint moves on visibly.
     pub gap_seconds: f64,
-    /// Standard deviation of the time steps over their median from which it is said.
+    /// Standard deviation of the time steps over their mean from which it is said.
     pub jitter: f64,
     /// Rate that a diagnosis of drives wants, Hz: delays of 5 ms and reversals of 20 ms are the smallest
     /// effects of the library that matter.

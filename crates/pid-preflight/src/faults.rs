@@ -16,11 +16,17 @@ pub(crate) fn swapped(channel: Channel, order: &[usize]) -> Finding {
     Finding::new(
         FindingKind::Swapped { channel, order },
         Severity::Wrong,
-        format!(
-            "the {} columns of {} are swapped: to {way}",
-            channel.word(),
-            joints_text(&moved)
-        ),
+        match channel {
+            Channel::All => format!(
+                "the order of {} is not that of the robot: to {way}",
+                joints_text(&moved)
+            ),
+            _ => format!(
+                "the {} columns of {} are swapped: to {way}",
+                channel.word(),
+                joints_text(&moved)
+            ),
+        },
         format!(
             "put the columns {} into the order of the robot; `--fix` does it",
             channel.columns()
@@ -31,11 +37,13 @@ pub(crate) fn swapped(channel: Channel, order: &[usize]) -> Finding {
 
 /// Says that columns have the wrong sign.
 pub(crate) fn flipped(channel: Channel, joints: &[usize], or_other: bool) -> Finding {
-    let mut sentence = format!(
-        "the {} of {} has the opposite sign",
-        channel.word(),
-        joints_text(joints)
-    );
+    let who = joints_text(joints);
+    let mut sentence = match channel {
+        Channel::All => {
+            format!("{who} counts the other way round: motion and input have the opposite sign")
+        }
+        _ => format!("the {} of {who} has the opposite sign", channel.word()),
+    };
     if or_other {
         sentence.push_str(" (or its motion has: this record cannot tell)");
     }

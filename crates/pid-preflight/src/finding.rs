@@ -30,6 +30,8 @@ pub enum Channel {
     Motion,
     /// Inputs, `u`.
     Input,
+    /// All columns of the joint.
+    All,
 }
 
 impl Channel {
@@ -41,6 +43,7 @@ impl Channel {
             Channel::Velocity => "dq",
             Channel::Motion => "q and dq",
             Channel::Input => "u",
+            Channel::All => "q, dq and u",
         }
     }
 
@@ -52,6 +55,7 @@ impl Channel {
             Channel::Velocity => "velocity",
             Channel::Motion => "motion",
             Channel::Input => "input",
+            Channel::All => "joint",
         }
     }
 }
@@ -110,7 +114,7 @@ pub enum FindingKind {
     },
     /// Steps of time that vary.
     Jitter {
-        /// Standard deviation over the median step.
+        /// Standard deviation over the mean step.
         share: f64,
     },
     /// Time is not in seconds.
@@ -350,6 +354,7 @@ impl Finding {
             Channel::Velocity => &["dq"],
             Channel::Motion => &["q", "dq"],
             Channel::Input => &["u"],
+            Channel::All => &["q", "dq", "u"],
         };
         let names = joints
             .iter()

@@ -2,7 +2,7 @@
 
 use pid_data::{DataWarning, Dataset, Experiment};
 
-use crate::finding::{Channel, Finding, FindingKind, joints_text, number};
+use crate::finding::{Channel, Finding, FindingKind, Severity, joints_text, number};
 use crate::wrap;
 
 /// The data set with the findings mended that can be mended safely, and what was done, one sentence each.
@@ -18,6 +18,14 @@ pub fn fix(data: &Dataset, findings: &[Finding]) -> (Dataset, Vec<String>) {
         done.extend(apply(&mut out, finding));
     }
     (out, done)
+}
+
+/// Gravity as the findings have it, m/s², for the description; `None` where the stated one is not wrong.
+pub fn mended_gravity(findings: &[Finding]) -> Option<[f64; 3]> {
+    findings.iter().find_map(|f| match f.kind {
+        FindingKind::Gravity { found, .. } if f.severity == Severity::Wrong => Some(found),
+        _ => None,
+    })
 }
 
 /// Mends one finding; says what was done.
@@ -111,26 +119,28 @@ pub(crate) fn apply(data: &mut Dataset, finding: &Finding) -> Option<String> {
     }
 }
 
-/// The channels of an experiment that a fault names.
-fn channels(e: &mut Experiment, channel: Channel) -> Vec<&mut Vec<f64>> {
+/// The channels of an experiment that a fault names, each with the number of its columns.
+fn channels(e: &mut Experiment, channel: Channel) -> Vec<(&mut Vec<f64>, usize)> {
+    let (nq, nu) = (e.nq, e.nu());
     let mut out = Vec::new();
-    if matches!(channel, Channel::Position | Channel::Motion) {
-        out.push(&mut e.q);
+    if matches!(channel, Channel::Position | Channel::Motion | Channel::All) {
+        out.push((&mut e.q, nq));
     }
-    if matches!(channel, Channel::Velocity | Channel::Motion) {
-        out.extend(e.v.as_mut());
+    if matches!(channel, Channel::Velocity | Channel::Motion | Channel::All) {
+        out.extend(e.v.as_mut().map(|v| (v, nq)));
     }
-    if channel == Channel::Input {
-        out.push(&mut e.u);
+    if matches!(channel, Channel::Input | Channel::All) {
+        out.push((&mut e.u, nu));
+    }
+    if channel == Channel::All {
+        let others = [e.tau.as_mut(), e.qref.as_mut()];
+        out.extend(others.into_iter().flatten().map(|x| (x, nq)));
     }
     out
 }
 
 fn permute(e: &mut Experiment, channel: Channel, order: &[usize]) {
-    let nq = e.nq;
-    let nu = e.nu();
-    for x in channels(e, channel) {
-        let width = if channel == Channel::Input { nu } else { nq };
+    for (x, width) in channels(e, channel) {
         for row in x.chunks_exact_mut(width.max(1)) {
             let old = row.to_vec();
             for (j, &from) in order.iter().enumerate().take(width) {
@@ -141,12 +151,7 @@ fn permute(e: &mut Experiment, channel: Channel, order: &[usize]) {
 }
 
 fn scale(e: &mut Experiment, channel: Channel, joints: &[usize], factor: f64) {
-    let width = if channel == Channel::Input {
-        e.nu()
-    } else {
-        e.nq
-    };
-    for x in channels(e, channel) {
+    for (x, width) in channels(e, channel) {
         for row in x.chunks_exact_mut(width.max(1)) {
             joints.iter().for_each(|&j| row[j] *= factor);
         }

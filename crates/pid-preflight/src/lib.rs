@@ -40,7 +40,7 @@ use pid_interpret::nominal::{Nominal, Velocity};
 
 pub use criteria::{Criteria, Settings};
 pub use finding::{Channel, Evidence, Finding, FindingKind, Missing, Severity};
-pub use fix::fix;
+pub use fix::{fix, mended_gravity};
 pub use read::{Opened, open};
 
 use contest::Contest;

@@ -146,11 +146,55 @@ impl Motion {
 
     /// The same with the motions of two joints exchanged.
     pub(crate) fn exchanged(&self, i: usize, j: usize) -> Self {
+        let mut order: Vec<usize> = (0..self.n).collect();
+        order.swap(i, j);
+        self.ordered(&order)
+    }
+
+    /// The same with the motions in another order: that of joint `order[j]` becomes that of joint `j`.
+    pub(crate) fn ordered(&self, order: &[usize]) -> Self {
         let mut out = self.points();
         for x in [&mut out.q, &mut out.v, &mut out.a] {
-            x.chunks_exact_mut(self.n).for_each(|row| row.swap(i, j));
+            permuted(x, order);
         }
         out
+    }
+
+    /// The same with the inputs in another order.
+    pub(crate) fn with_inputs_ordered(mut self, order: &[usize]) -> Self {
+        permuted(&mut self.u, order);
+        self
+    }
+
+    /// The same with an input multiplied.
+    pub(crate) fn with_input_scaled(mut self, j: usize, factor: f64) -> Self {
+        let n = self.n;
+        self.u
+            .iter_mut()
+            .skip(j)
+            .step_by(n)
+            .for_each(|u| *u *= factor);
+        self
+    }
+
+    /// About so many of the points, evenly chosen.
+    pub(crate) fn thinned(&self, points: usize) -> Self {
+        let step = self.len().div_ceil(points.max(1)).max(1);
+        let rows = |x: &[f64]| -> Vec<f64> {
+            let kept = x.chunks_exact(self.n).step_by(step);
+            kept.flatten().copied().collect()
+        };
+        Self {
+            n: self.n,
+            at: self.at.iter().step_by(step).copied().collect(),
+            q: rows(&self.q),
+            v: rows(&self.v),
+            a: rows(&self.a),
+            u: rows(&self.u),
+            dq: rows(&self.dq),
+            inputs: Vec::new(),
+            steps: Vec::new(),
+        }
     }
 
     /// The joint moves: positions spread over more than noise. Angles of less than 3 mrad, ways of less than
@@ -162,6 +206,15 @@ impl Motion {
                 (l.min(x), h.max(x))
             });
         high - low > 3e-3
+    }
+}
+
+fn permuted(x: &mut [f64], order: &[usize]) {
+    for row in x.chunks_exact_mut(order.len()) {
+        let old = row.to_vec();
+        for (value, &from) in row.iter_mut().zip(order) {
+            *value = old[from];
+        }
     }
 }
 

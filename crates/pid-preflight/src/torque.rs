@@ -132,6 +132,11 @@ impl Bench {
         Torques { rigid, unit }
     }
 
+    /// Torques along a motion under the stated gravity only.
+    pub(crate) fn stated_torques(&self, motion: &Motion) -> Vec<f64> {
+        self.rigid(motion, &self.p)
+    }
+
     /// `M a + b` and forces of position, points × joints: the residual without inputs, less what the
     /// velocity adds to the forces of drives and friction.
     fn rigid(&self, motion: &Motion, p: &[f64]) -> Vec<f64> {

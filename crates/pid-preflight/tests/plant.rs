@@ -7,7 +7,7 @@ use pid_interpret::nominal::Nominal;
 use pid_preflight::{Channel, Finding, FindingKind, Severity};
 
 /// Kinds of planted faults.
-pub(crate) const KINDS: [&str; 14] = [
+pub(crate) const KINDS: [&str; 15] = [
     "swapped inputs",
     "swapped motion",
     "flipped input",
@@ -22,6 +22,7 @@ pub(crate) const KINDS: [&str; 14] = [
     "wrong gravity",
     "milli-units",
     "zero effort",
+    "joint order",
 ];
 
 /// Pseudo-random numbers (splitmix64 of Vigna), so that a case depends on its seed alone.
@@ -98,6 +99,24 @@ pub(crate) fn plant(
                 };
                 for x in channels {
                     x.chunks_exact_mut(n).for_each(|row| row.swap(one, other));
+                }
+            }
+        }
+        "joint order" => {
+            // Two joints or all: a log in the order of the alphabet.
+            let other = other?;
+            let mut order: Vec<usize> = (0..n).collect();
+            order.swap(one, other);
+            if n > 2 && draws.below(2) == 0 {
+                order.rotate_left(1);
+            }
+            joints = (0..n).filter(|&j| order[j] != j).map(|j| j + 1).collect();
+            for e in &mut data.experiments {
+                for x in [&mut e.q, &mut e.u].into_iter().chain(e.v.as_mut()) {
+                    for row in x.chunks_exact_mut(n) {
+                        let old = row.to_vec();
+                        order.iter().enumerate().for_each(|(j, &k)| row[j] = old[k]);
+                    }
                 }
             }
         }
@@ -243,6 +262,7 @@ pub(crate) fn names(finding: &Finding, planted: &Planted) -> bool {
         && match (&finding.kind, planted.kind) {
             (FindingKind::Swapped { channel, .. }, "swapped inputs") => *channel == Channel::Input,
             (FindingKind::Swapped { channel, .. }, "swapped motion") => *channel == Channel::Motion,
+            (FindingKind::Swapped { channel, .. }, "joint order") => *channel == Channel::All,
             (FindingKind::SignFlipped { channel, .. }, "flipped input") => {
                 *channel == Channel::Input
             }

@@ -6,10 +6,11 @@ use pid_data::Dataset;
 use pid_preflight::{Finding, FindingKind, Settings, Severity, check, fix};
 use pid_withheld::{Plan, lay_out};
 
+use crate::findings::PENDULUM;
 use crate::plant::{Draws, KINDS, Planted, described, names, plant};
 
 /// Drawn cases of up to two joints, and where they lie.
-const CASES: usize = 4;
+const CASES: usize = 3;
 
 fn drawn(i: usize) -> (Dataset, String) {
     let plan = Plan {
@@ -27,6 +28,8 @@ fn drawn(i: usize) -> (Dataset, String) {
 fn settings() -> Settings {
     Settings {
         determinable: false,
+        // A third of the usual samples: the test is a short form.
+        points: 1300,
         ..Settings::default()
     }
 }
@@ -160,10 +163,8 @@ fn two_faults_in_one_record_are_both_found() {
 
 #[test]
 fn a_data_set_of_another_robot_is_said_to_be_one() {
-    let sets: Vec<(Dataset, String)> = (0..CASES).map(drawn).collect();
-    let one = sets.iter().find(|(data, _)| data.nq() == 1).unwrap();
-    let two = sets.iter().find(|(data, _)| data.nq() == 2).unwrap();
-    let found = check(&one.0, &described(&two.1), &settings());
+    let two = (0..CASES).map(drawn).find(|(data, _)| data.nq() == 2);
+    let found = check(&two.unwrap().0, &described(PENDULUM), &settings());
     assert_eq!(found[0].kind, FindingKind::NotComparable);
-    assert!(found[0].sentence.contains("1 joints"), "{}", found[0]);
+    assert!(found[0].sentence.contains("has 2 joints"), "{}", found[0]);
 }
