@@ -10,11 +10,19 @@ use crate::open;
 use crate::torque::{Bench, Fit, Torques, fit, friction, sums};
 
 /// Factors to SI and names of units of inputs.
-const INPUT_UNITS: [(f64, &str); 4] = [
+const INPUT_UNITS: [(f64, &str); 6] = [
     (1e-3, "thousandths (N·mm, mA, mV)"),
     (1e3, "thousands (kN·m, kA)"),
     (9.80665, "kgf or kgf·m"),
     (0.0980665, "kgf·cm"),
+    (
+        std::f64::consts::PI / 180.0,
+        "units of a gain per radian taken per degree",
+    ),
+    (
+        180.0 / std::f64::consts::PI,
+        "units of a gain per degree taken per radian",
+    ),
 ];
 /// A single joint whose input is off by less than this has a drive that gives less or more than it should, not
 /// a unit of its own.

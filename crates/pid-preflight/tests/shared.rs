@@ -142,3 +142,87 @@ fn the_public_logs_get_their_findings() {
     };
     assert!(changed(turns).is_none_or(|found| found.is_empty()));
 }
+
+/// Keeps the rows of every record whose index passes.
+fn keep(data: &mut Dataset, passes: impl Fn(usize) -> bool) {
+    for e in &mut data.experiments {
+        let of = |x: &[f64], width: usize| -> Vec<f64> {
+            let rows = x.chunks_exact(width).enumerate();
+            let kept = rows.filter(|(i, _)| passes(*i));
+            kept.flat_map(|(_, row)| row.to_vec()).collect()
+        };
+        (e.q, e.u) = (of(&e.q, 2), of(&e.u, 2));
+        e.v = e.v.as_ref().map(|v| of(v, 2));
+        e.t = of(&e.t, 1);
+    }
+}
+
+#[test]
+fn the_other_public_logs_get_theirs() {
+    let milliseconds = |d: &mut Dataset| {
+        d.experiments
+            .iter_mut()
+            .for_each(|e| e.t.iter_mut().for_each(|t| *t *= 1e3))
+    };
+    has(
+        changed(milliseconds),
+        &[],
+        |k| matches!(k, FindingKind::TimeUnit { factor } if *factor == 1e-3),
+    );
+    let frozen = |d: &mut Dataset| {
+        for e in &mut d.experiments {
+            let middle = e.len() / 2;
+            let held = e.q[2 * middle + 1];
+            (middle..middle + 250).for_each(|i| e.q[2 * i + 1] = held);
+        }
+    };
+    has(changed(frozen), &[2], |k| *k == FindingKind::FrozenChannel);
+    let silent = |d: &mut Dataset| d.experiments.iter_mut().for_each(|e| e.u.fill(0.0));
+    has(changed(silent), &[1, 2], |k| *k == FindingKind::ZeroInput);
+    let dropped = |d: &mut Dataset| keep(d, |i| i % 20 != 7);
+    // Of 2801 rows 140 are dropped in each of five records.
+    has(changed(dropped), &[], |k| {
+        *k == FindingKind::LostRows { count: 700 }
+    });
+    let outliers = |d: &mut Dataset| {
+        for e in &mut d.experiments {
+            (0..5).for_each(|k| e.q[2 * (300 + 500 * k)] += 0.5);
+        }
+    };
+    has(changed(outliers), &[1], |k| {
+        *k == FindingKind::Outliers { count: 25 }
+    });
+    let slow = |d: &mut Dataset| keep(d, |i| i % 8 == 0);
+    has(
+        changed(slow),
+        &[],
+        |k| matches!(k, FindingKind::RateLow { rate, .. } if (rate - 50.0).abs() < 0.1),
+    );
+}
+
+#[test]
+fn gravity_upwards_is_found_with_the_right_vector() {
+    let Some(folder) = shared("blind/p14") else {
+        return;
+    };
+    let text = std::fs::read_to_string(folder.join("nominal.toml")).unwrap();
+    let text = text.replace("gravity = [0.0, 0.0, -9.81]", "gravity = [0.0, 0.0, 9.81]");
+    let nominal = Nominal::parse("nominal.toml", &text).unwrap();
+    let found = check(
+        &Dataset::read(&folder).unwrap(),
+        &nominal,
+        &Settings::default(),
+    );
+    assert_eq!(
+        pid_preflight::mended_gravity(&found),
+        Some([0.0, 0.0, -9.81])
+    );
+    assert_eq!(
+        found
+            .iter()
+            .filter(|f| f.severity == Severity::Wrong)
+            .count(),
+        1,
+        "{found:#?}"
+    );
+}
