@@ -1,6 +1,7 @@
 //! `simtrue diagnose`: which effect the model in a data folder lacks.
 
-use std::path::Path;
+use std::ffi::{OsStr, OsString};
+use std::path::{Component, Path, PathBuf};
 
 use pid_diagnose::diagnosis::{Diagnosis, Share};
 use pid_diagnose::report::Report;
@@ -10,23 +11,28 @@ use pid_runtime::dynamics::Hessian;
 use rayon::prelude::*;
 
 use crate::args::diagnose::DiagnoseArgs;
-use crate::error::{CliError, write};
-use crate::{models, output};
+use crate::error::{CliError, make_folder, write};
+use crate::open::{open, robot_and_logs};
+use crate::{check, models, output};
 
-/// Diagnoses all folders, several at a time. Names those that cannot be read and goes on.
+/// Diagnoses a robot file with its logs, or all folders, several at a time. Names those that cannot be
+/// read and goes on.
 pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
-    let several = args.folders.len() > 1;
+    if let Some((robot, logs)) = robot_and_logs(&args.paths) {
+        return of_logs(robot, logs, args);
+    }
+    let several = args.paths.len() > 1;
     let model = match &args.model {
         Some(name) => Some(models::by_name(name)?.model),
         None => None,
     };
     let outcomes: Vec<Result<bool, CliError>> = args
-        .folders
+        .paths
         .par_iter()
-        .map(|folder| {
+        .zip(places(&args.paths))
+        .map(|(folder, place)| {
             let out = if several {
-                args.out
-                    .join(folder.file_name().unwrap_or(folder.as_os_str()))
+                args.out.join(place)
             } else {
                 args.out.clone()
             };
@@ -38,6 +44,7 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
             match one(folder, model, &out, args) {
                 Ok(d) => {
                     output::print(&summary(&d));
+                    said_where(&out);
                     Ok(true)
                 }
                 Err(CliError::Case { source }) => {
@@ -55,17 +62,67 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
     Ok(u8::from(failed))
 }
 
+fn said_where(out: &Path) {
+    output::print(&format!("  report: {}\n", out.join("report.html").display()));
+}
+
+/// Names of the folders of results: the last part of each path, or all of it where two end alike.
+fn places(paths: &[PathBuf]) -> Vec<OsString> {
+    let last = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_owned();
+    let whole = |path: &Path| {
+        let parts = path.components().filter_map(|part| match part {
+            Component::Normal(name) => Some(name.to_owned()),
+            _ => None,
+        });
+        parts.collect::<Vec<OsString>>().join(OsStr::new("_"))
+    };
+    let names: Vec<OsString> = paths.iter().map(|path| last(path)).collect();
+    paths
+        .iter()
+        .zip(&names)
+        .map(|(path, name)| match names.iter().filter(|n| *n == name).count() {
+            1 => name.clone(),
+            _ => whole(path),
+        })
+        .collect()
+}
+
+fn settings(args: &DiagnoseArgs) -> Settings {
+    Settings {
+        refit_all: args.refit_all,
+        joint_seconds: args.joint_seconds,
+        ..Settings::default()
+    }
+}
+
+/// Diagnoses a robot file with its logs. What the run rests on stands in the folder `data` beside the
+/// report and repeats it.
+fn of_logs(robot: &Path, logs: &[PathBuf], args: &DiagnoseArgs) -> Result<u8, CliError> {
+    let opened = open(robot, logs, &args.open)?;
+    let wrong = check::wrong(&opened);
+    for finding in &wrong {
+        output::message(&finding.to_string());
+    }
+    if !wrong.is_empty() && !args.anyway {
+        return Err(CliError::Contradicts { number: wrong.len() });
+    }
+    make_folder(&args.out)?;
+    opened.write(&args.out.join("data"))?;
+    let nominal = pid_diagnose::nominal::Nominal::new(opened.nominal);
+    let report = Report::new(nominal, &opened.dataset, &settings(args), args.next)?;
+    report.write(&args.out)?;
+    output::print(&summary(&report.diagnosis));
+    said_where(&args.out);
+    Ok(0)
+}
+
 fn one(
     folder: &Path,
     model: Option<&dyn Hessian>,
     out: &Path,
     args: &DiagnoseArgs,
 ) -> Result<Diagnosis, CliError> {
-    let settings = Settings {
-        refit_all: args.refit_all,
-        joint_seconds: args.joint_seconds,
-        ..Settings::default()
-    };
+    let settings = settings(args);
     let report = match (model, &args.nominal) {
         (Some(model), _) => Report::of_model(model, folder, &settings, args.next)?,
         (None, Some(file)) => Report::of_files(folder, file, &settings, args.next)?,

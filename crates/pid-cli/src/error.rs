@@ -34,6 +34,22 @@ pub(crate) enum CliError {
     Urdf(#[from] UrdfError),
     #[error(transparent)]
     Interpret(#[from] pid_interpret::Error),
+    #[error(transparent)]
+    Mjcf(#[from] pid_mjcf::MjcfError),
+    #[error(transparent)]
+    Log(#[from] pid_logs::LogError),
+    #[error(
+        "{}: the robot is given without a log\n  help: name the logs after it, or a folder with dataset.toml", robot.display()
+    )]
+    NoLog { robot: PathBuf },
+    #[error(
+        "{number} findings contradict the robot\n  help: `simtrue check ROBOT LOG --fix FOLDER` mends what can be mended safely; --anyway goes on with the records as they are"
+    )]
+    Contradicts { number: usize },
+    #[error(
+        "{}: no robot file\n  help: the first path is a URDF (.urdf), an MJCF (.xml) or a nominal.toml, those after it are logs", path.display()
+    )]
+    NoRobot { path: PathBuf },
     #[error(
         "`{model}` is given without a data folder\n  help: give the folder with dataset.toml after it"
     )]

@@ -35,7 +35,9 @@
 mod args;
 mod assume;
 mod cause;
+mod check;
 mod constrain;
+mod convert;
 mod demo;
 mod diagnose;
 mod dump;
@@ -44,6 +46,7 @@ mod excite;
 mod identify;
 mod limits;
 mod models;
+mod open;
 pub mod output;
 mod parameters;
 pub mod progress;
@@ -76,6 +79,8 @@ pub fn main(own: &'static [Entry]) -> ExitCode {
         Some(Command::Diagnose(args)) => diagnose::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),
         Some(Command::Regress(args)) => regress::run(&args),
+        Some(Command::Check(args)) => check::run(&args),
+        Some(Command::Convert(args)) => convert::run(&args),
         Some(Command::Models) => {
             list();
             Ok(0)

@@ -35,6 +35,9 @@ pub struct Criteria {
     /// shrink enough; twice as many keep it for the next round where noise levels are not stated.
     /// 10: training seeds.
     pub beyond_doubt: f64,
+    /// Gain on the test records, in margins, that keeps an effect among several although free runs do
+    /// not shrink: while others are missing these tell little. 3: not derived.
+    pub sure_in_part: f64,
     /// Relative decrease of the objective by a first effect, at least. 0.002: not derived.
     pub least_decrease: f64,
     /// The same for a second effect. 0.03: not derived.
@@ -135,6 +138,7 @@ impl Default for Criteria {
             chance: 0.05,
             margin: 12.0,
             beyond_doubt: 10.0,
+            sure_in_part: 3.0,
             least_decrease: 0.002,
             least_second_decrease: 0.03,
             large_decrease: 0.1,

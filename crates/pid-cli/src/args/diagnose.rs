@@ -5,14 +5,21 @@ use std::path::PathBuf;
 use clap::Args;
 use pid_diagnose::search::Settings;
 
+use super::open::OpenArgs;
 use super::parse::positive;
 
 /// Arguments of `simtrue diagnose`.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct DiagnoseArgs {
-    /// Folders with dataset.toml, nominal.toml and CSV files.
-    #[arg(required = true)]
-    pub(crate) folders: Vec<PathBuf>,
+    /// Robot file (URDF, MJCF or nominal.toml) and its logs (docs/logs.md), or folders with
+    /// dataset.toml, nominal.toml and CSV files.
+    #[arg(required = true, value_name = "ROBOT LOG|FOLDER")]
+    pub(crate) paths: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) open: OpenArgs,
+    /// Go on although the records contradict the robot (`simtrue check` says how).
+    #[arg(long)]
+    pub(crate) anyway: bool,
     /// Nominal description of the robot, in place of the nominal.toml of each folder.
     #[arg(long, value_name = "FILE", conflicts_with = "model")]
     pub(crate) nominal: Option<PathBuf>,

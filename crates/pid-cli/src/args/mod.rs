@@ -3,6 +3,7 @@
 pub(crate) mod diagnose;
 pub(crate) mod excite;
 pub(crate) mod identify;
+pub(crate) mod open;
 pub(crate) mod parse;
 pub(crate) mod regress;
 pub(crate) mod source;
@@ -16,6 +17,7 @@ use clap::{Args, Parser, Subcommand};
 use diagnose::DiagnoseArgs;
 use excite::ExciteArgs;
 use identify::IdentifyArgs;
+use open::{CheckArgs, ConvertArgs};
 use regress::RegressArgs;
 use source::Source;
 
@@ -46,6 +48,11 @@ pub(crate) enum Command {
     /// Name the physical effect that the model in a data folder lacks, its joint, and how far it
     /// shrinks the gap.
     Diagnose(DiagnoseArgs),
+    /// Check records against a robot before anything is fitted: order and sign of the joints, units,
+    /// gravity, clocks, channels that stand still, what the motion can tell.
+    Check(CheckArgs),
+    /// Write a robot file and its logs as a data folder: dataset.toml, nominal.toml, CSV files.
+    Convert(ConvertArgs),
     /// List the models.
     Models,
     /// Make the embedded demonstration data anew.

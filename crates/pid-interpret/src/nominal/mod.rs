@@ -246,6 +246,15 @@ impl Nominal {
         &self.measurement
     }
 
+    /// The same robot, its velocities read in another way: a robot file does not say how. One per
+    /// joint of the measurement; those beyond stay as they are.
+    pub fn with_velocities(mut self, velocities: &[Velocity]) -> Self {
+        for (channel, velocity) in self.measurement.channels.iter_mut().zip(velocities) {
+            channel.velocity = *velocity;
+        }
+        self
+    }
+
     /// Effects beside the nominal structure, as a diagnosis named them.
     pub fn effects(&self) -> &[Effect] {
         &self.effects

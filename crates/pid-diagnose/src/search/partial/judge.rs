@@ -143,6 +143,11 @@ pub(super) fn shrinks(criteria: &Criteria, term: &Term, before: &Gap, after: &Ga
     sum(after) < least * sum(before) && shrink && grow.next().is_none()
 }
 
+/// Whether free runs grow beyond the scatter between windows.
+pub(super) fn grows(criteria: &Criteria, before: &Gap, after: &Gap) -> bool {
+    after.total > before.total && certainty(&before.windows, &after.windows) < -criteria.decrease()
+}
+
 /// Whether an amplitude of the last effect, or its number of periods, ended at the end of its
 /// range: the effect then stands for something else.
 pub(super) fn at_an_end(case: &Case, fit: &Fit) -> bool {

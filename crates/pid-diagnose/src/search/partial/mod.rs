@@ -41,7 +41,7 @@ use crate::levels::{follow_slowly, settle};
 use crate::noise;
 use crate::screen::screen;
 use exchange::exchange;
-use judge::{Gained, at_an_end, gained, judge, shrinks, sums_of};
+use judge::{Gained, at_an_end, gained, grows, judge, shrinks, sums_of};
 
 /// What the library explains, and what it is judged against.
 struct Partial {
@@ -209,10 +209,10 @@ fn refused(
     own: &Gap,
 ) -> Option<&'static str> {
     let criteria = &settings.criteria;
-    // What few windows or another joint hide: the slow predictions of motions never fitted are
-    // beyond doubt.
+    // What few windows or another effect that is missing hide: the slow predictions of motions never
+    // fitted are beyond doubt.
     let beyond_doubt =
-        held_out > criteria.beyond_doubt * criteria.margin && own.total < now.gap.total;
+        held_out > criteria.sure_in_part * criteria.margin && !grows(criteria, &now.gap, own);
     if tried.score <= criteria.margin {
         Some("its score is that of chance")
     } else if held_out <= 0.0 {
@@ -234,7 +234,7 @@ fn led_to(
     let mut case = now.case.clone();
     let (fit, directions) = renewed(&mut case, settings, &tried.fit, sensors);
     let gap = measured(&case, &fit);
-    if gap.total >= now.gap.total {
+    if grows(&settings.criteria, &now.gap, &gap) {
         return Err("free runs grow under the levels it leaves");
     }
     if at_an_end(&case, &fit) {
@@ -253,27 +253,29 @@ fn led_to(
 }
 
 /// Drops the effects that the last one has made superfluous, one after the other: beside the others
-/// they gain no more than chance, or free runs are better without. Their places, in the order of
+/// they gain no more than chance, or free runs are better without beyond their scatter. Their places, in the order of
 /// dropping.
 fn pruned(now: &mut Stand, settings: &Settings, sensors: &[(f64, f64)]) -> Vec<usize> {
     let criteria = &settings.criteria;
     let mut dropped = Vec::new();
     loop {
         let terms = &now.fit.hypothesis.terms;
-        let rest: Vec<(f64, f64, Fit)> = (0..terms.len().saturating_sub(1))
+        let rest: Vec<(f64, Gap, Fit)> = (0..terms.len().saturating_sub(1))
             .into_par_iter()
             .map(|i| {
                 let less = without(&now.case, &now.directions, settings, &now.fit, i);
                 let parameters = terms[i].effect.info().parameters.len();
                 let gained = gained(&now.case, &sums_of(&now.case, &less), &now.fit);
-                let gap = measured(&now.case, &less).total;
+                let gap = measured(&now.case, &less);
                 (gained.score(parameters, 1), gap, less)
             })
             .collect();
         let superfluous = rest
             .into_iter()
             .enumerate()
-            .filter(|(_, (score, gap, _))| *score < criteria.replaces() || *gap < now.gap.total)
+            .filter(|(_, (score, gap, _))| {
+                *score < criteria.replaces() || grows(criteria, gap, &now.gap)
+            })
             .min_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let Some((i, (_, _, less))) = superfluous else {
             return dropped;
@@ -322,7 +324,10 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
             rounds.extend(exchange(&mut now, &mut taken, settings, sensors));
         }
         // Nothing is left, or one effect went in circles with another.
-        if now.gap.total < settings.criteria.calm * floor || now.gap.total >= before {
+        let circles = rounds
+            .last()
+            .is_some_and(|r| !r.dropped.is_empty() && !r.exchange);
+        if now.gap.total < settings.criteria.calm * floor || (circles && now.gap.total >= before) {
             break;
         }
     }

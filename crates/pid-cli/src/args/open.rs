@@ -1,0 +1,117 @@
+//! Arguments of commands that open a robot file and logs.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use pid_interpret::nominal::Provenance;
+use pid_logs::Entry;
+
+use super::parse::{finite, positive};
+
+/// How a robot file and logs are read.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct OpenArgs {
+    /// Column of the log by hand: KIND:JOINT=COLUMN[UNIT], such as `q:elbow=/js/elbow/pos[deg]`,
+    /// `q=[deg]` for a unit alone; may be repeated (docs/logs.md).
+    #[arg(long, value_name = "ENTRY", value_parser = entry)]
+    pub(crate) map: Vec<Entry>,
+    /// TOML file of such entries.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) map_file: Option<PathBuf>,
+    /// What the inputs of the log are, where their names and units do not say it.
+    #[arg(long, value_enum, value_name = "QUANTITY")]
+    pub(crate) input: Option<InputArg>,
+    /// Factors from the inputs to the torque or force at the joints, one per joint (N·m/A for
+    /// currents); the inputs then count as torques or forces.
+    #[arg(long, value_name = "K1,K2,…", value_delimiter = ',', value_parser = finite)]
+    pub(crate) gain: Vec<f64>,
+    /// No joint is driven: the inputs are zero.
+    #[arg(long)]
+    pub(crate) passive: bool,
+    /// Log to judge with; may be repeated. By default the last quarter of several logs, or the last
+    /// third of a single one.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) test: Vec<String>,
+    /// Step of logs without times, s.
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub(crate) step: Option<f64>,
+    /// Where masses and inertias of the robot file come from; says how far they are trusted.
+    #[arg(long, value_enum, default_value_t, value_name = "CLASS")]
+    pub(crate) class: ClassArg,
+    /// Joints of the robot file that move; the others are held at zero. By default all.
+    #[arg(long, value_name = "J1,J2,…", value_delimiter = ',')]
+    pub(crate) joints: Vec<String>,
+    /// Masses and inertias that a URDF lacks are guessed from its geometry.
+    #[arg(long)]
+    pub(crate) guess_inertias: bool,
+    /// Inertias that no body can have end the run instead of being mended.
+    #[arg(long)]
+    pub(crate) strict: bool,
+}
+
+fn entry(text: &str) -> Result<Entry, String> {
+    Entry::parse(text).map_err(|e| e.to_string())
+}
+
+/// Quantities of inputs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum InputArg {
+    /// Torque at the joint, N·m; force where it slides.
+    Torque,
+    /// Current, A.
+    Current,
+    /// Voltage, V.
+    Voltage,
+}
+
+/// Origins of masses and inertias.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum ClassArg {
+    /// A CAD model: mass within 5 %.
+    #[default]
+    Cad,
+    /// A data sheet: mass within 20 %.
+    DataSheet,
+    /// A guess: mass within a factor of two.
+    Guessed,
+}
+
+impl From<ClassArg> for Provenance {
+    fn from(class: ClassArg) -> Self {
+        match class {
+            ClassArg::Cad => Provenance::Cad,
+            ClassArg::DataSheet => Provenance::DataSheet,
+            ClassArg::Guessed => Provenance::Guessed,
+        }
+    }
+}
+
+/// Arguments of `simtrue check`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct CheckArgs {
+    /// Robot file (URDF, MJCF or nominal.toml) and its logs, or folders with dataset.toml and
+    /// nominal.toml.
+    #[arg(required = true, value_name = "ROBOT LOG")]
+    pub(crate) paths: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) open: OpenArgs,
+    /// Write the records with what can be mended safely mended into this folder.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) fix: Option<PathBuf>,
+    /// Print the findings as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Arguments of `simtrue convert`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct ConvertArgs {
+    /// Robot file (URDF, MJCF or nominal.toml) and its logs.
+    #[arg(required = true, num_args = 2.., value_name = "ROBOT LOG")]
+    pub(crate) paths: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) open: OpenArgs,
+    /// Folder for dataset.toml, nominal.toml and the records as CSV files.
+    #[arg(long, short, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
+}

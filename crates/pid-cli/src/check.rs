@@ -1,0 +1,95 @@
+//! `simtrue check`: records against a robot, before anything is fitted.
+
+use std::path::Path;
+
+use pid_interpret::nominal::Nominal;
+use pid_preflight::{Finding, Settings, Severity, check, fix, mended_gravity, open as open_folder};
+
+use crate::args::open::CheckArgs;
+use crate::error::CliError;
+use crate::open::{Opened, open, robot_and_logs};
+use crate::output;
+
+/// Exit code where something contradicts the robot.
+const WRONG: u8 = 1;
+
+/// Checks a robot file with its logs, or every folder; the worst of them decides the exit code.
+pub(crate) fn run(args: &CheckArgs) -> Result<u8, CliError> {
+    if let Some((robot, logs)) = robot_and_logs(&args.paths) {
+        let opened = open(robot, logs, &args.open)?;
+        return one(&opened, &[], args);
+    }
+    let mut code = 0;
+    for folder in &args.paths {
+        let (opened, repeated) = read(folder)?;
+        if args.paths.len() > 1 {
+            output::print(&format!("{}:\n", folder.display()));
+        }
+        code = code.max(one(&opened, &repeated, args)?);
+    }
+    Ok(code)
+}
+
+/// A folder, without the rows whose time does not increase.
+fn read(folder: &Path) -> Result<(Opened, Vec<Finding>), CliError> {
+    let nominal = Nominal::read(folder.join("nominal.toml"))?;
+    let folder = open_folder(folder)?;
+    let opened = Opened {
+        nominal,
+        dataset: folder.dataset,
+    };
+    Ok((opened, folder.findings))
+}
+
+fn one(opened: &Opened, repeated: &[Finding], args: &CheckArgs) -> Result<u8, CliError> {
+    let own = check(&opened.dataset, &opened.nominal, &Settings::default());
+    let all: Vec<&Finding> = repeated.iter().chain(&own).collect();
+    if args.json {
+        let text = serde_json::to_string_pretty(&all).map_err(CliError::Json)?;
+        output::print(&format!("{text}\n"));
+    } else {
+        output::print(&words(&all));
+    }
+    if let Some(folder) = &args.fix {
+        let (dataset, done) = fix(&opened.dataset, &own);
+        for line in &done {
+            output::message(&format!("mended: {line}"));
+        }
+        if let Some(gravity) = mended_gravity(&own) {
+            output::message(&format!(
+                "not mended: gravity in the description; state {gravity:?}"
+            ));
+        }
+        let nominal = opened.nominal.clone();
+        Opened { nominal, dataset }.write(folder)?;
+    }
+    let wrong = all.iter().any(|f| f.severity == Severity::Wrong);
+    Ok(if wrong { WRONG } else { 0 })
+}
+
+/// Findings for the terminal, the worst first.
+fn words(findings: &[&Finding]) -> String {
+    let mut text = String::new();
+    for finding in findings {
+        text.push_str(&format!("{finding}\n"));
+    }
+    let count = |severity| findings.iter().filter(|f| f.severity == severity).count();
+    text.push_str(&format!(
+        "{} wrong, {} doubtful, {} notes\n",
+        count(Severity::Wrong),
+        count(Severity::Doubtful),
+        count(Severity::Note)
+    ));
+    text
+}
+
+/// What contradicts the robot or itself, for a run that follows.
+pub(crate) fn wrong(opened: &Opened) -> Vec<Finding> {
+    let settings = Settings {
+        determinable: false,
+        ..Settings::default()
+    };
+    let mut findings = check(&opened.dataset, &opened.nominal, &settings);
+    findings.retain(|f| f.severity == Severity::Wrong);
+    findings
+}
