@@ -443,6 +443,34 @@ fn a_mass_stands_in_for_geometry() {
     );
 }
 
+/// Both links of a body that was guessed are written, the one without parameters too.
+#[test]
+fn guessed_parts_are_written() {
+    let shape = "<collision><geometry><sphere radius=\"0.1\"/></geometry></collision>";
+    let text = arm(shape, "").replace(
+        "</robot>",
+        &format!(
+            "<link name=\"cap\">{shape}</link><joint name=\"f\" type=\"fixed\"><parent link=\"arm\"/><child link=\"cap\"/>\
+             <origin xyz=\"0 0 0.3\"/></joint></robot>"
+        ),
+    );
+    let mut reading = Reading::default();
+    reading.missing = Missing::Guess(Guess::default());
+    let description = Description::parse_with("a.urdf", &text, &reading).expect("guessed");
+    let robot = pid_urdf::robot(&description, &Default::default()).expect("a robot");
+    let value = |name: &str| {
+        robot
+            .params
+            .iter()
+            .find(|p| p.name == name)
+            .map(|p| p.nominal)
+    };
+    let written = pid_urdf::write(&description, &Default::default(), value);
+    let again = read(&written.text).mechanism(GRAVITY).bodies.remove(0);
+    let ball = 4.0 / 3.0 * std::f64::consts::PI;
+    close(&[again.mass, again.com[2]], &[2.0 * ball, 0.15]);
+}
+
 /// What was guessed gets an element of its own in the written text, in both forms of an empty link.
 #[test]
 fn guessed_inertias_are_written() {
