@@ -307,6 +307,19 @@ fn joints_are_held_by_name() {
     let body = &description.mechanism(GRAVITY).bodies[0];
     close(&[body.mass], &[2.0]);
     close(&body.com, &[0.15, 0.0, 0.35]);
+    // The mechanism holds its joints in the same way.
+    let whole = mechanism(&text);
+    let same = whole.holding(&[None, Some(0.3)]);
+    assert_eq!(same.bodies.len(), 1);
+    close(&same.bodies[0].com, &body.com);
+    close(&same.bodies[0].inertia, &body.inertia);
+    let tool = whole.holding(&[Some(0.4), None]);
+    close(
+        &tool.bodies[0].origin,
+        &[0.5 * 0.4_f64.sin(), 0.0, 0.5 * 0.4_f64.cos()],
+    );
+    close(&tool.bodies[0].rpy, &[0.0, 0.4, 0.0]);
+    assert_eq!(tool.bodies[0].parent, None);
     assert_eq!(
         pid_urdf::robot(&description, &Default::default())
             .unwrap()
@@ -509,13 +522,16 @@ fn followers_are_part_of_the_mechanism() {
         "<link name=\"r\">{BODY}</link><joint name=\"j2\" type=\"revolute\"><parent link=\"base\"/><child link=\"r\"/>\
          <axis xyz=\"0 -2 0\"/><mimic joint=\"j1\" multiplier=\"-0.5\" offset=\"0.1\"/></joint></robot>"
     );
-    let bodies = mechanism(&arm(BODY, "").replace("</robot>", &right)).bodies;
+    let coupled = mechanism(&arm(BODY, "").replace("</robot>", &right));
+    let bodies = &coupled.bodies;
     assert_eq!(bodies[1].axis, [0.0, -1.0, 0.0]);
     let follows = bodies[1].follows.expect("a follower");
     assert_eq!(
         (follows.body, follows.ratio, follows.offset),
         (0, -0.5, 0.1)
     );
+    // A held leader holds its follower.
+    assert!(coupled.holding(&[Some(0.2), None]).bodies.is_empty());
 }
 
 #[test]
