@@ -372,10 +372,14 @@ impl Mechanism {
     pub fn robot(&self) -> Robot {
         let mut robot = Robot::new(self.name.clone(), self.gravity.map(Expr::Num));
         robot.order = (0..self.bodies.len()).collect();
+        // A joint may follow one that comes later.
         let mut coordinates = vec![None; self.bodies.len()];
+        let free = (0..self.bodies.len()).filter(|&k| self.bodies[k].follows.is_none());
+        for (coordinate, k) in free.enumerate() {
+            coordinates[k] = Some(coordinate);
+        }
         for (index, body) in self.bodies.iter().enumerate() {
             let input = robot.inputs.len();
-            coordinates[index] = body.follows.is_none().then_some(input);
             if body.follows.is_none() {
                 robot.inputs.push(Input {
                     name: format!("u_{}", body.joint),

@@ -530,6 +530,16 @@ fn followers_are_part_of_the_mechanism() {
         (follows.body, follows.ratio, follows.offset),
         (0, -0.5, 0.1)
     );
+    // The leader may come later.
+    let mut turned = coupled.clone();
+    turned.bodies.swap(0, 1);
+    turned.bodies[0].follows = Some(pid_derive::mechanism::Follows { body: 1, ..follows });
+    let affine = turned.robot().joints[0]
+        .follows
+        .clone()
+        .expect("a follower");
+    assert_eq!(affine.terms.len(), 1);
+    assert_eq!(affine.terms[0].0, 0);
     // A held leader holds its follower.
     assert!(coupled.holding(&[Some(0.2), None]).bodies.is_empty());
 }
