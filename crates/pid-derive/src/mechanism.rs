@@ -312,15 +312,74 @@ impl Mechanism {
             .collect()
     }
 
+    /// The mechanism with some joints held: one entry per body, the position of its joint where that is
+    /// held. What a held joint carries becomes part of the body that carries it; joints that follow a
+    /// held one are held too.
+    ///
+    /// # Panics
+    /// If there are not as many entries as bodies.
+    pub fn holding(&self, held: &[Option<f64>]) -> Self {
+        assert_eq!(held.len(), self.bodies.len(), "one entry per body");
+        let position = |k: usize| {
+            let follows = self.bodies[k].follows;
+            let led = follows.and_then(|f| Some(f.ratio * held[f.body]? + f.offset));
+            held[k].or(led)
+        };
+        let mut bodies: Vec<Body> = Vec::new();
+        // For each body: the one that it is part of now, its place there, and its own new index.
+        let mut now: Vec<(Option<usize>, Place)> = Vec::new();
+        let mut index = vec![None; self.bodies.len()];
+        for (k, body) in self.bodies.iter().enumerate() {
+            let (carrier, place) = body.parent.map_or((None, Place::IDENTITY), |p| now[p]);
+            if let Some(position) = position(k) {
+                let place = place.then(&body.place(position));
+                if let Some(carrier) = carrier {
+                    let all: &mut Body = &mut bodies[carrier];
+                    let merged = all.distribution().with(&body.distribution().placed(&place));
+                    (all.mass, all.com, all.inertia) = (merged.mass, merged.com, merged.inertia);
+                    all.source = all.source.max(body.source);
+                }
+                now.push((carrier, place));
+                continue;
+            }
+            let mut body = body.clone();
+            body.parent = carrier;
+            if place != Place::IDENTITY {
+                let placed = place.then(&Place::new(body.origin, body.rpy));
+                (body.origin, body.rpy) = (placed.origin, placed.rpy());
+            }
+            index[k] = Some(bodies.len());
+            now.push((Some(bodies.len()), Place::IDENTITY));
+            bodies.push(body);
+        }
+        for body in &mut bodies {
+            body.follows = body.follows.and_then(|follows| {
+                Some(Follows {
+                    body: index[follows.body]?,
+                    ..follows
+                })
+            });
+        }
+        Self {
+            bodies,
+            name: self.name.clone(),
+            gravity: self.gravity,
+        }
+    }
+
     /// The robot without parameters: all is numbers, friction is left out, and each joint that moves on
     /// its own has its torque or force as input.
     pub fn robot(&self) -> Robot {
         let mut robot = Robot::new(self.name.clone(), self.gravity.map(Expr::Num));
         robot.order = (0..self.bodies.len()).collect();
+        // A joint may follow one that comes later.
         let mut coordinates = vec![None; self.bodies.len()];
+        let free = (0..self.bodies.len()).filter(|&k| self.bodies[k].follows.is_none());
+        for (coordinate, k) in free.enumerate() {
+            coordinates[k] = Some(coordinate);
+        }
         for (index, body) in self.bodies.iter().enumerate() {
             let input = robot.inputs.len();
-            coordinates[index] = body.follows.is_none().then_some(input);
             if body.follows.is_none() {
                 robot.inputs.push(Input {
                     name: format!("u_{}", body.joint),

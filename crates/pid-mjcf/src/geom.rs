@@ -23,8 +23,9 @@ pub(crate) fn filled(
         return Ok(Ok(Distribution::default()));
     }
     let kind = match geom.get("mesh") {
-        Some(_) if geom.get("type").is_none() => "mesh",
-        _ => geom.get("type").unwrap_or("sphere"),
+        // A primitive may be fitted to a mesh; its sizes are then not in the file.
+        Some(_) => "mesh",
+        None => geom.get("type").unwrap_or("sphere"),
     };
     let (place, half) = placed(geom, angles)?;
     let size = geom.list("size")?.unwrap_or_default();

@@ -372,6 +372,11 @@ fn mistakes_are_named() {
         ),
         (
             STATED,
+            "<geom type=\"capsule\" mesh=\"m\"/>",
+            "`arm` (joint `j`)",
+        ),
+        (
+            STATED,
             "<geom type=\"mesh\" mesh=\"m\"/>",
             "`arm` (joint `j`)",
         ),

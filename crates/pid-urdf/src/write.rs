@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use pid_derive::mechanism::{Distribution, Place};
+use pid_derive::mechanism::{Distribution, InertiaSource, Place};
 use pid_derive::plausible::{self, Implausible};
 
 use crate::bodies::Rigid;
@@ -76,6 +76,10 @@ pub fn write(
         (description.links.iter().enumerate()).zip(free_links(description, options))
     {
         if !free {
+            // A guess is no part of the text yet, and other readers need it.
+            if let (InertiaSource::Guessed, Some(guessed)) = (link.source, &link.inertial) {
+                edits.insert_inertial(link.places.new, guessed);
+            }
             continue;
         }
         let mut p = [0.0; 10];

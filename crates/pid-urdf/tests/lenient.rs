@@ -307,6 +307,19 @@ fn joints_are_held_by_name() {
     let body = &description.mechanism(GRAVITY).bodies[0];
     close(&[body.mass], &[2.0]);
     close(&body.com, &[0.15, 0.0, 0.35]);
+    // The mechanism holds its joints in the same way.
+    let whole = mechanism(&text);
+    let same = whole.holding(&[None, Some(0.3)]);
+    assert_eq!(same.bodies.len(), 1);
+    close(&same.bodies[0].com, &body.com);
+    close(&same.bodies[0].inertia, &body.inertia);
+    let tool = whole.holding(&[Some(0.4), None]);
+    close(
+        &tool.bodies[0].origin,
+        &[0.5 * 0.4_f64.sin(), 0.0, 0.5 * 0.4_f64.cos()],
+    );
+    close(&tool.bodies[0].rpy, &[0.0, 0.4, 0.0]);
+    assert_eq!(tool.bodies[0].parent, None);
     assert_eq!(
         pid_urdf::robot(&description, &Default::default())
             .unwrap()
@@ -443,6 +456,34 @@ fn a_mass_stands_in_for_geometry() {
     );
 }
 
+/// Both links of a body that was guessed are written, the one without parameters too.
+#[test]
+fn guessed_parts_are_written() {
+    let shape = "<collision><geometry><sphere radius=\"0.1\"/></geometry></collision>";
+    let text = arm(shape, "").replace(
+        "</robot>",
+        &format!(
+            "<link name=\"cap\">{shape}</link><joint name=\"f\" type=\"fixed\"><parent link=\"arm\"/><child link=\"cap\"/>\
+             <origin xyz=\"0 0 0.3\"/></joint></robot>"
+        ),
+    );
+    let mut reading = Reading::default();
+    reading.missing = Missing::Guess(Guess::default());
+    let description = Description::parse_with("a.urdf", &text, &reading).expect("guessed");
+    let robot = pid_urdf::robot(&description, &Default::default()).expect("a robot");
+    let value = |name: &str| {
+        robot
+            .params
+            .iter()
+            .find(|p| p.name == name)
+            .map(|p| p.nominal)
+    };
+    let written = pid_urdf::write(&description, &Default::default(), value);
+    let again = read(&written.text).mechanism(GRAVITY).bodies.remove(0);
+    let ball = 4.0 / 3.0 * std::f64::consts::PI;
+    close(&[again.mass, again.com[2]], &[2.0 * ball, 0.15]);
+}
+
 /// What was guessed gets an element of its own in the written text, in both forms of an empty link.
 #[test]
 fn guessed_inertias_are_written() {
@@ -481,13 +522,26 @@ fn followers_are_part_of_the_mechanism() {
         "<link name=\"r\">{BODY}</link><joint name=\"j2\" type=\"revolute\"><parent link=\"base\"/><child link=\"r\"/>\
          <axis xyz=\"0 -2 0\"/><mimic joint=\"j1\" multiplier=\"-0.5\" offset=\"0.1\"/></joint></robot>"
     );
-    let bodies = mechanism(&arm(BODY, "").replace("</robot>", &right)).bodies;
+    let coupled = mechanism(&arm(BODY, "").replace("</robot>", &right));
+    let bodies = &coupled.bodies;
     assert_eq!(bodies[1].axis, [0.0, -1.0, 0.0]);
     let follows = bodies[1].follows.expect("a follower");
     assert_eq!(
         (follows.body, follows.ratio, follows.offset),
         (0, -0.5, 0.1)
     );
+    // The leader may come later.
+    let mut turned = coupled.clone();
+    turned.bodies.swap(0, 1);
+    turned.bodies[0].follows = Some(pid_derive::mechanism::Follows { body: 1, ..follows });
+    let affine = turned.robot().joints[0]
+        .follows
+        .clone()
+        .expect("a follower");
+    assert_eq!(affine.terms.len(), 1);
+    assert_eq!(affine.terms[0].0, 0);
+    // A held leader holds its follower.
+    assert!(coupled.holding(&[Some(0.2), None]).bodies.is_empty());
 }
 
 #[test]
