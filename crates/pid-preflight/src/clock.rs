@@ -90,7 +90,9 @@ fn gaps(data: &Dataset, criteria: &Criteria) -> Option<Finding> {
     for e in &data.experiments {
         let step = e.sample_time();
         let hole = |w: &[f64]| w[1] - w[0] > criteria.gap_steps * step;
-        let holes: Vec<usize> = (0..e.len() - 1).filter(|&i| hole(&e.t[i..i + 2])).collect();
+        let holes: Vec<usize> = (0..e.len().saturating_sub(1))
+            .filter(|&i| hole(&e.t[i..i + 2]))
+            .collect();
         if step <= 0.0 || holes.is_empty() {
             continue;
         }

@@ -158,7 +158,7 @@ impl<'a> Contest<'a> {
             r.gain > 0.0 && r.left < limit
         };
         rivals.retain(explained);
-        let good = |r: &Rival| r.left < self.criteria.suspicious;
+        let good = |r: &Rival| r.left < self.criteria.convincing;
         if self.suspicious() && !rivals.iter().any(good) {
             rivals.extend(self.whole_orders().filter(explained));
         }

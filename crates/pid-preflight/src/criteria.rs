@@ -73,6 +73,9 @@ pub struct Criteria {
     /// Gain from which a share left of up to 1 is enough: an effect may hide half a torque, but it does not
     /// make a wrong explanation twenty times better than the record as it is.
     pub clear: f64,
+    /// Share left below which an explanation is taken without asking for orders of whole joints, which cost most:
+    /// parallel joints of an arm leave 0.08 in a wrong order.
+    pub convincing: f64,
     /// Share left from which a torque counts as unexplained.
     pub unexplained: f64,
     /// Share of gravity's torque that inertia and friction leave in the motion of a robot left alone. Slow
@@ -133,6 +136,7 @@ impl Default for Criteria {
             sign_margin: 0.4,
             explained: 0.5,
             clear: 3.0,
+            convincing: 0.03,
             unexplained: 0.6,
             free: 0.1,
             late: 0.012,

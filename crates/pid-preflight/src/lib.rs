@@ -63,7 +63,7 @@ pub fn check(data: &Dataset, nominal: &Nominal, settings: &Settings) -> Vec<Find
     let bench = match bench(data, nominal) {
         Ok(bench) => Some(bench),
         Err(finding) => {
-            out.push(finding);
+            out.push(*finding);
             None
         }
     };
@@ -140,14 +140,14 @@ fn free_motion(findings: &mut [Finding], data: &Dataset, bench: &Bench, settings
 }
 
 /// The robot, if the data can be compared with it.
-fn bench(data: &Dataset, nominal: &Nominal) -> Result<Bench, Finding> {
+fn bench(data: &Dataset, nominal: &Nominal) -> Result<Bench, Box<Finding>> {
     let refuse = |text: String| {
-        Finding::new(
+        Box::new(Finding::new(
             FindingKind::NotComparable,
             Severity::Wrong,
             format!("the record cannot be compared with the robot: {text}"),
             "make the data set and the description agree in joints and inputs",
-        )
+        ))
     };
     if nominal.drives().is_some() {
         let mut finding = refuse("its drives move several joints at once".to_owned());

@@ -128,7 +128,7 @@ fn lost_rows_jitter_and_empty_cells_are_counted() {
     }
     e.q[5] = f64::NAN;
     e.missing = 1;
-    let jitter = |i: usize| if i % 2 == 0 { 2e-4 } else { -2e-4 };
+    let jitter = |i: usize| if i.is_multiple_of(2) { 2e-4 } else { -2e-4 };
     e.t.iter_mut()
         .enumerate()
         .for_each(|(i, t)| *t += jitter(i));
@@ -310,4 +310,40 @@ fn findings_are_json_and_back() {
             .contains("\n  help: change the sign of u"),
         "{flipped}"
     );
+}
+
+#[test]
+fn short_and_empty_records_are_taken_without_a_panic() {
+    for rows in [1, 2, 3, 5, 20, 29, 30, 31, 60] {
+        let mut data = swinging(0.8);
+        let e = &mut data.experiments[0];
+        for x in [&mut e.t, &mut e.q, &mut e.u, e.v.as_mut().unwrap()] {
+            x.truncate(rows);
+        }
+        let all = found(&data);
+        // So few rows of a right record contradict nothing.
+        let worse: Vec<&Finding> = all
+            .iter()
+            .filter(|f| f.severity == Severity::Wrong)
+            .collect();
+        assert!(worse.is_empty(), "{rows} rows: {worse:#?}");
+    }
+    let mut data = swinging(0.8);
+    let e = &mut data.experiments[0];
+    for x in [&mut e.t, &mut e.q, &mut e.u, e.v.as_mut().unwrap()] {
+        x.clear();
+    }
+    // A record without rows has no columns that could be compared.
+    assert_eq!(found(&data)[0].kind, FindingKind::NotComparable);
+    let mut data = swinging(0.8);
+    data.experiments[0].q.fill(f64::NAN);
+    data.experiments[0].missing = 2000;
+    assert_eq!(
+        only(&found(&data), "missing-samples").kind,
+        FindingKind::MissingSamples { count: 2000 }
+    );
+    let mut data = swinging(0.8);
+    data.experiments[0].t[1999] = 1e9;
+    let hole = only(&found(&data), "lost-rows");
+    assert_eq!(hole.severity, Severity::Doubtful, "{hole}");
 }
