@@ -63,7 +63,10 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
 }
 
 fn said_where(out: &Path) {
-    output::print(&format!("  report: {}\n", out.join("report.html").display()));
+    output::print(&format!(
+        "  report: {}\n",
+        out.join("report.html").display()
+    ));
 }
 
 /// Names of the folders of results: the last part of each path, or all of it where two end alike.
@@ -80,10 +83,12 @@ fn places(paths: &[PathBuf]) -> Vec<OsString> {
     paths
         .iter()
         .zip(&names)
-        .map(|(path, name)| match names.iter().filter(|n| *n == name).count() {
-            1 => name.clone(),
-            _ => whole(path),
-        })
+        .map(
+            |(path, name)| match names.iter().filter(|n| *n == name).count() {
+                1 => name.clone(),
+                _ => whole(path),
+            },
+        )
         .collect()
 }
 
@@ -104,7 +109,9 @@ fn of_logs(robot: &Path, logs: &[PathBuf], args: &DiagnoseArgs) -> Result<u8, Cl
         output::message(&finding.to_string());
     }
     if !wrong.is_empty() && !args.anyway {
-        return Err(CliError::Contradicts { number: wrong.len() });
+        return Err(CliError::Contradicts {
+            number: wrong.len(),
+        });
     }
     make_folder(&args.out)?;
     opened.write(&args.out.join("data"))?;
