@@ -50,6 +50,8 @@ pub(crate) enum CliError {
         "{}: no robot file\n  help: the first path is a URDF (.urdf), an MJCF (.xml) or a nominal.toml, those after it are logs", path.display()
     )]
     NoRobot { path: PathBuf },
+    #[error("there is no command `{word}`, did you mean `{nearest}`?\n  help: simtrue --help lists the commands")]
+    NoCommand { word: String, nearest: String },
     #[error(
         "`{model}` is given without a data folder\n  help: give the folder with dataset.toml after it"
     )]

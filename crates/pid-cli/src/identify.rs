@@ -14,6 +14,7 @@ use crate::args::identify::{
     ConsistentArg, HessianArg, HorizonArg, IdentifyArgs, InitialArg, MethodArg, SamplingArg,
     SolverArg, WeightsArg,
 };
+use crate::args::source::InertiasArg;
 use crate::cause::Cause;
 use crate::error::CliError;
 use crate::progress::{Interrupt, Progress};
@@ -85,7 +86,7 @@ fn request(args: &IdentifyArgs, entry: &Subject, dataset: &Dataset) -> Result<Re
         settings,
         start,
         choose_horizon: args.horizon == Some(HorizonArg::Auto),
-        consistent_after: args.consistent == Some(ConsistentArg::After),
+        consistent_after: consistent(args) == Some(ConsistentArg::After),
         draws: args.bootstrap,
         profiled: profiled(model.params(), &args.profile)?,
     })
@@ -131,6 +132,15 @@ fn show(news: &News<'_>, params: &[ParamInfo], args: &IdentifyArgs, progress: &P
     }
 }
 
+/// When links are kept bodies: as asked, and throughout for the free links of a URDF.
+fn consistent(args: &IdentifyArgs) -> Option<ConsistentArg> {
+    let free_links = args.source.urdf.is_some() && args.source.inertias == InertiasArg::Free;
+    let by_default =
+        free_links && !args.free_parameters && args.method == MethodArg::FullDiscretization;
+    args.consistent
+        .or(by_default.then_some(ConsistentArg::Throughout))
+}
+
 fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
     let embedded = args.source.embedded();
     let method = match args.method {
@@ -143,7 +153,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         Some(HorizonArg::Auto) | None => by_rule(dataset),
     };
     Settings {
-        consistent: args.consistent == Some(ConsistentArg::Throughout),
+        consistent: consistent(args) == Some(ConsistentArg::Throughout),
         method,
         scheme: args.scheme,
         substeps: args.substeps,

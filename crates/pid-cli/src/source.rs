@@ -16,6 +16,9 @@ use pid_runtime::extend::Extended;
 use pid_runtime::term::Request;
 use pid_urdf::{Description, Inertias, Options};
 
+use clap::CommandFactory;
+
+use crate::args::Cli;
 use crate::args::source::{HoldArg, InertiasArg, Source};
 use crate::error::{CliError, make_folder, write};
 use crate::with::{self, With};
@@ -275,14 +278,37 @@ fn bare<'a>(
         (Some(_), Some(model), Some(_)) => Err(CliError::TwoModels {
             model: model.clone(),
         }),
-        (_, Some(model), None) => Err(CliError::NoFolder {
-            model: model.clone(),
+        (_, Some(model), None) => Err(match models::by_name(model) {
+            Ok(_) => CliError::NoFolder {
+                model: model.clone(),
+            },
+            Err(unknown) => match nearest_command(model) {
+                Some(nearest) => CliError::NoCommand {
+                    word: model.clone(),
+                    nearest,
+                },
+                None => unknown.into(),
+            },
         }),
         (_, model, folder) => {
             let name = model.as_deref().unwrap_or(demo::MODEL);
             Ok((Subject::compiled(name, terms)?, folder.as_deref()))
         }
     }
+}
+
+/// Letters that a mistyped command differs by at most.
+const MISTYPED: usize = 2;
+
+/// The command that a word was probably meant to be.
+fn nearest_command(word: &str) -> Option<String> {
+    let cli = Cli::command();
+    let names = cli.get_subcommands().filter(|c| !c.is_hide_set());
+    names
+        .map(|c| (strsim::osa_distance(word, c.get_name()), c.get_name()))
+        .filter(|(distance, _)| *distance <= MISTYPED)
+        .min()
+        .map(|(_, name)| name.to_owned())
 }
 
 impl Subject {
@@ -399,6 +425,7 @@ mod tests {
                 "simtrue identify emps",
                 "`emps` is given without a data folder",
             ),
+            ("simtrue identify chekc", "there is no command `chekc`, did you mean `check`?"),
             (
                 "simtrue identify --urdf arm.urdf emps data",
                 "model `emps` and a description by --urdf or --nominal are given",
