@@ -264,3 +264,15 @@ fn force(what: &str, m: &Share) -> String {
         m.explained
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_of_folders_of_one_name_do_not_meet() {
+        let paths = ["runs/a/data", "runs/b/data", "runs/c"].map(PathBuf::from);
+        let places = places(&paths);
+        assert_eq!(places, ["runs_a_data", "runs_b_data", "c"]);
+    }
+}

@@ -35,9 +35,9 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Interpret(#[from] pid_interpret::Error),
     #[error(transparent)]
-    Mjcf(#[from] pid_mjcf::MjcfError),
+    Mjcf(Box<pid_mjcf::MjcfError>),
     #[error(transparent)]
-    Log(#[from] pid_logs::LogError),
+    Log(Box<pid_logs::LogError>),
     #[error(
         "{}: the robot is given without a log\n  help: name the logs after it, or a folder with dataset.toml", robot.display()
     )]
@@ -50,7 +50,9 @@ pub(crate) enum CliError {
         "{}: no robot file\n  help: the first path is a URDF (.urdf), an MJCF (.xml) or a nominal.toml, those after it are logs", path.display()
     )]
     NoRobot { path: PathBuf },
-    #[error("there is no command `{word}`, did you mean `{nearest}`?\n  help: simtrue --help lists the commands")]
+    #[error(
+        "there is no command `{word}`, did you mean `{nearest}`?\n  help: simtrue --help lists the commands"
+    )]
     NoCommand { word: String, nearest: String },
     #[error(
         "`{model}` is given without a data folder\n  help: give the folder with dataset.toml after it"
@@ -153,6 +155,18 @@ pub(crate) enum CliError {
     },
     #[error("{}: cannot be written: {error}\n  help: choose another folder with --out", path.display())]
     Write { path: PathBuf, error: io::Error },
+}
+
+impl From<pid_mjcf::MjcfError> for CliError {
+    fn from(error: pid_mjcf::MjcfError) -> Self {
+        Self::Mjcf(Box::new(error))
+    }
+}
+
+impl From<pid_logs::LogError> for CliError {
+    fn from(error: pid_logs::LogError) -> Self {
+        Self::Log(Box::new(error))
+    }
 }
 
 /// Writes a file and names it in the error.

@@ -174,3 +174,87 @@ impl Opened {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write;
+
+    use super::*;
+    use crate::args::open::OpenArgs;
+
+    const ARM: &str = r#"<robot name="arm"><link name="base"/>
+<link name="upper"><inertial><origin xyz="0 0 -0.17"/><mass value="6"/>
+<inertia ixx="0.085" iyy="0.088" izz="0.012" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="40" velocity="3"/><dynamics damping="0.5" friction="0.3"/></joint></robot>"#;
+
+    /// A swing of the arm under no torque but that of its weight, in degrees, its columns in no order.
+    fn swing(of_turn: f64) -> String {
+        let (weight, inertia) = (6.0 * 9.81 * 0.17, 0.088 + 6.0 * 0.17 * 0.17);
+        let (mut q, mut v, h) = (1.0_f64, 0.0_f64, 1e-3);
+        let mut text = String::from("time_ms,shoulder_effort [Nm],shoulder_pos [deg]\n");
+        for k in 0..3000 {
+            let u = 3.0 * (0.004 * f64::from(k)).sin();
+            let t = f64::from(k);
+            writeln!(text, "{t},{u},{}", of_turn * q.to_degrees()).expect("a text");
+            let friction = 0.5 * v + 0.3 * (v / 0.01).tanh();
+            v += h * (u - friction - weight * q.sin()) / inertia;
+            q += h * v;
+        }
+        text
+    }
+
+    #[test]
+    fn a_urdf_and_a_log_become_a_folder_that_repeats_the_run() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("arm.urdf"), ARM).expect("written");
+        std::fs::write(at("a.csv"), swing(1.0)).expect("written");
+        std::fs::write(at("b.csv"), swing(1.0)).expect("written");
+        let paths = [at("arm.urdf"), at("a.csv"), at("b.csv")];
+        let (robot, logs) = robot_and_logs(&paths).expect("a robot file first");
+        let opened = open(robot, logs, &OpenArgs::default()).expect("a robot with records");
+        let record = &opened.dataset.experiments[0];
+        assert!(
+            (record.t[1] - record.t[0] - 1e-3).abs() < 1e-12 && (record.q[0] - 1.0).abs() < 1e-9
+        );
+        assert_eq!(
+            opened.nominal.measurement().channels[0].velocity,
+            Velocity::Absent,
+            "the log has no velocity"
+        );
+        opened.write(&at("data")).expect("written");
+        let again = Dataset::read(&at("data")).expect("a data set");
+        assert_eq!(again.experiments, opened.dataset.experiments);
+        let nominal = Nominal::read(at("data/nominal.toml")).expect("a description");
+        assert_eq!(nominal.robot().params, opened.nominal.robot().params);
+        assert!(crate::check::wrong(&opened).is_empty());
+    }
+
+    #[test]
+    fn folders_are_no_robot_files_and_a_robot_needs_a_log() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let robot = folder.path().join("arm.urdf");
+        std::fs::write(&robot, ARM).expect("written");
+        assert!(robot_and_logs(&[folder.path().to_owned()]).is_none());
+        let error = open(&robot, &[], &OpenArgs::default())
+            .err()
+            .expect("no log");
+        assert!(error.to_string().contains("without a log"), "{error}");
+    }
+
+    /// Degrees that call themselves radians contradict the robot.
+    #[test]
+    fn records_that_contradict_the_robot_are_told() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("arm.urdf"), ARM).expect("written");
+        let text = swing(1.0).replace("[deg]", "[rad]");
+        std::fs::write(at("a.csv"), &text).expect("written");
+        std::fs::write(at("b.csv"), text).expect("written");
+        let logs = [at("a.csv"), at("b.csv")];
+        let opened = open(&at("arm.urdf"), &logs, &OpenArgs::default()).expect("records");
+        let wrong = crate::check::wrong(&opened);
+        assert!(wrong.iter().any(|f| f.kind.name() == "unit"), "{wrong:?}");
+    }
+}

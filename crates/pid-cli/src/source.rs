@@ -425,7 +425,10 @@ mod tests {
                 "simtrue identify emps",
                 "`emps` is given without a data folder",
             ),
-            ("simtrue identify chekc", "there is no command `chekc`, did you mean `check`?"),
+            (
+                "simtrue identify chekc",
+                "there is no command `chekc`, did you mean `check`?",
+            ),
             (
                 "simtrue identify --urdf arm.urdf emps data",
                 "model `emps` and a description by --urdf or --nominal are given",
