@@ -40,7 +40,7 @@ pub(crate) fn open(robot: &Path, logs: &[PathBuf], args: &OpenArgs) -> Result<Op
     let nominal = read_robot(robot, args)?;
     let dataset = match logs {
         [folder] if folder.join("dataset.toml").is_file() => Dataset::read(folder)?,
-        _ => from_logs(&nominal, logs, args)?.dataset,
+        _ => from_logs(&nominal, is_description(robot), logs, args)?.dataset,
     };
     let dataset = match args.gain.as_slice() {
         [] => dataset,
@@ -108,23 +108,41 @@ fn read_robot(robot: &Path, args: &OpenArgs) -> Result<Nominal, CliError> {
     Ok(described.nominal)
 }
 
-/// Logs as records of the joints of a robot.
-fn from_logs(nominal: &Nominal, logs: &[PathBuf], args: &OpenArgs) -> Result<Found, CliError> {
+/// The quantity of an input of this unit.
+fn quantity(unit: &str) -> Option<InputQuantity> {
+    match unit {
+        "N*m" => Some(InputQuantity::Torque),
+        "N" => Some(InputQuantity::Force),
+        "A" => Some(InputQuantity::Current),
+        "V" => Some(InputQuantity::Voltage),
+        _ => None,
+    }
+}
+
+/// Logs as records of the joints of a robot; `stated`: the description says what the inputs are.
+fn from_logs(
+    nominal: &Nominal,
+    stated: bool,
+    logs: &[PathBuf],
+    args: &OpenArgs,
+) -> Result<Found, CliError> {
     let robot = nominal.robot();
-    let prismatic = |name: &str| {
-        robot
-            .joints
-            .iter()
-            .find(|j| j.name == name)
-            .is_some_and(|j| matches!(j.kind, JointKind::Prismatic(_)))
+    let of_name = |name: &str| robot.joints.iter().find(|j| j.name == name);
+    let slides = |name: &str| {
+        of_name(name).is_some_and(|j| matches!(j.kind, JointKind::Prismatic(_) | JointKind::Length))
     };
-    let joints: Vec<Joint> = nominal
-        .measurement()
-        .channels
+    let channels = &nominal.measurement().channels;
+    let joints: Vec<Joint> = channels
         .iter()
-        .map(|channel| match prismatic(&channel.name) {
-            true => Joint::prismatic(&channel.name),
-            false => Joint::revolute(&channel.name),
+        .enumerate()
+        .map(|(k, channel)| Joint {
+            name: channel.name.clone(),
+            prismatic: slides(&channel.name),
+            // A robot file with unit gains does not say what its logs hold.
+            input: match stated {
+                true => robot.inputs.get(k).and_then(|input| quantity(&input.unit)),
+                false => None,
+            },
         })
         .collect();
     let mut map = match &args.map_file {
@@ -140,7 +158,7 @@ fn from_logs(nominal: &Nominal, logs: &[PathBuf], args: &OpenArgs) -> Result<Fou
             InputArg::Voltage => InputQuantity::Voltage,
         }),
         passive: args.passive,
-        sample_time: args.step,
+        sample_time: args.sample_time,
         test: args.test.clone(),
         ..Settings::default()
     };

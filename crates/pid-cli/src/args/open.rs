@@ -34,7 +34,7 @@ pub(crate) struct OpenArgs {
     pub(crate) test: Vec<String>,
     /// Step of logs without times, s.
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
-    pub(crate) step: Option<f64>,
+    pub(crate) sample_time: Option<f64>,
     /// Where masses and inertias of the robot file come from; says how far they are trusted.
     #[arg(long, value_enum, default_value_t, value_name = "CLASS")]
     pub(crate) class: ClassArg,
