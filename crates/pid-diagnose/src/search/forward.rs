@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use pid_data::Role;
 
 use super::backward::{superfluous, without_each};
-use super::candidates::{directions, has_state, listed};
+use super::candidates::{directions, has_state, listed, overdamped};
 use super::exchange::exchange;
 use super::magnitude::{name, size_in_deviations, sizes};
 use super::measure::{Reached, measured, misfit, noise_alone, noise_scale};
@@ -225,6 +225,7 @@ impl<'a> Forward<'a> {
             && enough
             && (shrinks || provisional || beyond_doubt)
             && size_in_deviations(criteria, &first.fit) > criteria.size()
+            && !overdamped(&self.case, &first.fit)
     }
 
     /// Goes on with a candidate.

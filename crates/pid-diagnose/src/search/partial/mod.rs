@@ -21,7 +21,7 @@ mod tests;
 
 use rayon::prelude::*;
 
-use super::candidates::{directions, listed};
+use super::candidates::{directions, listed, overdamped};
 use super::evidence::{Evidence, Part};
 use super::magnitude::{name, sizes};
 use super::measure::{measured, noise_alone, share};
@@ -239,6 +239,9 @@ fn led_to(
     }
     if at_an_end(&case, &fit) {
         return Err("its amplitude ends at the end of its range");
+    }
+    if overdamped(&case, &fit) {
+        return Err("its damping ends at the end of its range");
     }
     let own = sizes(&case, &settings.criteria, &fit);
     if own.iter().any(|s| *s <= 1.0) {
