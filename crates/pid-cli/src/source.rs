@@ -278,22 +278,29 @@ fn bare<'a>(
         (Some(_), Some(model), Some(_)) => Err(CliError::TwoModels {
             model: model.clone(),
         }),
-        (_, Some(model), None) => Err(match models::by_name(model) {
-            Ok(_) => CliError::NoFolder {
+        (_, Some(model), None) => {
+            known(model)?;
+            Err(CliError::NoFolder {
                 model: model.clone(),
-            },
-            Err(unknown) => match nearest_command(model) {
-                Some(nearest) => CliError::NoCommand {
-                    word: model.clone(),
-                    nearest,
-                },
-                None => unknown.into(),
-            },
-        }),
+            })
+        }
         (_, model, folder) => {
             let name = model.as_deref().unwrap_or(demo::MODEL);
+            known(name)?;
             Ok((Subject::compiled(name, terms)?, folder.as_deref()))
         }
+    }
+}
+
+/// Whether there is a model of this name; a mistyped command gets the one that was meant.
+fn known(name: &str) -> Result<(), CliError> {
+    match (models::by_name(name), nearest_command(name)) {
+        (Ok(_), _) => Ok(()),
+        (Err(_), Some(nearest)) => Err(CliError::NoCommand {
+            word: name.to_owned(),
+            nearest,
+        }),
+        (Err(unknown), None) => Err(unknown.into()),
     }
 }
 
