@@ -23,15 +23,16 @@ static INFO: Info = Info {
         parameter("damping_time", "s", Unit::Time, 0.0, 0.03),
         parameter("open_damping_time", "s", Unit::Time, 0.0, 0.03),
     ],
-    // Stiff contacts, and soft ones with more damping, which find a gap from further away.
+    // Stiff contacts damped throughout, and soft ones with more damping at the contact, which find a gap
+    // from further away.
     starts: &[
-        &[0.002, 0.0015, 0.0003, 0.0],
-        &[0.0035, 0.0015, 0.0003, 0.0],
-        &[0.006, 0.0015, 0.0003, 0.0],
-        &[0.009, 0.0015, 0.0003, 0.0],
-        &[0.013, 0.0015, 0.0003, 0.0],
-        &[0.018, 0.0015, 0.0003, 0.0],
-        &[0.025, 0.0015, 0.0003, 0.0],
+        &[0.002, 0.0015, 0.0, 0.0003],
+        &[0.0035, 0.0015, 0.0, 0.0003],
+        &[0.006, 0.0015, 0.0, 0.0003],
+        &[0.009, 0.0015, 0.0, 0.0003],
+        &[0.013, 0.0015, 0.0, 0.0003],
+        &[0.018, 0.0015, 0.0, 0.0003],
+        &[0.025, 0.0015, 0.0, 0.0003],
         &[0.0025, 0.003, 0.0015, 0.0],
         &[0.0035, 0.003, 0.0015, 0.0],
         &[0.005, 0.003, 0.0015, 0.0],
