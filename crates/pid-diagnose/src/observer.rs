@@ -44,9 +44,6 @@ pub struct Gain {
     /// Corrections of `(q_m, v_m, q_l, v_l)` and of the lagging velocity per unit of position
     /// innovation and velocity innovation.
     pub rows: [[f64; 2]; 5],
-    /// The same while the play of a gear is open, where there is play: the side without encoder moves
-    /// on its own and no reading tells of it.
-    pub apart: Option<[[f64; 2]; 5]>,
     /// Inverse of the lower Cholesky factor of S: whitens (position, velocity) innovations.
     pub whiten: [[f64; 2]; 2],
     /// How far the states that no sensor reads are from rest at the start: position and velocity of
@@ -201,42 +198,7 @@ pub(crate) fn gain(d: &Design) -> Gain {
         rows,
         whiten: [[1.0 / l00, 0.0], [-l10 / (l00 * l11), 1.0 / l11]],
         hidden: [0.0; 3],
-        apart: None,
         settled,
-    }
-}
-
-/// Gain of a gear with play: the corrections of a gear that touches, and those of the side with the
-/// encoder alone while it does not. Innovations are weighted as those of `soft`, a soft spring in
-/// place of the play: a mean over both.
-pub(crate) fn gain_with_play(soft: &Design, stiffness: f64) -> Gain {
-    let Some((link, _, damping, on_link)) = soft.gear else {
-        return gain(soft);
-    };
-    let touching = Design {
-        gear: Some((link, stiffness, damping, on_link)),
-        ..*soft
-    };
-    let (inertia, torque) = match on_link {
-        true => (link, (0.5 * soft.torque).hypot(soft.passed)),
-        false => (soft.inertia, soft.torque),
-    };
-    let alone = gain(&Design {
-        inertia,
-        torque,
-        passed: 0.0,
-        gear: None,
-        ..*soft
-    });
-    let mut apart = [[0.0; 2]; 5];
-    let first = if on_link { 2 } else { 0 };
-    apart[first] = alone.rows[0];
-    apart[first + 1] = alone.rows[1];
-    apart[4] = alone.rows[4];
-    Gain {
-        rows: gain(&touching).rows,
-        apart: Some(apart),
-        ..gain(soft)
     }
 }
 

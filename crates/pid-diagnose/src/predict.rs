@@ -11,7 +11,7 @@ use crate::constants::{Constant, Constants};
 use crate::effect::{Commands, Pick};
 use crate::hypothesis::Hypothesis;
 use crate::nominal::EncoderSide;
-use crate::observer::{Design, Gain, gain, gain_with_play};
+use crate::observer::{Design, Gain, gain};
 use crate::scalar::Scalar;
 use crate::simulate::{Machine, State};
 
@@ -83,7 +83,7 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
                     case.nominal.encoder_side == EncoderSide::Joint,
                 )
             });
-            let design = Design {
+            gain(&Design {
                 h,
                 inertia: if gear.is_some() { rotor } else { all },
                 viscous: machine.constants.get(Constant::Viscous(j)).max(0.0),
@@ -93,11 +93,7 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
                 q: noise.q,
                 v: (case.velocity[j] == Velocity::Measured).then_some(noise.v),
                 lag: velocity_lag(case, &machine, j),
-            };
-            match machine.gears[j].filter(|g| g.gap > 0.0) {
-                Some(g) => gain_with_play(&design, g.stiffness),
-                None => gain(&design),
-            }
+            })
         })
         .collect()
 }
@@ -360,15 +356,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                         sink(k, j, 1, eq * g.whiten[1][0] + ev * g.whiten[1][1]);
                     }
                 }
-                let rows = match (&self.machine.gears[j], &g.apart) {
-                    (Some(gear), Some(apart)) => {
-                        let twist = state.drive_q[j].value() - state.q[j].value();
-                        let open = twist.abs() < 0.5 * gear.gap.value();
-                        if open { apart } else { &g.rows }
-                    }
-                    _ => &g.rows,
-                };
-                let fix = |row: usize| eq * rows[row][0] + ev * rows[row][1];
+                let fix = |row: usize| eq * g.rows[row][0] + ev * g.rows[row][1];
                 if lags[j].is_some() {
                     lagged[j] += fix(4);
                 }
