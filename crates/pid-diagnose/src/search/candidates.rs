@@ -28,7 +28,7 @@ pub(super) fn has_state(term: &Term) -> bool {
 }
 
 /// Share of a range from its end that counts as its end.
-const END: f64 = 1e-3;
+pub(super) const END: f64 = 1e-3;
 
 /// Whether the gear of the last effect is damped as much as its range allows: it then filters the
 /// motion, and is neither a spring nor a play.

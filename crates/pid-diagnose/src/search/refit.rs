@@ -3,12 +3,13 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
+use super::candidates::END;
 use super::measure::Reached;
 use super::settings::Settings;
 use crate::case::Case;
 use crate::criteria::Stage;
 use crate::effect::Term;
-use crate::fit::{Basis, Effort, Fit, Point, fit};
+use crate::fit::{Basis, Effort, Fit, Point, fit, ranges};
 use crate::screen::Candidate;
 
 /// A refitted candidate.
@@ -74,13 +75,12 @@ pub(super) fn refit(
         && leader.fit.train.total() > settings.criteria.calm * leader.fit.train.number()
         && gain(current, leader) > 0.0
     {
-        leader.fit = fit(
-            case,
-            basis,
-            &leader.fit.hypothesis,
-            leader.fit.point.clone(),
-            Effort::full(budget.steps),
-        );
+        let effort = Effort::full(budget.steps);
+        let (hypothesis, point) = (&leader.fit.hypothesis, leader.fit.point.clone());
+        leader.fit = fit(case, basis, hypothesis, point, effort);
+        if let Some(other) = back_from_the_end(case, basis, &leader.fit, effort) {
+            leader.fit = other;
+        }
     }
     let Some(least) = out
         .iter()
@@ -123,6 +123,25 @@ fn started(
     }
 }
 
+/// The fit from a point where the parameters of the last effect that ended at the largest value of
+/// their range are zero, if it is a better one. Where two parameters stand in for each other, such
+/// as the dampers of a gear, a fit can stop at the end of one.
+fn back_from_the_end(case: &Case, basis: &Basis, at: &Fit, effort: Effort<'_>) -> Option<Fit> {
+    let term = at.hypothesis.terms.last()?;
+    let first = at.point.e.len() - term.effect.info().parameters.len();
+    let ranges = ranges(case, &at.hypothesis);
+    let mut start = at.point.clone();
+    let mut moved = false;
+    for (x, &(low, high)) in start.e.iter_mut().zip(&ranges).skip(first) {
+        if low == 0.0 && *x > high - END * (high - low) {
+            *x = 0.0;
+            moved = true;
+        }
+    }
+    let other = moved.then(|| fit(case, basis, &at.hypothesis, start, effort))?;
+    (other.train.objective() < at.train.objective()).then_some(other)
+}
+
 /// Gain of a fit (see [`Reached::gain`]) of one of `tried` candidates, less the penalty for their number.
 pub(super) fn score(
     fit: &Reached,
@@ -136,4 +155,61 @@ pub(super) fn score(
 /// What a refit gains on the train records.
 fn gain(current: &Fit, refit: &Refit) -> f64 {
     current.train.evidence() - refit.fit.train.evidence()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::{SIZE, named, waist};
+    use crate::fit::basis;
+    use crate::hypothesis::Hypothesis;
+    use crate::screen::{candidates, screen};
+
+    fn nothing() -> Point {
+        Point {
+            theta: vec![0.0; SIZE],
+            e: Vec::new(),
+        }
+    }
+
+    /// The one effect of a hypothesis, searched for on records that have it.
+    fn found(case: &Case, wanted: &Hypothesis) -> Fit {
+        let basis = basis(case);
+        let none = Hypothesis::default();
+        let base = fit(case, &basis, &none, nothing(), Effort::full(14));
+        let settings = Settings::default();
+        let library = [wanted.terms[0].effect.clone()];
+        let list = candidates(case, &library, &base.hypothesis);
+        let (best, slopes) = screen(case, &basis, &base, &list, &settings.budget);
+        let mut refits = refit(case, &basis, &settings, &base, (&best, &slopes), 1);
+        refits.swap_remove(0).fit
+    }
+
+    #[test]
+    fn a_gap_is_reached_from_afar_where_nothing_but_inertia_closes_it() {
+        let play = named(&["backlash"]);
+        for gap in [0.03, 0.1, 0.13] {
+            // The grease damps throughout.
+            let case = waist(&play, &[gap, 1e-3, 0.0, 3e-4], 6.0);
+            let own = found(&case, &play).point.e[0];
+            assert!((own / gap - 1.0).abs() < 0.01, "{own} for {gap}");
+        }
+    }
+
+    #[test]
+    fn a_damper_at_the_end_of_its_range_is_tried_without_it() {
+        let play = named(&["backlash"]);
+        let truth = [0.03, 1e-3, 0.0, 3e-4];
+        let case = waist(&play, &truth, 6.0);
+        let basis = basis(&case);
+        let mut at = nothing();
+        at.e = truth.to_vec();
+        let right = fit(&case, &basis, &play, at.clone(), Effort::full(0));
+        assert!(back_from_the_end(&case, &basis, &right, Effort::full(10)).is_none());
+        at.e[2] = 0.03;
+        let end = fit(&case, &basis, &play, at, Effort::full(0));
+        let back = back_from_the_end(&case, &basis, &end, Effort::full(10)).expect("a better fit");
+        assert!(back.train.objective() < end.train.objective());
+        assert!(back.point.e[2] < 0.01, "{:?}", back.point.e);
+    }
 }

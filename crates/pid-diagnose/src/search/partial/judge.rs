@@ -9,6 +9,7 @@ use crate::effect::{Term, Unit};
 use crate::fit::{Fit, ranges};
 use crate::gap::Gap;
 use crate::levels::{errors, left};
+use crate::search::candidates::END;
 use crate::search::refit::Refit;
 
 /// Fewest windows with a scatter of their own.
@@ -163,7 +164,7 @@ pub(super) fn at_an_end(case: &Case, fit: &Fit) -> bool {
         }
         let (low, high) = ranges[first + i];
         let x = fit.point.e[first + i];
-        let edge = 1e-3 * (high - low);
+        let edge = END * (high - low);
         // Zero is where the effect is absent.
         (x < low + edge && low != 0.0) || x > high - edge
     })
