@@ -152,20 +152,26 @@ fn reading(case: &Case, j: usize, derived: bool) -> Option<Reading> {
 /// Fewest joints whose velocities tell a filter of the recording from a lag of one sensor.
 const SEVERAL: usize = 2;
 
-/// Time constant of a first-order filter that the measured velocities of all joints share, s: the
-/// smallest of their lags, where each is late beyond chance; else zero. The firmware that records a
-/// robot filters all its velocities alike, a lag of one sensor comes on top.
+/// Time constant of a first-order filter that the measured velocities of all joints share, s; else
+/// zero. The firmware that records a robot filters all its velocities alike, a lag of one sensor
+/// comes on top.
 pub fn shared_lag(case: &Case) -> f64 {
     let Some(h) = case.records.first().map(|r| r.h) else {
         return 0.0;
     };
     let measured = (0..case.n()).filter(|&j| case.velocity[j] == Velocity::Measured);
-    let late: Vec<Reading> = measured.filter_map(|j| reading(case, j, false)).collect();
-    if late.len() < SEVERAL || !late.iter().all(|r| r.timing.late()) {
+    let readings: Vec<Reading> = measured.filter_map(|j| reading(case, j, false)).collect();
+    common_lag(h, &readings)
+}
+
+/// The smallest lag of velocity readings as the time constant of a filter, if each is late beyond
+/// chance; else zero, s.
+fn common_lag(h: f64, readings: &[Reading]) -> f64 {
+    if readings.len() < SEVERAL || !readings.iter().all(|r| r.timing.late()) {
         return 0.0;
     }
-    let least = late.iter().map(|r| r.timing.delay);
-    let delay = least.fold(f64::INFINITY, f64::min);
+    let all = readings.iter().map(|r| r.timing.delay);
+    let delay = all.fold(f64::INFINITY, f64::min);
     // Far below its corner the filter w⁺ = a w + (1 − a) v⁺ with a = exp(−h/T) is late by h a/(1 − a).
     h / (h / delay).ln_1p()
 }
@@ -373,17 +379,36 @@ mod tests {
         assert!((16..=20).contains(&inside), "{inside} of 20");
     }
 
-    #[test]
-    fn a_velocity_that_shows_late_is_timed() {
+    /// A pendulum whose velocities show through a filter of this time constant, s.
+    fn filtered(lag: f64) -> Case {
         let mut case = pendulum(&named(&[]), &[], 6.0, &|_| {});
         for r in &mut case.records {
-            let fade = (-r.h / 0.012).exp();
+            let fade = (-r.h / lag).exp();
             let mut shown = r.v[0][0];
             for v in &mut r.v[0] {
                 shown = fade * shown + (1.0 - fade) * *v;
                 *v = shown;
             }
         }
+        case
+    }
+
+    #[test]
+    fn a_filter_that_all_velocities_share_is_the_smallest_of_their_lags() {
+        let of = |case: &Case| reading(case, 0, false).expect("a velocity");
+        let h = 2e-3;
+        let [short, long] = [0.012, 0.02].map(|lag| of(&filtered(lag)));
+        let none = of(&pendulum(&named(&[]), &[], 6.0, &|_| {}));
+        let shared = common_lag(h, &[long.clone(), short.clone()]);
+        assert!((shared - 0.012).abs() < 2e-4, "{shared}");
+        // One joint cannot tell, and one that shows at once denies it.
+        assert_eq!(common_lag(h, std::slice::from_ref(&short)), 0.0);
+        assert_eq!(common_lag(h, &[long, none]), 0.0);
+    }
+
+    #[test]
+    fn a_velocity_that_shows_late_is_timed() {
+        let case = filtered(0.012);
         let (input, reading) = judged(&case);
         assert!(!input.noticeable());
         // Motions far below the corner of this recursion show late by h a/(1 − a).
