@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use pid_interpret::nominal::Nominal;
+use pid_logs::Found;
 use pid_preflight::{Finding, Settings, Severity, check, fix, mended_gravity, open as open_folder};
 
 use crate::args::open::CheckArgs;
 use crate::error::CliError;
-use crate::open::{Opened, open, robot_and_logs};
+use crate::open::{Opened, as_stated, folders, open, robot_and_logs};
 use crate::output;
 
 /// Exit code where something contradicts the robot.
@@ -19,10 +20,16 @@ pub(crate) fn run(args: &CheckArgs) -> Result<u8, CliError> {
         let opened = open(robot, logs, &args.open)?;
         return one(&opened, &[], args);
     }
+    let paths = folders(&args.paths, &args.open)?;
+    if args.fix.is_some() && paths.len() > 1 {
+        return Err(CliError::FixOfSeveral {
+            number: paths.len(),
+        });
+    }
     let mut code = 0;
-    for folder in &args.paths {
+    for folder in paths {
         let (opened, repeated) = read(folder)?;
-        if args.paths.len() > 1 {
+        if paths.len() > 1 {
             output::print(&format!("{}:\n", folder.display()));
         }
         code = code.max(one(&opened, &repeated, args)?);
@@ -36,13 +43,17 @@ fn read(folder: &Path) -> Result<(Opened, Vec<Finding>), CliError> {
     let folder = open_folder(folder)?;
     let opened = Opened {
         nominal,
-        dataset: folder.dataset,
+        records: as_stated(folder.dataset),
     };
     Ok((opened, folder.findings))
 }
 
 fn one(opened: &Opened, repeated: &[Finding], args: &CheckArgs) -> Result<u8, CliError> {
-    let own = check(&opened.dataset, &opened.nominal, &Settings::default());
+    let own = check(
+        &opened.records.dataset,
+        &opened.nominal,
+        &Settings::default(),
+    );
     let all: Vec<&Finding> = repeated.iter().chain(&own).collect();
     if args.json {
         let text = serde_json::to_string_pretty(&all).map_err(CliError::Json)?;
@@ -51,7 +62,7 @@ fn one(opened: &Opened, repeated: &[Finding], args: &CheckArgs) -> Result<u8, Cl
         output::print(&words(&all));
     }
     if let Some(folder) = &args.fix {
-        let (dataset, done) = fix(&opened.dataset, &own);
+        let (dataset, done) = fix(&opened.records.dataset, &own);
         for line in &done {
             output::message(&format!("mended: {line}"));
         }
@@ -60,8 +71,12 @@ fn one(opened: &Opened, repeated: &[Finding], args: &CheckArgs) -> Result<u8, Cl
                 "not mended: gravity in the description; state {gravity:?}"
             ));
         }
+        let records = Found {
+            dataset,
+            ..opened.records.clone()
+        };
         let nominal = opened.nominal.clone();
-        Opened { nominal, dataset }.write(folder)?;
+        Opened { nominal, records }.write(folder)?;
     }
     let wrong = all.iter().any(|f| f.severity == Severity::Wrong);
     Ok(if wrong { WRONG } else { 0 })
@@ -89,7 +104,7 @@ pub(crate) fn wrong(opened: &Opened) -> Vec<Finding> {
         determinable: false,
         ..Settings::default()
     };
-    let mut findings = check(&opened.dataset, &opened.nominal, &settings);
+    let mut findings = check(&opened.records.dataset, &opened.nominal, &settings);
     findings.retain(|f| f.severity == Severity::Wrong);
     findings
 }

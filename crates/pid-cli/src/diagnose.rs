@@ -7,12 +7,13 @@ use pid_diagnose::diagnosis::{Diagnosis, Share};
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
 use pid_diagnose::with_effects::{Placed, source};
+use pid_diagnose::write::remove_stale;
 use pid_runtime::dynamics::Hessian;
 use rayon::prelude::*;
 
 use crate::args::diagnose::DiagnoseArgs;
 use crate::error::{CliError, make_folder, write};
-use crate::open::{open, robot_and_logs};
+use crate::open::{folders, open, robot_and_logs};
 use crate::{check, models, output};
 
 /// Diagnoses a robot file with its logs, or all folders, several at a time. Names those that cannot be
@@ -21,15 +22,15 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
     if let Some((robot, logs)) = robot_and_logs(&args.paths) {
         return of_logs(robot, logs, args);
     }
-    let several = args.paths.len() > 1;
+    let paths = folders(&args.paths, &args.open)?;
+    let several = paths.len() > 1;
     let model = match &args.model {
         Some(name) => Some(models::by_name(name)?.model),
         None => None,
     };
-    let outcomes: Vec<Result<bool, CliError>> = args
-        .paths
+    let outcomes: Vec<Result<bool, CliError>> = paths
         .par_iter()
-        .zip(places(&args.paths))
+        .zip(places(paths))
         .map(|(folder, place)| {
             let out = if several {
                 args.out.join(place)
@@ -103,6 +104,13 @@ fn settings(args: &DiagnoseArgs) -> Settings {
 /// Diagnoses a robot file with its logs. What the run rests on stands in the folder `data` beside the
 /// report and repeats it.
 fn of_logs(robot: &Path, logs: &[PathBuf], args: &DiagnoseArgs) -> Result<u8, CliError> {
+    let of_folders = [
+        ("--nominal", args.nominal.is_some()),
+        ("--model", args.model.is_some()),
+    ];
+    if let Some((option, _)) = of_folders.into_iter().find(|(_, stated)| *stated) {
+        return Err(CliError::OptionOfFolders { option });
+    }
     let opened = open(robot, logs, &args.open)?;
     let wrong = check::wrong(&opened);
     for finding in &wrong {
@@ -116,7 +124,7 @@ fn of_logs(robot: &Path, logs: &[PathBuf], args: &DiagnoseArgs) -> Result<u8, Cl
     make_folder(&args.out)?;
     opened.write(&args.out.join("data"))?;
     let nominal = pid_diagnose::nominal::Nominal::new(opened.nominal);
-    let report = Report::new(nominal, &opened.dataset, &settings(args), args.next)?;
+    let report = Report::new(nominal, &opened.records.dataset, &settings(args), args.next)?;
     report.write(&args.out)?;
     output::print(&summary(&report.diagnosis));
     said_where(&args.out);
@@ -145,6 +153,12 @@ fn one(
 /// Writes what a declared robot lacks as items for its declaration, with the values that the
 /// diagnosis found for the rest.
 fn write_items(model: &dyn Hessian, report: &Report, out: &Path) -> Result<(), CliError> {
+    let path = out.join("robot_items.rs");
+    // What an earlier run left there belongs to another result.
+    remove_stale(&path).map_err(|error| CliError::Write {
+        path: path.clone(),
+        error,
+    })?;
     let placed = Placed::of(&report.extended)?;
     if placed.is_empty() {
         return Ok(());
@@ -163,7 +177,7 @@ fn write_items(model: &dyn Hessian, report: &Report, out: &Path) -> Result<(), C
     for p in &report.extended.robot().params {
         text.push_str(&format!("//   {} = {:?} {}\n", p.name, p.nominal, p.unit));
     }
-    write(&out.join("robot_items.rs"), &format!("{text}{items}"))
+    write(&path, &format!("{text}{items}"))
 }
 
 /// A few lines for the terminal.

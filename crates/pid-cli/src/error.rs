@@ -7,6 +7,7 @@ use pid_data::{ChangeError, DataError};
 use pid_diagnose::case::CaseError;
 use pid_diagnose::report::WriteError;
 use pid_diagnose::with_effects::{AssembleError, EffectError};
+use pid_diagnose::write::write_whole;
 use pid_fit::excite::ExciteError;
 use pid_fit::ident::assumptions::AssumptionsError;
 use pid_fit::identify::IdentifyError;
@@ -50,6 +51,20 @@ pub(crate) enum CliError {
         "{}: no robot file\n  help: the first path is a URDF (.urdf), an MJCF (.xml) or a nominal.toml, those after it are logs", path.display()
     )]
     NoRobot { path: PathBuf },
+    #[error(
+        "{}: no folder; several paths are folders with dataset.toml and nominal.toml\n  help: a robot file (.urdf, .xml or .toml) with logs stands first", path.display()
+    )]
+    NoDataFolder { path: PathBuf },
+    #[error(
+        "{option} says how logs are read, and folders are given\n  help: leave it out, or give a robot file and its logs"
+    )]
+    OptionOfLogs { option: &'static str },
+    #[error(
+        "{option} belongs to folders, and a robot file with logs is given\n  help: leave it out; the robot file is the description"
+    )]
+    OptionOfFolders { option: &'static str },
+    #[error("--fix writes one folder, and {number} are given\n  help: mend one folder at a time")]
+    FixOfSeveral { number: usize },
     #[error(
         "there is no command `{word}`, did you mean `{nearest}`?\n  help: simtrue --help lists the commands"
     )]
@@ -169,9 +184,9 @@ impl From<pid_logs::LogError> for CliError {
     }
 }
 
-/// Writes a file and names it in the error.
+/// Writes a file whole or not at all and names it in the error.
 pub(crate) fn write(path: &Path, text: &str) -> Result<(), CliError> {
-    std::fs::write(path, text).map_err(|error| CliError::Write {
+    write_whole(path, text).map_err(|error| CliError::Write {
         path: path.to_owned(),
         error,
     })

@@ -16,10 +16,10 @@ use crate::output;
 /// Standard gravity, m/s²; a URDF does not state it.
 const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 
-/// A robot with its records.
+/// A robot with its records and what was assumed of them.
 pub(crate) struct Opened {
     pub(crate) nominal: Nominal,
-    pub(crate) dataset: Dataset,
+    pub(crate) records: Found,
 }
 
 /// Paths of a command line as a robot file and its logs, or as folders that hold both.
@@ -30,6 +30,24 @@ pub(crate) fn robot_and_logs(paths: &[PathBuf]) -> Option<(&Path, &[PathBuf])> {
     (first.is_file() && robot.contains(&kind.as_str())).then_some((first, rest))
 }
 
+/// Paths that are no robot file with logs: folders, read as they stand.
+pub(crate) fn folders<'p>(
+    paths: &'p [PathBuf],
+    args: &OpenArgs,
+) -> Result<&'p [PathBuf], CliError> {
+    if let Some(path) = paths.iter().find(|path| path.is_file()) {
+        let path = path.clone();
+        return Err(match paths.first() == Some(&path) {
+            true => CliError::NoRobot { path },
+            false => CliError::NoDataFolder { path },
+        });
+    }
+    match args.stated() {
+        Some(option) => Err(CliError::OptionOfLogs { option }),
+        None => Ok(paths),
+    }
+}
+
 /// Reads a robot file and logs; says what was assumed.
 pub(crate) fn open(robot: &Path, logs: &[PathBuf], args: &OpenArgs) -> Result<Opened, CliError> {
     if logs.is_empty() {
@@ -38,15 +56,14 @@ pub(crate) fn open(robot: &Path, logs: &[PathBuf], args: &OpenArgs) -> Result<Op
         });
     }
     let nominal = read_robot(robot, args)?;
-    let dataset = match logs {
-        [folder] if folder.join("dataset.toml").is_file() => Dataset::read(folder)?,
-        _ => from_logs(&nominal, is_description(robot), logs, args)?.dataset,
+    let mut records = match logs {
+        [folder] if folder.join("dataset.toml").is_file() => as_stated(Dataset::read(folder)?),
+        _ => from_logs(&nominal, is_description(robot), logs, args)?,
     };
-    let dataset = match args.gain.as_slice() {
-        [] => dataset,
-        gains => dataset.with_input_gains(gains)?,
-    };
-    let velocities: Vec<Velocity> = dataset
+    if !args.gain.is_empty() {
+        records.dataset = records.dataset.with_input_gains(&args.gain)?;
+    }
+    let velocities: Vec<Velocity> = (records.dataset)
         .joints
         .iter()
         .map(|j| velocity(j.velocity))
@@ -56,8 +73,17 @@ pub(crate) fn open(robot: &Path, logs: &[PathBuf], args: &OpenArgs) -> Result<Op
             true => nominal,
             false => nominal.with_velocities(&velocities),
         },
-        dataset,
+        records,
     })
+}
+
+/// A data set that states everything itself.
+pub(crate) fn as_stated(dataset: Dataset) -> Found {
+    Found {
+        dataset,
+        assumptions: Vec::new(),
+        warnings: Vec::new(),
+    }
 }
 
 fn velocity(kind: VelocityKind) -> Velocity {
@@ -176,12 +202,7 @@ impl Opened {
     /// Writes dataset.toml, nominal.toml and the records; the folder repeats the run.
     pub(crate) fn write(&self, folder: &Path) -> Result<(), CliError> {
         make_folder(folder)?;
-        let found = Found {
-            dataset: self.dataset.clone(),
-            assumptions: Vec::new(),
-            warnings: Vec::new(),
-        };
-        pid_logs::write_folder(&found, folder)?;
+        pid_logs::write_folder(&self.records, folder)?;
         match self.nominal.to_toml() {
             Some(text) => write(&folder.join("nominal.toml"), &text)?,
             None => output::message(
@@ -232,7 +253,7 @@ mod tests {
         let paths = [at("arm.urdf"), at("a.csv"), at("b.csv")];
         let (robot, logs) = robot_and_logs(&paths).expect("a robot file first");
         let opened = open(robot, logs, &OpenArgs::default()).expect("a robot with records");
-        let record = &opened.dataset.experiments[0];
+        let record = &opened.records.dataset.experiments[0];
         assert!(
             (record.t[1] - record.t[0] - 1e-3).abs() < 1e-12 && (record.q[0] - 1.0).abs() < 1e-9
         );
@@ -243,10 +264,40 @@ mod tests {
         );
         opened.write(&at("data")).expect("written");
         let again = Dataset::read(&at("data")).expect("a data set");
-        assert_eq!(again.experiments, opened.dataset.experiments);
+        assert_eq!(again.experiments, opened.records.dataset.experiments);
         let nominal = Nominal::read(at("data/nominal.toml")).expect("a description");
         assert_eq!(nominal.robot().params, opened.nominal.robot().params);
         assert!(crate::check::wrong(&opened).is_empty());
+        let text = std::fs::read_to_string(at("data/dataset.toml")).expect("a manifest");
+        for assumption in &opened.records.assumptions {
+            let line = assumption.to_string();
+            let first = line.lines().next().unwrap_or_default();
+            assert!(text.contains(first), "{first} in {text}");
+        }
+        assert!(!opened.records.assumptions.is_empty());
+    }
+
+    #[test]
+    fn what_belongs_to_logs_or_to_folders_is_told() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let log = folder.path().join("a.csv");
+        std::fs::write(&log, "t,q\n").expect("written");
+        let one = folder.path().to_owned();
+        let none = OpenArgs::default();
+        let told = |paths: &[PathBuf], args: &OpenArgs| {
+            folders(paths, args).err().map(|error| error.to_string())
+        };
+        assert_eq!(told(std::slice::from_ref(&one), &none), None);
+        let first = told(std::slice::from_ref(&log), &none).expect("a log is no robot");
+        assert!(first.contains("no robot file"), "{first}");
+        let later = told(&[one.clone(), log], &none).expect("a log is no folder");
+        assert!(later.contains("no folder"), "{later}");
+        let gains = OpenArgs {
+            gain: vec![2.0],
+            ..none
+        };
+        let option = told(&[one], &gains).expect("an option of logs");
+        assert!(option.starts_with("--gain"), "{option}");
     }
 
     #[test]

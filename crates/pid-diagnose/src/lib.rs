@@ -87,7 +87,7 @@ pub mod search;
 mod simulate;
 pub mod timing;
 mod windows;
-mod write;
+pub mod write;
 
 pub use pid_effects::{
     circumstances, constants, described, effect, effects, nominal, scalar, with_effects,

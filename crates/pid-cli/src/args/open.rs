@@ -49,6 +49,26 @@ pub(crate) struct OpenArgs {
     pub(crate) strict: bool,
 }
 
+impl OpenArgs {
+    /// The first option that is stated; all of them say how a robot file or logs are read.
+    pub(crate) fn stated(&self) -> Option<&'static str> {
+        let all = [
+            ("--map", !self.map.is_empty()),
+            ("--map-file", self.map_file.is_some()),
+            ("--input", self.input.is_some()),
+            ("--gain", !self.gain.is_empty()),
+            ("--passive", self.passive),
+            ("--test", !self.test.is_empty()),
+            ("--sample-time", self.sample_time.is_some()),
+            ("--class", self.class != ClassArg::default()),
+            ("--joints", !self.joints.is_empty()),
+            ("--guess-inertias", self.guess_inertias),
+            ("--strict", self.strict),
+        ];
+        all.iter().find(|(_, is)| *is).map(|(option, _)| *option)
+    }
+}
+
 fn entry(text: &str) -> Result<Entry, String> {
     Entry::parse(text).map_err(|e| e.to_string())
 }
