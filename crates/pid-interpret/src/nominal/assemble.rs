@@ -81,7 +81,9 @@ impl Assembly {
     /// Adds a joint.
     pub(super) fn joint(&mut self, values: JointValues) {
         let index = self.robot.joints.len();
-        let inertial = self.inertial(&values);
+        let inertial = inertial(&values, &mut |name, unit, doc, role, value| {
+            self.param(name, unit, doc, role, value)
+        });
         let name = &values.name;
         let rotor_unit = if values.prismatic { "kg" } else { "kg*m^2" };
         let rotor = self.param(
@@ -138,52 +140,13 @@ impl Assembly {
         });
     }
 
-    fn inertial(&mut self, values: &JointValues) -> Inertial {
-        let name = &values.name;
-        let mass = self.param(
-            format!("mass_{name}"),
-            "kg",
-            "Mass.",
-            Role::Mass,
-            values.mass,
-        );
-        let com = [0, 1, 2].map(|k| {
-            let axis = ["x", "y", "z"][k];
-            let doc = "Centre of mass in the frame of the link.";
-            self.param(
-                format!("com_{axis}_{name}"),
-                "m",
-                doc,
-                Role::CenterOfMass(k),
-                values.com[k],
-            )
-        });
-        let entries: [Expr; 6] = std::array::from_fn(|k| {
-            let entry = ["xx", "yy", "zz", "xy", "xz", "yz"][k];
-            let doc = "Inertia about the centre of mass, in the axes of the link.";
-            self.param(
-                format!("i{entry}_{name}"),
-                "kg*m^2",
-                doc,
-                Role::Inertia(k),
-                values.inertia[k],
-            )
-        });
-        Inertial::Body {
-            mass,
-            com,
-            inertia: entries.into(),
-            about: About::Com,
-        }
-    }
-
     /// A parameter of the joint that is being added.
     fn param(&mut self, name: String, unit: &str, doc: &str, role: Role, value: Value) -> Expr {
         let joint = self.robot.joints.len();
         param(
             &mut self.robot,
             &mut self.tolerances,
-            joint,
+            Some(joint),
             (name, unit, doc),
             role,
             value,
@@ -191,18 +154,51 @@ impl Assembly {
     }
 }
 
-/// A parameter of a joint: name, unit and what it is.
-fn param(
+/// The body of a joint's link; `add` makes a parameter of name, unit, what it is, role and value.
+pub(super) fn inertial(
+    values: &JointValues,
+    add: &mut dyn FnMut(String, &str, &str, Role, Value) -> Expr,
+) -> Inertial {
+    let name = &values.name;
+    let mass = add(
+        format!("mass_{name}"),
+        "kg",
+        "Mass.",
+        Role::Mass,
+        values.mass,
+    );
+    let com = [0, 1, 2].map(|k| {
+        let axis = ["x", "y", "z"][k];
+        let doc = "Centre of mass in the frame of the link.";
+        let (text, role) = (format!("com_{axis}_{name}"), Role::CenterOfMass(k));
+        add(text, "m", doc, role, values.com[k])
+    });
+    let inertia: [Expr; 6] = std::array::from_fn(|k| {
+        let entry = ["xx", "yy", "zz", "xy", "xz", "yz"][k];
+        let doc = "Inertia about the centre of mass, in the axes of the link.";
+        let (text, role) = (format!("i{entry}_{name}"), Role::Inertia(k));
+        add(text, "kg*m^2", doc, role, values.inertia[k])
+    });
+    Inertial::Body {
+        mass,
+        com,
+        inertia: inertia.into(),
+        about: About::Com,
+    }
+}
+
+/// A parameter of a joint: name, unit and what it is. Its range is its tolerance.
+pub(super) fn param(
     robot: &mut Robot,
     tolerances: &mut Vec<Tolerance>,
-    joint: usize,
+    joint: Option<usize>,
     (name, unit, doc): (String, &str, &str),
     role: Role,
     value: Value,
 ) -> Expr {
     let tolerance = Tolerance {
         name: name.clone(),
-        joint: Some(joint),
+        joint,
         role,
         nominal: value.nominal,
         half_width: value.half_width,
@@ -242,7 +238,7 @@ pub(super) fn drive_params(
     };
     let mut add = |what: &str, unit: &str, doc: &str, role: Role, value: Value| {
         let texts = (format!("{what}_{name}"), unit, doc);
-        param(robot, tolerances, joint, texts, role, value)
+        param(robot, tolerances, Some(joint), texts, role, value)
     };
     let coulomb = add(
         "coulomb",

@@ -7,15 +7,12 @@
 use std::path::PathBuf;
 
 use pid_derive::mechanism::{Body, Mechanism};
-use pid_derive::model::{About, Affine, Expr, Inertial, Joint, JointKind, Link, Param, Robot};
+use pid_derive::model::{Affine, Expr, Joint, JointKind, Link, Robot};
 
-use super::assemble::{Assembly, DriveValues, JointValues, Value};
+use super::assemble::{Assembly, DriveValues, JointValues, Value, inertial, param};
 use super::error::NominalError;
 use super::provenance::{Inertials, Provenance};
-use super::{
-    Channel, EncoderSide, Measurement, Nominal, Ranges, Role, Tolerance, Velocity, general,
-    measured,
-};
+use super::{Channel, EncoderSide, Measurement, Nominal, Role, Velocity, general, measured};
 
 /// Friction as a share of the largest torque: that of a geared drive in good order.
 const FRICTION: f64 = 0.03;
@@ -218,17 +215,23 @@ fn coupled(mechanism: &Mechanism, joints: Vec<JointValues>, measurement: Measure
     let mut drives = Vec::new();
     for (k, values) in joints.into_iter().enumerate() {
         let follows = mechanism.bodies[k].follows;
-        let inertial = inertial(&mut robot, &values);
+        // The equations as a whole are declared with the tolerances of all parameters.
+        let mut own = |name: String, unit: &str, doc: &str, role: Role, value: Value| {
+            param(
+                &mut robot,
+                &mut Vec::new(),
+                None,
+                (name, unit, doc),
+                role,
+                value,
+            )
+        };
+        let inertial = inertial(&values, &mut own);
         let rotor = follows.is_none().then(|| {
             let unit = if values.prismatic { "kg" } else { "kg*m^2" };
             let name = format!("rotor_{}", values.name);
             let doc = "Rotor inertia at the joint.";
-            param(
-                &mut robot,
-                (name, unit, doc),
-                Role::RotorInertia,
-                values.rotor_inertia,
-            )
+            own(name, unit, doc, Role::RotorInertia, values.rotor_inertia)
         });
         robot.links.push(Link {
             name: format!("link_{}", values.name),
@@ -286,67 +289,4 @@ fn coupled(mechanism: &Mechanism, joints: Vec<JointValues>, measurement: Measure
         tool_link,
         drives: None,
     }
-}
-
-fn inertial(robot: &mut Robot, values: &JointValues) -> Inertial {
-    let name = &values.name;
-    let mut add = |stem: String, unit: &str, doc: &str, role: Role, value: Value| {
-        param(robot, (format!("{stem}_{name}"), unit, doc), role, value)
-    };
-    let mass = add("mass".to_owned(), "kg", "Mass.", Role::Mass, values.mass);
-    let com = [0, 1, 2].map(|k| {
-        let axis = ["x", "y", "z"][k];
-        let doc = "Centre of mass in the frame of the link.";
-        add(
-            format!("com_{axis}"),
-            "m",
-            doc,
-            Role::CenterOfMass(k),
-            values.com[k],
-        )
-    });
-    let inertia: [Expr; 6] = std::array::from_fn(|k| {
-        let entry = ["xx", "yy", "zz", "xy", "xz", "yz"][k];
-        let doc = "Inertia about the centre of mass, in the axes of the link.";
-        add(
-            format!("i{entry}"),
-            "kg*m^2",
-            doc,
-            Role::Inertia(k),
-            values.inertia[k],
-        )
-    });
-    Inertial::Body {
-        mass,
-        com,
-        inertia: inertia.into(),
-        about: About::Com,
-    }
-}
-
-/// A parameter whose range is its tolerance.
-fn param(
-    robot: &mut Robot,
-    (name, unit, doc): (String, &str, &str),
-    role: Role,
-    value: Value,
-) -> Expr {
-    let tolerance = Tolerance {
-        name: name.clone(),
-        joint: None,
-        role,
-        nominal: value.nominal,
-        half_width: value.half_width,
-    };
-    let (lower, upper) = tolerance.range(Ranges::Tolerance);
-    robot.params.push(Param {
-        name,
-        docs: vec![format!(" {doc}")],
-        unit: unit.to_owned(),
-        nominal: value.nominal,
-        lower,
-        upper,
-        fixed: value.half_width == 0.0,
-    });
-    Expr::Param(robot.params.len() - 1)
 }
