@@ -96,6 +96,22 @@ pub struct Parameter {
     pub upper: f64,
 }
 
+/// A physical magnitude of an effect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quantity {
+    /// Name in reports.
+    pub name: &'static str,
+    /// SI unit as text, for a revolute joint and a drive commanded in amperes.
+    pub si: &'static str,
+    /// Value in that unit.
+    pub value: f64,
+}
+
+/// Shorthand for lists.
+pub const fn quantity(name: &'static str, si: &'static str, value: f64) -> Quantity {
+    Quantity { name, si, value }
+}
+
 /// Shorthand for tables.
 pub const fn parameter(
     name: &'static str,
@@ -408,7 +424,7 @@ pub trait Effect: Send + Sync {
     /// Its force laws in the words of `robot!`, if equations of motion take it as a force.
     fn source(&self) -> Option<Source>;
     /// Physical magnitudes for the report.
-    fn shown(&self, e: &[f64], gain: f64, rated: f64) -> Vec<(&'static str, f64)>;
+    fn shown(&self, e: &[f64], gain: f64, rated: f64) -> Vec<Quantity>;
     /// Over plain numbers.
     fn plain(&self) -> &dyn Law<f64>;
     /// Over lanes of derivatives.
@@ -456,12 +472,12 @@ pub trait Model: Send + Sync {
         None
     }
     /// Physical magnitudes for the report, from the parameters, the motor gain and the joint's typical input.
-    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
+    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<Quantity> {
         self.info()
             .parameters
             .iter()
             .zip(e)
-            .map(|(p, &x)| (p.name, x))
+            .map(|(p, &x)| quantity(p.name, p.si, x))
             .collect()
     }
 }
@@ -494,7 +510,7 @@ where
     fn source(&self) -> Option<Source> {
         Model::source(self)
     }
-    fn shown(&self, e: &[f64], gain: f64, rated: f64) -> Vec<(&'static str, f64)> {
+    fn shown(&self, e: &[f64], gain: f64, rated: f64) -> Vec<Quantity> {
         Model::shown(self, e, gain, rated)
     }
     fn plain(&self) -> &dyn Law<f64> {

@@ -3,7 +3,7 @@
 //!
 //! Source: M. Nordin, P.-O. Gutman, Automatica 38(10), 2002.
 
-use crate::effect::{Gear, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Gear, Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
 use crate::scalar::Scalar;
 
 /// Free travel between rotor and link.
@@ -62,12 +62,12 @@ impl Model for Backlash {
     fn info(&self) -> &'static Info {
         &INFO
     }
-    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
+    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<Quantity> {
         vec![
-            ("gap", e[0]),
-            ("stiffness", 1.0 / e[1]),
-            ("damping", (e[2] + e[3]) / e[1]),
-            ("open_damping", e[3] / e[1]),
+            quantity("gap", "rad", e[0]),
+            quantity("stiffness", "N*m/rad", 1.0 / e[1]),
+            quantity("damping", "N*m*s/rad", (e[2] + e[3]) / e[1]),
+            quantity("open_damping", "N*m*s/rad", e[3] / e[1]),
         ]
     }
 }

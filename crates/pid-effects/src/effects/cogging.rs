@@ -8,7 +8,9 @@
 use std::f64::consts::TAU;
 
 use crate::constants::Constants;
-use crate::effect::{Forces, Info, Kind, Law, Model, Site, Source, Unit, parameter};
+use crate::effect::{
+    Forces, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
+};
 use crate::scalar::Scalar;
 
 /// Force ripple over the position.
@@ -75,11 +77,11 @@ impl Model for Cogging {
             before: None,
         })
     }
-    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
+    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<Quantity> {
         vec![
-            ("amplitude", e[0].hypot(e[1])),
-            ("periods_per_unit", e[2]),
-            ("phase", e[1].atan2(e[0])),
+            quantity("amplitude", "N*m", e[0].hypot(e[1])),
+            quantity("periods_per_unit", "1/rad", e[2]),
+            quantity("phase", "rad", e[1].atan2(e[0])),
         ]
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Source: encoder data sheets; A = √(a² + b²).
 
-use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
 use crate::scalar::Scalar;
 
 /// The encoder disc runs out of true.
@@ -37,8 +37,11 @@ impl Model for EncoderEccentricity {
     fn info(&self) -> &'static Info {
         &INFO
     }
-    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
-        vec![("amplitude", e[0].hypot(e[1])), ("phase", e[1].atan2(e[0]))]
+    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<Quantity> {
+        vec![
+            quantity("amplitude", "rad", e[0].hypot(e[1])),
+            quantity("phase", "rad", e[1].atan2(e[0])),
+        ]
     }
 }
 

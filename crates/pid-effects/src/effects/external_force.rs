@@ -2,7 +2,7 @@
 //!
 //! Source: A. De Luca, R. Mattone, IEEE ICRA 2005.
 
-use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
 use crate::scalar::Scalar;
 
 /// Something pushes the tool.
@@ -60,17 +60,17 @@ impl Model for ExternalForce {
     fn edges(&self) -> &'static [usize] {
         &[3, 4, 5, 6, 7, 8]
     }
-    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
+    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<Quantity> {
         vec![
-            ("force_x", e[0]),
-            ("force_y", e[1]),
-            ("force_z", e[2]),
-            ("on_1_s", e[3]),
-            ("off_1_s", e[4]),
-            ("on_2_s", e[5]),
-            ("off_2_s", e[6]),
-            ("on_3_s", e[7]),
-            ("off_3_s", e[8]),
+            quantity("force_x", "N", e[0]),
+            quantity("force_y", "N", e[1]),
+            quantity("force_z", "N", e[2]),
+            quantity("on_1_s", "s", e[3]),
+            quantity("off_1_s", "s", e[4]),
+            quantity("on_2_s", "s", e[5]),
+            quantity("off_2_s", "s", e[6]),
+            quantity("on_3_s", "s", e[7]),
+            quantity("off_3_s", "s", e[8]),
         ]
     }
 }

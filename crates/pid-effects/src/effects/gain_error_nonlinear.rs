@@ -2,7 +2,9 @@
 //!
 //! Source: saturation of the iron; P. C. Krause et al., 2013, section 2.3.
 
-use crate::effect::{Commands, Info, Kind, Law, Model, Source, Unit, parameter};
+use crate::effect::{
+    Commands, Info, Kind, Law, Model, Quantity, Source, Unit, parameter, quantity,
+};
 use crate::scalar::Scalar;
 
 /// The gain droops at large inputs.
@@ -49,8 +51,11 @@ impl Model for GainErrorNonlinear {
             before: None,
         })
     }
-    fn shown(&self, e: &[f64], _gain: f64, rated: f64) -> Vec<(&'static str, f64)> {
-        vec![("droop", e[0] * rated * rated), ("at_input", rated)]
+    fn shown(&self, e: &[f64], _gain: f64, rated: f64) -> Vec<Quantity> {
+        vec![
+            quantity("droop", "1", e[0] * rated * rated),
+            quantity("at_input", "A", rated),
+        ]
     }
 }
 

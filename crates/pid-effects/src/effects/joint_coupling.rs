@@ -3,7 +3,9 @@
 //! Source: L.-W. Tsai, Robot Analysis, 1999, chapter 7.
 
 use crate::constants::Constants;
-use crate::effect::{Forces, Info, Kind, Law, Model, Site, Source, Unit, parameter};
+use crate::effect::{
+    Forces, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
+};
 use crate::scalar::Scalar;
 
 /// A cable over two joints.
@@ -55,8 +57,12 @@ impl Model for JointCoupling {
     fn needs_partner(&self) -> bool {
         true
     }
-    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
-        vec![("stiffness", e[0]), ("ratio", e[1]), ("rest", e[2] / e[0])]
+    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<Quantity> {
+        vec![
+            quantity("stiffness", "N*m/rad", e[0]),
+            quantity("ratio", "1", e[1]),
+            quantity("rest", "rad", e[2] / e[0]),
+        ]
     }
 }
 

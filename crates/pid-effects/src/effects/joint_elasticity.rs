@@ -3,7 +3,7 @@
 //!
 //! Source: M. W. Spong, ASME J. Dyn. Syst. Meas. Control 109(4), 1987.
 
-use crate::effect::{Gear, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Gear, Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
 use crate::scalar::Scalar;
 
 /// Rotor and link are joined by a spring.
@@ -54,8 +54,11 @@ impl Model for JointElasticity {
     fn info(&self) -> &'static Info {
         &INFO
     }
-    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
-        vec![("stiffness", 1.0 / e[0]), ("damping", e[1] / e[0])]
+    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<Quantity> {
+        vec![
+            quantity("stiffness", "N*m/rad", 1.0 / e[0]),
+            quantity("damping", "N*m*s/rad", e[1] / e[0]),
+        ]
     }
 }
 

@@ -5,7 +5,9 @@
 //! Stäubli TX40).
 
 use crate::constants::Constants;
-use crate::effect::{Forces, Info, Kind, Law, Model, Site, Source, Unit, parameter};
+use crate::effect::{
+    Forces, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
+};
 use crate::scalar::Scalar;
 
 /// The motor of a joint is turned by the joint before it too.
@@ -60,12 +62,12 @@ impl Model for MotorCoupling {
     fn needs_partner(&self) -> bool {
         true
     }
-    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
+    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<Quantity> {
         vec![
-            ("viscous", e[0]),
-            ("coulomb", e[1]),
-            ("ratio", e[2]),
-            ("transition", e[3]),
+            quantity("viscous", "N*m*s/rad", e[0]),
+            quantity("coulomb", "N*m", e[1]),
+            quantity("ratio", "1", e[2]),
+            quantity("transition", "rad/s", e[3]),
         ]
     }
 }

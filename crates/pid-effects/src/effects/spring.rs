@@ -3,7 +3,9 @@
 //! Source: MuJoCo documentation, joint stiffness.
 
 use crate::constants::Constants;
-use crate::effect::{Forces, Info, Kind, Law, Model, Site, Source, Unit, parameter};
+use crate::effect::{
+    Forces, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
+};
 use crate::scalar::Scalar;
 
 /// A spring at the joint.
@@ -48,8 +50,11 @@ impl Model for Spring {
             before: None,
         })
     }
-    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
-        vec![("stiffness", e[0]), ("rest", e[1] / e[0])]
+    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<Quantity> {
+        vec![
+            quantity("stiffness", "N*m/rad", e[0]),
+            quantity("rest", "rad", e[1] / e[0]),
+        ]
     }
 }
 

@@ -3,7 +3,9 @@
 //! Source: R. Stribeck 1902; B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7),
 //! 1994, section 2.1.
 
-use crate::effect::{Friction, Info, Kind, Law, Model, Site, Source, Unit, parameter};
+use crate::effect::{
+    Friction, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
+};
 use crate::scalar::Scalar;
 
 /// Friction rises towards standstill.
@@ -53,10 +55,10 @@ impl Model for Stribeck {
             before: None,
         })
     }
-    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
+    fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<Quantity> {
         vec![
-            ("static_to_coulomb", 1.0 + e[0]),
-            ("stribeck_velocity", e[1]),
+            quantity("static_to_coulomb", "1", 1.0 + e[0]),
+            quantity("stribeck_velocity", "rad/s", e[1]),
         ]
     }
 }

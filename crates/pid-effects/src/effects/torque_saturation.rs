@@ -2,7 +2,9 @@
 //!
 //! Source: data sheets of drives; K. J. Åström, L. Rundqwist, ACC 1989.
 
-use crate::effect::{Commands, Info, Kind, Law, Model, Source, Unit, parameter};
+use crate::effect::{
+    Commands, Info, Kind, Law, Model, Quantity, Source, Unit, parameter, quantity,
+};
 use crate::scalar::Scalar;
 
 /// The drive limits its torque.
@@ -40,8 +42,8 @@ impl Model for TorqueSaturation {
             before: None,
         })
     }
-    fn shown(&self, e: &[f64], gain: f64, _rated: f64) -> Vec<(&'static str, f64)> {
-        vec![("limit", e[0] * gain)]
+    fn shown(&self, e: &[f64], gain: f64, _rated: f64) -> Vec<Quantity> {
+        vec![quantity("limit", "N*m", e[0] * gain)]
     }
 }
 
