@@ -149,6 +149,16 @@ fn reading(case: &Case, j: usize, derived: bool) -> Option<Reading> {
     Some(Reading { timing, scale })
 }
 
+/// Joints whose measured velocity shows later than the filter that all of them share, beyond chance
+/// and by enough to matter.
+pub(crate) fn late_readings(case: &Case) -> Vec<usize> {
+    let late = |r: &Reading| r.timing.noticeable() && r.timing.later_than(case.shared_lag);
+    (0..case.n())
+        .filter(|&j| case.velocity[j] == Velocity::Measured)
+        .filter(|&j| reading(case, j, false).is_some_and(|r| late(&r)))
+        .collect()
+}
+
 /// Fewest joints whose velocities tell a filter of the recording from a lag of one sensor.
 const SEVERAL: usize = 2;
 

@@ -70,6 +70,51 @@ impl Verdict {
     }
 }
 
+/// How much of the gap has a name. In JSON the field `verdict`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Outcome {
+    /// Nothing is missing.
+    #[serde(rename = "none")]
+    Nothing,
+    /// One effect, or friction outside its tolerance.
+    #[serde(rename = "one cause")]
+    OneCause,
+    /// Several effects together.
+    #[serde(rename = "several")]
+    Several,
+    /// Effects have a share of the gap, and too much of it has no name.
+    #[serde(rename = "partly unknown")]
+    PartlyUnknown,
+    /// Nothing that is missing has a name.
+    #[serde(rename = "unknown")]
+    Unknown,
+}
+
+impl Outcome {
+    /// Of a verdict and the number of effects it names.
+    pub fn of(verdict: &Verdict, effects: usize) -> Self {
+        match verdict {
+            Verdict::Nothing => Outcome::Nothing,
+            Verdict::Unknown if effects == 0 => Outcome::Unknown,
+            Verdict::Unknown => Outcome::PartlyUnknown,
+            Verdict::Several => Outcome::Several,
+            Verdict::Effect { .. } if effects > 1 => Outcome::Several,
+            Verdict::Effect { .. } | Verdict::OutsideTolerance { .. } => Outcome::OneCause,
+        }
+    }
+
+    /// As in the field `verdict` of `diagnosis.json`.
+    pub fn word(self) -> &'static str {
+        match self {
+            Outcome::Nothing => "none",
+            Outcome::OneCause => "one cause",
+            Outcome::Several => "several",
+            Outcome::PartlyUnknown => "partly unknown",
+            Outcome::Unknown => "unknown",
+        }
+    }
+}
+
 /// [`Verdict`] as two fields.
 #[derive(Serialize, Deserialize)]
 struct Words {
@@ -105,6 +150,9 @@ pub struct Magnitude {
     pub name: String,
     /// Value, SI units.
     pub value: f64,
+    /// Its unit; `1` for a plain number.
+    #[serde(default)]
+    pub unit: String,
     /// Standard deviation; `None` if the records do not determine it.
     pub std: Option<f64>,
 }
@@ -362,6 +410,9 @@ pub struct Diagnosis {
     pub schema_version: u32,
     /// Data set.
     pub case: String,
+    /// How much of the gap has a name, in the field `verdict`; absent in files of older versions.
+    #[serde(rename = "verdict", default)]
+    pub outcome: Option<Outcome>,
     /// The cause that is stated; fields `effect` and `joint` of the JSON form.
     #[serde(flatten)]
     pub verdict: Verdict,
@@ -425,6 +476,11 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// How much of the gap has a name.
+    pub fn outcome(&self) -> Outcome {
+        Outcome::of(&self.verdict, self.effects.len())
+    }
+
     /// As JSON, indented.
     pub fn to_json(&self) -> String {
         // Only numbers, texts and lists: writing to memory cannot fail.

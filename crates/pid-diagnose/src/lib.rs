@@ -87,6 +87,7 @@ pub mod search;
 mod simulate;
 pub mod timing;
 mod windows;
+pub mod words;
 pub mod write;
 
 pub use pid_effects::{

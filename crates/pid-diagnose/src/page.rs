@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use pid_page::{Bar, Footer, Ink, Legend, Page, bars, figure, legend};
 
-use crate::diagnosis::{Diagnosis, Named, Nameless, Remainder, Verdict};
+use crate::diagnosis::{Diagnosis, Named, Nameless, Remainder};
 use crate::effects;
 use crate::free::Form;
 use crate::locate::{Axis, MissingForce, classes};
@@ -11,6 +11,7 @@ use crate::next::Experiment;
 use crate::plot;
 use crate::report::Report;
 use crate::timing::Alignment;
+use crate::words;
 
 /// The page.
 pub(crate) fn page(report: &Report) -> String {
@@ -20,7 +21,8 @@ pub(crate) fn page(report: &Report) -> String {
     let page = Page {
         title: &format!("Diagnosis of {}", d.case),
         lead: html! {
-            p.verdict { (verdict(d)) }
+            p.verdict { (words::headline(d)) }
+            ul.verdict { @for line in words::budget(d) { li { (line) } } }
             p { "Confidence " (format!("{:.2}", d.confidence)) ". Where it shows: " (d.regime) "." }
             @if !d.confusion_set.is_empty() {
                 p { "These records do not tell it apart from: " (d.confusion_set.join(", ")) "." }
@@ -251,58 +253,6 @@ fn place(effect: &str, joint: Option<usize>) -> String {
     joint.map_or_else(|| effect.to_owned(), |j| format!("{effect} at joint {j}"))
 }
 
-fn verdict(d: &Diagnosis) -> String {
-    match &d.verdict {
-        Verdict::OutsideTolerance { .. } => format!(
-            "No effect is missing, but friction lies outside its stated tolerance: {}.",
-            all(d)
-        ),
-        Verdict::Nothing => {
-            "No effect is missing beyond parameters within their tolerances.".to_owned()
-        }
-        Verdict::Unknown if law(d).is_some() => law(d).map_or_else(String::new, |l| {
-            let all = match d.effects.len() {
-                0 => String::new(),
-                1 => format!(" {} only imitates it.", all(d)),
-                _ => format!(" {} only imitate it.", all(d)),
-            };
-            let (words, share) = (l.words(), 100.0 * l.explained);
-            format!("No effect of the library, but {words}: {share:.0} % of the squared gap.{all}")
-        }),
-        Verdict::Unknown if d.effects.is_empty() => {
-            "Something is missing, but no effect of the library explains it.".to_owned()
-        }
-        Verdict::Unknown => format!(
-            "Something is missing that no effect of the library explains; {} of the gap goes with {}.",
-            d.remainder
-                .as_ref()
-                .map_or_else(String::new, |r| format!("{:.0} %", 100.0 * r.explained)),
-            all(d)
-        ),
-        Verdict::Effect { .. } | Verdict::Several => match &d.remainder {
-            Some(r) => format!(
-                "{} explain{} {:.0} % of the squared gap beyond the floor; {:.0} % is left.",
-                all(d),
-                if d.effects.len() == 1 { "s" } else { "" },
-                100.0 * r.explained,
-                100.0 * (1.0 - r.explained)
-            ),
-            None => all(d),
-        },
-    }
-}
-
-/// All named effects, with their shares where there are several.
-fn all(d: &Diagnosis) -> String {
-    let words = |e: &Named| {
-        let share = e.share.filter(|_| d.effects.len() > 1);
-        let share = share.map_or_else(String::new, |s| format!(" ({:.0} %)", 100.0 * s));
-        format!("{}{share}", place(&e.effect, e.joint))
-    };
-    let words: Vec<String> = d.effects.iter().map(words).collect();
-    words.join(" and ")
-}
-
 /// How the squared gap beyond the floor is shared out, where effects explain a part of it.
 fn budget(d: &Diagnosis) -> Option<Markup> {
     let left = 1.0 - d.remainder.as_ref()?.explained;
@@ -336,7 +286,9 @@ fn rounds(d: &Diagnosis) -> Markup {
         h2 { "What was tried" }
         @for round in &d.rounds {
             p {
-                @if round.beside.is_empty() { "Beside the nominal model:" } @else { "Beside " (round.beside.join(", ")) ":" }
+                @if round.exchange { "Asked once more, in the place of " (round.dropped.join(", ")) " and beside " (round.beside.join(", ")) ":" }
+                @else if round.beside.is_empty() { "Beside the nominal model:" }
+                @else { "Beside " (round.beside.join(", ")) ":" }
             }
             div.scroll { table {
                 thead { tr { th { "candidate" } th class="num" { "score" } th class="num" { "gain on records never fitted" } th class="num" { "gap" } th { "outcome" } } }
@@ -350,7 +302,7 @@ fn rounds(d: &Diagnosis) -> Markup {
                     }
                 }
             } }
-            @if !round.dropped.is_empty() {
+            @if !round.exchange && !round.dropped.is_empty() {
                 p { "Dropped after it: " (round.dropped.join(", ")) "." }
             }
         }
@@ -443,7 +395,7 @@ fn effect(e: &Named) -> Markup {
             thead { tr { th { "parameter" } th.num { "value" } th.num { "standard deviation" } } }
             @for p in &e.parameters {
                 tr {
-                    td { (p.name) }
+                    td { (p.name) @if !matches!(p.unit.as_str(), "" | "1") { ", " (p.unit) } }
                     td class="num" { (format!("{:.5}", p.value)) }
                     td class="num" { (p.std.map_or_else(|| "not determined".to_owned(), |s| format!("{s:.2e}"))) }
                 }

@@ -73,8 +73,12 @@ pub struct Alignment {
 impl Alignment {
     /// Whether the signal shows later than stated beyond chance, however little that is.
     pub fn late(&self) -> bool {
-        self.std
-            .is_some_and(|s| self.delay - self.stated > SURE * s)
+        self.later_than(self.stated)
+    }
+
+    /// Whether the signal shows later than after a `delay` (s) beyond chance.
+    pub fn later_than(&self, delay: f64) -> bool {
+        self.std.is_some_and(|s| self.delay - delay > SURE * s)
     }
 
     /// Whether the shift differs from the stated one beyond chance and by enough to matter.

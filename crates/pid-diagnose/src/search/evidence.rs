@@ -10,8 +10,8 @@ use crate::case::Case;
 use crate::circumstances::equal_to;
 use crate::criteria::Criteria;
 use crate::diagnosis::{
-    Beyond, Diagnosis, Magnitude, Named, Next, Ranked, Remainder, Residue, Round, SCHEMA_VERSION,
-    Share, Signals, Verdict,
+    Beyond, Diagnosis, Magnitude, Named, Next, Outcome, Ranked, Remainder, Residue, Round,
+    SCHEMA_VERSION, Share, Signals, Verdict,
 };
 use crate::effect::Term;
 use crate::effects::by_id;
@@ -330,6 +330,7 @@ impl Evidence {
         Diagnosis {
             schema_version: SCHEMA_VERSION,
             case: self.case.name.clone(),
+            outcome: Some(Outcome::of(&verdict, effects.len())),
             verdict,
             effects,
             gap_before: self.before.total,
@@ -368,6 +369,7 @@ fn friction(beyond: &[Beyond]) -> Vec<Named> {
         let parameter = Magnitude {
             name: b.parameter.clone(),
             value: b.value,
+            unit: b.unit.clone(),
             std: b.std,
         };
         match out.iter_mut().find(|n| n.joint == Some(b.joint)) {

@@ -451,6 +451,7 @@ impl Lagging {
                 constant: Magnitude {
                     name: constant.name.to_owned(),
                     value: c.lag,
+                    unit: constant.si.to_owned(),
                     std: c.lag_std,
                 },
                 ratio: c.mismatch / c.with_lag.max(1e-12),

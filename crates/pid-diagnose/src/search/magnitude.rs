@@ -233,7 +233,7 @@ pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
                         .shown(&moved, gain, rated)
                         .iter()
                         .zip(&shown)
-                        .map(|(a, b)| (a.1 - b.1) / step)
+                        .map(|(a, b)| (a.value - b.value) / step)
                         .collect()
                 })
                 .collect();
@@ -243,13 +243,13 @@ pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
                     .shown(e, gain + step, rated)
                     .iter()
                     .zip(&shown)
-                    .map(|(a, b)| (a.1 - b.1) / step * gain_slope)
+                    .map(|(a, b)| (a.value - b.value) / step * gain_slope)
                     .collect(),
             );
             let parameters = shown
                 .iter()
                 .enumerate()
-                .map(|(s, (name, x))| {
+                .map(|(s, quantity)| {
                     let lost = (0..k).any(|a| own_dead[a] && slopes[a][s] != 0.0);
                     let spread = |c: &DMatrix<f64>| {
                         (0..=k)
@@ -262,8 +262,9 @@ pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
                         .filter(|_| !lost)
                         .map(|(curved, blocks)| spread(curved).max(spread(blocks)));
                     Magnitude {
-                        name: (*name).to_owned(),
-                        value: *x,
+                        name: quantity.name.to_owned(),
+                        value: quantity.value,
+                        unit: case.nominal.unit_of(quantity.si, term.joint),
                         std: variance
                             .filter(|v| *v >= 0.0 && v.is_finite())
                             .map(f64::sqrt),

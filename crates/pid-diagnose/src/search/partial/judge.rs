@@ -224,6 +224,18 @@ mod tests {
     }
 
     #[test]
+    fn free_runs_grow_where_every_window_does() {
+        let criteria = Criteria::default();
+        let before = gap(&[about(1e-2)]);
+        assert!(grows(&criteria, &before, &gap(&[about(1.3e-2)])));
+        assert!(!grows(&criteria, &before, &gap(&[about(0.9e-2)])));
+        // One window that is five times as large is scatter.
+        let mut one = about(1e-2);
+        one[2] *= 5.0;
+        assert!(!grows(&criteria, &before, &gap(&[one])));
+    }
+
+    #[test]
     fn a_decrease_that_scatters_as_much_as_it_is_large_is_chance() {
         let same = about(1.0);
         let mixed = [0.5, 1.9, 0.6, 1.7, 1.0, 0.9];

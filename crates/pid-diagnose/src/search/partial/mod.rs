@@ -12,10 +12,12 @@
 //! it leaves: twice the gain in profile likelihood with the level unknown (L. Ljung, System
 //! Identification, 1999, section 7.4). It must also shrink the free-run gap on motions never fitted
 //! by more than the scatter between their windows, over all joints or at its own. After each effect
-//! taken those before it are judged again beside it, and the whole list is scored again.
+//! taken those before it are judged again beside it, and the whole list is scored again. Lags that a
+//! reading shows by itself come first (see [`shown`]).
 
 mod exchange;
 mod judge;
+mod shown;
 #[cfg(test)]
 mod tests;
 
@@ -42,6 +44,7 @@ use crate::noise;
 use crate::screen::screen;
 use exchange::exchange;
 use judge::{Gained, at_an_end, gained, grows, judge, shrinks, sums_of};
+use shown::take_shown;
 
 /// What the library explains, and what it is judged against.
 struct Partial {
@@ -106,6 +109,14 @@ pub(super) fn tuned_within(evidence: &Evidence, settings: &Settings) -> (Fit, Ga
     (stand.fit, stand.gap)
 }
 
+/// What a round asks for.
+struct Asked<'a> {
+    /// Which terms.
+    only: &'a dyn Fn(&Term) -> bool,
+    /// Whether a signal shows them by itself.
+    shown: bool,
+}
+
 /// One round: the candidates on top of what is taken, best first, what became of each, and the one
 /// that is taken with where it leads: the best that pays, or one that the score does not tell from it
 /// and that free runs prefer.
@@ -114,10 +125,10 @@ fn round(
     settings: &Settings,
     sensors: &[(f64, f64)],
     known: &[Fit],
-    only: &dyn Fn(&Term) -> bool,
+    asked: &Asked<'_>,
 ) -> (Vec<Refit>, Round, Option<(usize, Stand)>) {
     let mut list = listed(&now.case, &now.directions, settings, &now.fit);
-    list.retain(|(term, _)| only(term));
+    list.retain(|(term, _)| (asked.only)(term));
     for (term, starts) in &mut list {
         starts.extend(known.iter().filter_map(|fit| last_of(fit, &term.label())));
     }
@@ -152,7 +163,7 @@ fn round(
         let refused = if first.is_some_and(|first| !alike(first)) {
             Some(LATER.to_owned())
         } else {
-            let rule = refused(settings, now, r, held_out[i], &gaps[i])
+            let rule = refused(settings, now, (r, asked.shown), held_out[i], &gaps[i])
                 .map_or_else(|| led_to(settings, now, r, sensors), Err);
             match rule {
                 Ok(next) => {
@@ -204,7 +215,7 @@ const LATER: &str = "another one came first";
 fn refused(
     settings: &Settings,
     now: &Stand,
-    tried: &Refit,
+    (tried, shown): (&Refit, bool),
     held_out: f64,
     own: &Gap,
 ) -> Option<&'static str> {
@@ -213,11 +224,12 @@ fn refused(
     // fitted are beyond doubt.
     let beyond_doubt =
         held_out > criteria.sure_in_part * criteria.margin && !grows(criteria, &now.gap, own);
-    if tried.score <= criteria.margin {
+    let least = if shown { 0.0 } else { criteria.margin };
+    if tried.score <= least {
         Some("its score is that of chance")
     } else if held_out <= 0.0 {
         Some("it does not predict records never fitted better")
-    } else if !(shrinks(criteria, &tried.term, &now.gap, own) || beyond_doubt) {
+    } else if !(shown || shrinks(criteria, &tried.term, &now.gap, own) || beyond_doubt) {
         Some("free runs do not shrink beyond their scatter")
     } else {
         None
@@ -256,9 +268,14 @@ fn led_to(
 }
 
 /// Drops the effects that the last one has made superfluous, one after the other: beside the others
-/// they gain no more than chance, or free runs are better without beyond their scatter. Their places, in the order of
-/// dropping.
-fn pruned(now: &mut Stand, settings: &Settings, sensors: &[(f64, f64)]) -> Vec<usize> {
+/// they gain no more than chance, or free runs are better without beyond their scatter. Those of the
+/// labels `kept` stay. Their places, in the order of dropping.
+fn pruned(
+    now: &mut Stand,
+    settings: &Settings,
+    sensors: &[(f64, f64)],
+    kept: &[String],
+) -> Vec<usize> {
     let criteria = &settings.criteria;
     let mut dropped = Vec::new();
     loop {
@@ -276,8 +293,9 @@ fn pruned(now: &mut Stand, settings: &Settings, sensors: &[(f64, f64)]) -> Vec<u
         let superfluous = rest
             .into_iter()
             .enumerate()
-            .filter(|(_, (score, gap, _))| {
-                *score < criteria.replaces() || grows(criteria, gap, &now.gap)
+            .filter(|(i, (score, gap, _))| {
+                !kept.contains(&now.fit.hypothesis.terms[*i].label())
+                    && (*score < criteria.replaces() || grows(criteria, gap, &now.gap))
             })
             .min_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let Some((i, (_, _, less))) = superfluous else {
@@ -295,36 +313,40 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
     let sensors = &readings(&evidence.case);
     let mut now = tuned(evidence, settings, sensors);
     let (base, before) = (now.fit.clone(), now.gap.clone());
-    let (mut taken, mut others) = (Vec::new(), Vec::new());
-    let mut rounds: Vec<Round> = Vec::new();
-    let mut refits = 0;
-    while taken.len() < settings.budget.most_in_part
-        && rounds.iter().filter(|r| !r.exchange).count() < settings.budget.rounds
-    {
-        let (tried, mut round, pays) = round(&now, settings, sensors, &evidence.rivals, &|_| true);
+    let mut taken = Vec::new();
+    let mut rounds = take_shown(&mut now, &mut taken, settings, sensors);
+    let kept: Vec<String> = taken.iter().map(|(r, _)| r.term.label()).collect();
+    let mut refits = rounds.len();
+    let mut others = None;
+    let everything = Asked {
+        only: &|_| true,
+        shown: false,
+    };
+    for _ in 0..settings.budget.rounds {
+        if taken.len() >= settings.budget.most_in_part {
+            break;
+        }
+        let (tried, mut round, pays) =
+            round(&now, settings, sensors, &evidence.rivals, &everything);
         refits += tried.len();
         let scores: Vec<f64> = tried.iter().map(|r| r.score).collect();
         let odds = within_round(&scores, pays.as_ref().map(|(i, _)| *i));
         let mut tried: Vec<(Refit, f64)> = tried.into_iter().zip(odds).collect();
         let Some((i, next)) = pays else {
-            if rounds.is_empty() {
-                others = tried;
-            }
+            others.get_or_insert(tried);
             rounds.push(round);
             break;
         };
         let before = now.gap.total;
         now = next;
         taken.push(tried.remove(i));
-        if rounds.is_empty() {
-            others = tried;
-        }
-        for place in pruned(&mut now, settings, sensors) {
+        others.get_or_insert(tried);
+        for place in pruned(&mut now, settings, sensors, &kept) {
             round.dropped.push(taken.remove(place).0.term.label());
         }
         rounds.push(round);
         if taken.len() > 1 {
-            rounds.extend(exchange(&mut now, &mut taken, settings, sensors));
+            rounds.extend(exchange(&mut now, &mut taken, settings, sensors, &kept));
         }
         // Nothing is left, or one effect went in circles with another.
         let circles = rounds
@@ -356,7 +378,7 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
         before,
         now,
         taken,
-        others,
+        others: others.unwrap_or_default(),
         rounds,
         shares,
         refits,

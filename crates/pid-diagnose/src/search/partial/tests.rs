@@ -1,8 +1,13 @@
 //! The search of effects that explain a part, on the pendulum of the tests.
 
-use crate::bench::{Draw, named, pendulum};
+use super::exchange::exchange;
+use super::{Stand, readings};
+use crate::bench::{Draw, SIZE, named, pendulum};
 use crate::case::Case;
-use crate::diagnosis::{Diagnosis, Verdict};
+use crate::diagnosis::{Diagnosis, Outcome, Round, Verdict};
+use crate::fit::{Effort, Point, basis, fit};
+use crate::search::measure::measured;
+use crate::search::refit::Refit;
 use crate::search::{Settings, diagnose};
 
 /// First-order noise (correlation 0.97 from sample to sample, deviation `level`) on all positions.
@@ -59,4 +64,71 @@ fn coloured_noise_that_moves_nothing_is_no_cause() {
     assert!(d.effects.is_empty() && d.remainder.is_none());
     assert!(d.regime.contains("no white noise"), "{}", d.regime);
     assert!(!d.rounds.is_empty());
+}
+
+#[test]
+fn a_lag_that_the_reading_shows_is_asked_for_first() {
+    let mut case = pendulum(&named(&["spring"]), &[0.9, 0.2], 8.0, &|_| {});
+    for record in &mut case.records {
+        let fade = (-record.h / 0.03).exp();
+        let mut shown = record.v[0][0];
+        for v in &mut record.v[0] {
+            shown = fade * shown + (1.0 - fade) * *v;
+            *v = shown;
+        }
+    }
+    coloured(&mut case, 5e-4);
+    let d = diagnose(&case, &Settings::default());
+    let asked = |round: &Round| -> Vec<String> {
+        round.candidates.iter().map(|c| c.label.clone()).collect()
+    };
+    assert_eq!(asked(&d.rounds[0]), ["velocity_filter_lag:1"]);
+    assert_eq!(d.rounds[0].candidates[0].refused, None);
+    let mut found = labels(&d);
+    found.sort_unstable();
+    assert_eq!(found, ["spring", "velocity_filter_lag"], "{d:?}");
+    assert_eq!(d.outcome(), Outcome::Several);
+}
+
+/// A delay that a lag stood for: beside the spring the delay takes its place, unless the lag is kept.
+#[test]
+fn a_lag_taken_early_gives_way_to_the_delay_it_stood_for() {
+    let truth = named(&["input_delay", "spring"]);
+    let case = pendulum(&truth, &[0.02, 0.9, 0.2], 8.0, &|_| {});
+    let early = named(&["actuator_lag", "spring"]);
+    let directions = basis(&case);
+    let at = Point {
+        theta: vec![0.0; SIZE],
+        e: vec![0.02, 0.9, 0.2],
+    };
+    let found = fit(&case, &directions, &early, at, Effort::full(14));
+    let taken = early.terms.iter().map(|term| {
+        let refit = Refit {
+            term: term.clone(),
+            fit: found.clone(),
+            score: 0.0,
+        };
+        (refit, 1.0)
+    });
+    let taken: Vec<(Refit, f64)> = taken.collect();
+    let after = |kept: &[String]| {
+        let mut now = Stand {
+            case: case.clone(),
+            directions: directions.clone(),
+            gap: measured(&case, &found),
+            fit: found.clone(),
+        };
+        let mut taken = taken.clone();
+        let sensors = readings(&case);
+        let rounds = exchange(&mut now, &mut taken, &Settings::default(), &sensors, kept);
+        let labels: Vec<String> = taken.iter().map(|(r, _)| r.term.label()).collect();
+        (rounds, labels)
+    };
+    let (rounds, labels) = after(&[]);
+    assert_eq!(labels, ["spring:1", "input_delay:1"]);
+    assert!(rounds.len() == 1 && rounds[0].exchange, "{rounds:?}");
+    assert_eq!(rounds[0].dropped, ["actuator_lag:1"]);
+    let (rounds, labels) = after(&["actuator_lag:1".to_owned()]);
+    assert_eq!(labels, ["actuator_lag:1", "spring:1"]);
+    assert!(rounds.is_empty());
 }

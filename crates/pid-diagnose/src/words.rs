@@ -1,0 +1,166 @@
+//! A diagnosis in plain words: what the command prints and what the page begins with.
+
+use crate::diagnosis::{Diagnosis, Magnitude, Named, Outcome, Verdict};
+use crate::effects::by_id;
+
+/// The budget of the gap, a line for each cause and one for what is left: share, cause, joint and
+/// magnitudes. Empty where nothing is named and nothing is left.
+pub fn budget(d: &Diagnosis) -> Vec<String> {
+    let whole = whole(d);
+    let mut lines: Vec<String> = d
+        .effects
+        .iter()
+        .map(|e| line(e, e.share.or(whole)))
+        .collect();
+    lines.extend(left(d));
+    lines
+}
+
+/// The verdict in a few words: how much of the gap has a name.
+pub fn headline(d: &Diagnosis) -> String {
+    match d.outcome() {
+        Outcome::Nothing => "Nothing is missing beyond parameters within their tolerances.",
+        Outcome::OneCause if matches!(d.verdict, Verdict::OutsideTolerance { .. }) => {
+            "No effect is missing, but friction lies outside its stated tolerance."
+        }
+        Outcome::OneCause => "One cause explains the gap.",
+        Outcome::Several => "Several causes together explain the gap.",
+        Outcome::PartlyUnknown => "A part of the gap has a name, a part has none.",
+        Outcome::Unknown => "Something is missing, but no effect of the library explains it.",
+    }
+    .to_owned()
+}
+
+/// The share of a single effect that no free run had to tell from others.
+fn whole(d: &Diagnosis) -> Option<f64> {
+    let square = |x: f64| x * x;
+    let all = square(d.gap_before) - square(d.gap_floor);
+    let explained = (square(d.gap_before) - square(d.gap_after)) / all;
+    let one = d.effects.len() == 1 && all > 0.0;
+    one.then_some(explained)
+        .filter(|share| share.is_finite() && *share > 0.0)
+        .map(|share| share.min(1.0))
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.0} % of the gap", 100.0 * share)
+}
+
+/// A cause: `62 % of the gap: the drive acts later at joint 2 (input_delay): delay 14.2 ± 0.6 ms`.
+fn line(e: &Named, share: Option<f64>) -> String {
+    let title = by_id(&e.effect).map(|effect| effect.info().title);
+    let title = title.unwrap_or("Friction is outside its stated tolerance");
+    let (first, rest) = title.split_at(1);
+    let words = format!("{}{rest}", first.to_lowercase());
+    let joint = e.joint.map_or(String::new(), |j| format!(" at joint {j}"));
+    let share = share.map_or("cause".to_owned(), percent);
+    let sizes: Vec<String> = e.parameters.iter().map(size).collect();
+    format!(
+        "{share}: {words}{joint} ({}): {}",
+        e.effect,
+        sizes.join(", ")
+    )
+}
+
+/// What has no name.
+fn left(d: &Diagnosis) -> Option<String> {
+    let remainder = d.remainder.as_ref()?;
+    if let Some(law) = &remainder.nameless {
+        let share = percent(law.explained);
+        return Some(format!("{share}, better than the library: {}", law.words()));
+    }
+    let place = remainder.missing_force.iter();
+    let place = place.max_by(|a, b| a.share.total_cmp(&b.share));
+    let place = place.map_or(String::new(), |m| {
+        format!(", most at joint {}; it goes with {}", m.joint, m.regime)
+    });
+    let share = percent(1.0 - remainder.explained);
+    Some(format!("{share}: no name{place}"))
+}
+
+/// A magnitude with its deviation and unit, such as `delay 14.2 ± 0.6 ms`.
+pub fn size(m: &Magnitude) -> String {
+    // Names carry the unit of a time in older files and tables.
+    let name = m.name.strip_suffix("_s").unwrap_or(&m.name);
+    let name = name.replace('_', " ");
+    let (factor, unit) = scaled(m.value, &m.unit);
+    let unit = match unit.as_str() {
+        "" | "1" => String::new(),
+        unit => format!(" {unit}"),
+    };
+    let value = m.value * factor;
+    match m.std.map(|std| std * factor) {
+        Some(std) => {
+            let digits = digits(std, 2);
+            format!("{name} {value:.digits$} ± {std:.digits$}{unit}")
+        }
+        None => format!(
+            "{name} {value:.digits$}{unit} (not determined)",
+            digits = digits(value, 4)
+        ),
+    }
+}
+
+/// Factor and unit in which a value reads well: thousandths of seconds, radians and metres below a
+/// tenth.
+fn scaled(value: f64, unit: &str) -> (f64, String) {
+    let small = value.abs() < 0.1;
+    match unit {
+        "s" | "rad" | "m" if small => (1e3, format!("m{unit}")),
+        _ => {
+            let pretty = unit.replace('*', "·");
+            (1.0, pretty.replace("^2", "²"))
+        }
+    }
+}
+
+/// Decimals that show so many digits of a number, ten at most.
+fn digits(x: f64, shown: i32) -> usize {
+    if x == 0.0 || !x.is_finite() {
+        return 1;
+    }
+    let decimals = shown - 1 - x.abs().log10().floor() as i32;
+    decimals.clamp(0, 10) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn magnitude(name: &str, value: f64, std: Option<f64>, unit: &str) -> Magnitude {
+        Magnitude {
+            name: name.to_owned(),
+            value,
+            unit: unit.to_owned(),
+            std,
+        }
+    }
+
+    #[test]
+    fn a_magnitude_has_the_digits_of_its_deviation_and_a_unit_that_reads_well() {
+        let of = |name, value, std, unit| size(&magnitude(name, value, std, unit));
+        let delay = of("delay_s", 0.014_23, Some(0.000_61), "s");
+        assert_eq!(delay, "delay 14.23 ± 0.61 ms");
+        let stiffness = of("stiffness", 12_859.8, Some(412.0), "N*m/rad");
+        assert_eq!(stiffness, "stiffness 12860 ± 412 N·m/rad");
+        let excess = of("load_coefficient", 0.5, None, "1");
+        assert_eq!(excess, "load coefficient 0.5000 (not determined)");
+        let slow = of("time_constant_s", 3.456, Some(0.12), "s");
+        assert_eq!(slow, "time constant 3.46 ± 0.12 s");
+    }
+
+    #[test]
+    fn a_cause_is_a_sentence_with_its_share_first() {
+        let named = Named {
+            effect: "input_delay".to_owned(),
+            joint: Some(2),
+            parameters: vec![magnitude("delay_s", 0.0142, Some(0.0006), "s")],
+            regime: String::new(),
+            share: Some(0.62),
+        };
+        assert_eq!(
+            line(&named, named.share),
+            "62 % of the gap: the drive acts later at joint 2 (input_delay): delay 14.20 ± 0.60 ms"
+        );
+    }
+}
