@@ -3,10 +3,11 @@
 use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
 
-use pid_diagnose::diagnosis::{Diagnosis, Share};
+use pid_diagnose::diagnosis::{Diagnosis, Outcome, Share};
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
 use pid_diagnose::with_effects::{Placed, source};
+use pid_diagnose::words;
 use pid_diagnose::write::remove_stale;
 use pid_runtime::dynamics::Hessian;
 use rayon::prelude::*;
@@ -28,7 +29,7 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
         Some(name) => Some(models::by_name(name)?.model),
         None => None,
     };
-    let outcomes: Vec<Result<bool, CliError>> = paths
+    let outcomes: Vec<Result<Option<Diagnosis>, CliError>> = paths
         .par_iter()
         .zip(places(paths))
         .map(|(folder, place)| {
@@ -39,35 +40,74 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
             };
             let file = out.join("diagnosis.json");
             if several && !args.again && file.exists() {
-                output::print(&format!("{}: already diagnosed\n", folder.display()));
-                return Ok(true);
+                if !args.quiet && !args.json {
+                    output::print(&format!("{}: already diagnosed\n", folder.display()));
+                }
+                return earlier(&file).map(Some);
             }
             match one(folder, model, &out, args) {
                 Ok(d) => {
-                    output::print(&summary(&d));
-                    said_where(&out);
-                    Ok(true)
+                    said(&d, &out, args);
+                    Ok(Some(d))
                 }
                 Err(CliError::Case { source }) => {
                     output::message(&format!("error: {}: {source}", folder.display()));
-                    Ok(false)
+                    Ok(None)
                 }
                 Err(other) => Err(other),
             }
         })
         .collect();
-    let mut failed = false;
-    for outcome in outcomes {
-        failed |= !outcome?;
+    let outcomes: Vec<Option<Diagnosis>> = outcomes.into_iter().collect::<Result<_, _>>()?;
+    let failed = outcomes.iter().any(Option::is_none);
+    let all: Vec<Diagnosis> = outcomes.into_iter().flatten().collect();
+    if args.json {
+        let text = match all.as_slice() {
+            [one] if !several => one.to_json(),
+            _ => serde_json::to_string_pretty(&all).map_err(CliError::Json)?,
+        };
+        output::print(&format!("{text}\n"));
     }
-    Ok(u8::from(failed))
+    match failed {
+        true => Ok(FAILED),
+        false => Ok(code(&all, args)),
+    }
 }
 
-fn said_where(out: &Path) {
-    output::print(&format!(
-        "  report: {}\n",
-        out.join("report.html").display()
-    ));
+/// Exit code where a folder could not be diagnosed.
+const FAILED: u8 = 1;
+
+/// Exit code of diagnoses: 0, or with `--exit-code` that of the worst of them.
+fn code(all: &[Diagnosis], args: &DiagnoseArgs) -> u8 {
+    let of = |d: &Diagnosis| match d.outcome() {
+        Outcome::Nothing => 0,
+        Outcome::OneCause | Outcome::Several => 10,
+        Outcome::PartlyUnknown => 11,
+        Outcome::Unknown => 12,
+    };
+    let worst = all.iter().map(of).max().unwrap_or(0);
+    if args.exit_code { worst } else { 0 }
+}
+
+/// A diagnosis that an earlier run wrote.
+fn earlier(file: &Path) -> Result<Diagnosis, CliError> {
+    let text = std::fs::read_to_string(file).map_err(|error| CliError::Read {
+        path: file.to_owned(),
+        error,
+    })?;
+    serde_json::from_str(&text).map_err(|error| CliError::Earlier {
+        path: file.to_owned(),
+        error,
+    })
+}
+
+/// Prints a summary and where the report is, unless that is not wanted.
+fn said(d: &Diagnosis, out: &Path, args: &DiagnoseArgs) {
+    if args.json || args.quiet {
+        return;
+    }
+    let report = out.join("report.html");
+    output::print(&format!("{}  report: {}\n", summary(d), report.display()));
 }
 
 /// Names of the folders of results: the last part of each path, or all of it where two end alike.
@@ -126,9 +166,11 @@ fn of_logs(robot: &Path, logs: &[PathBuf], args: &DiagnoseArgs) -> Result<u8, Cl
     let nominal = pid_diagnose::nominal::Nominal::new(opened.nominal);
     let report = Report::new(nominal, &opened.records.dataset, &settings(args), args.next)?;
     report.write(&args.out)?;
-    output::print(&summary(&report.diagnosis));
-    said_where(&args.out);
-    Ok(0)
+    said(&report.diagnosis, &args.out, args);
+    if args.json {
+        output::print(&format!("{}\n", report.diagnosis.to_json()));
+    }
+    Ok(code(std::slice::from_ref(&report.diagnosis), args))
 }
 
 fn one(
@@ -180,51 +222,29 @@ fn write_items(model: &dyn Hessian, report: &Report, out: &Path) -> Result<(), C
     write(&path, &format!("{text}{items}"))
 }
 
-/// A few lines for the terminal.
+/// Share of a missing force from which a joint has a line of its own.
+const WORTH: f64 = 0.1;
+
+/// A few lines for the terminal: verdict, budget of the gap, gap, what else was found.
 pub(crate) fn summary(d: &Diagnosis) -> String {
-    let mut text = format!("{}: ", d.case);
-    text.push_str(d.verdict.word());
-    if let Some(j) = d.verdict.joint() {
-        text.push_str(&format!(" at joint {j}"));
+    let mut text = format!(
+        "{}: {}, confidence {:.2}\n",
+        d.case,
+        d.outcome().word(),
+        d.confidence
+    );
+    for line in words::budget(d) {
+        text.push_str(&format!("  {line}\n"));
     }
     text.push_str(&format!(
-        ", confidence {:.2}\n  gap {:.4} -> {:.4}, floor {:.4}; {:.1} s\n",
-        d.confidence, d.gap_before, d.gap_after, d.gap_floor, d.seconds
+        "  gap {:.4} -> {:.4}, floor {:.4}; {:.1} s\n",
+        d.gap_before, d.gap_after, d.gap_floor, d.seconds
     ));
-    for e in &d.effects {
-        let joint = e.joint.map_or(String::new(), |j| format!(" at joint {j}"));
-        let share = e.share.map_or(String::new(), |s| {
-            format!(", {:.0} % of the gap", 100.0 * s)
-        });
-        text.push_str(&format!("  {}{joint}{share}:", e.effect));
-        for p in &e.parameters {
-            match p.std {
-                Some(s) => text.push_str(&format!(" {} = {:.5} ± {:.1e}", p.name, p.value, s)),
-                None => text.push_str(&format!(" {} = {:.5}", p.name, p.value)),
-            }
-        }
-        text.push('\n');
-    }
     for b in &d.beyond_tolerance {
         text.push_str(&format!("  outside its tolerance: {}\n", b.words()));
     }
-    if let Some(left) = &d.remainder {
-        match d.effects.is_empty() {
-            true => text.push_str("  no effect of the library pays on the records never fitted\n"),
-            false => text.push_str(&format!(
-                "  explained: {:.0} % of the squared gap beyond the floor; {:.0} % is left\n",
-                100.0 * left.explained,
-                100.0 * (1.0 - left.explained)
-            )),
-        }
-        if let Some(law) = &left.nameless {
-            text.push_str(&format!(
-                "  without a name, but better: {}, explains {:.0} %\n",
-                law.words(),
-                100.0 * law.explained
-            ));
-        }
-        for m in left.missing_force.iter().filter(|m| m.share > 0.1) {
+    for m in d.remainder.iter().flat_map(|left| &left.missing_force) {
+        if m.share > WORTH {
             text.push_str(&force("left", m));
         }
     }
@@ -234,7 +254,7 @@ pub(crate) fn summary(d: &Diagnosis) -> String {
             d.confusion_set.join(", ")
         ));
     }
-    for m in d.missing_force.iter().filter(|m| m.share > 0.1) {
+    for m in d.missing_force.iter().filter(|m| m.share > WORTH) {
         text.push_str(&force("missing force", m));
     }
     for s in &d.signals {

@@ -139,6 +139,13 @@ pub(crate) enum CliError {
     NoParameter { option: &'static str, name: String },
     #[error("--constrain \"{text}\": {reason}")]
     Constraint { text: String, reason: String },
+    #[error(
+        "{}: no diagnosis of this version: {error}\n  help: diagnose again with --again", path.display()
+    )]
+    Earlier {
+        path: PathBuf,
+        error: serde_json::Error,
+    },
     #[error("the result cannot be written as JSON: {0}")]
     Json(serde_json::Error),
     #[error("{}: {error}", path.display())]

@@ -31,6 +31,16 @@ pub(crate) struct DiagnoseArgs {
         default_value = "simtrue-diagnosis"
     )]
     pub(crate) out: PathBuf,
+    /// Print the diagnoses as JSON, those of several folders as a list, in place of a summary.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Print nothing but errors.
+    #[arg(long, conflicts_with = "json")]
+    pub(crate) quiet: bool,
+    /// End with a code that says the verdict: 0 none, 10 one cause or several, 11 partly unknown, 12
+    /// unknown; of several folders the largest.
+    #[arg(long)]
+    pub(crate) exit_code: bool,
     /// Diagnose again where a result is already there.
     #[arg(long)]
     pub(crate) again: bool,

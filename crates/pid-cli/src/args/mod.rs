@@ -55,6 +55,8 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
     /// List the models.
     Models,
+    /// Write the completions of a shell to standard output.
+    Completions(CompletionArgs),
     /// Make the embedded demonstration data anew.
     DemoData(DemoArgs),
     /// Show what `robot!` makes of the declarations in a Rust source file.
@@ -71,6 +73,14 @@ pub(crate) enum Command {
 pub(crate) struct StudyArgs {
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     words: Vec<String>,
+}
+
+/// Arguments of `simtrue completions`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct CompletionArgs {
+    /// The shell.
+    #[arg(value_enum)]
+    pub(crate) shell: clap_complete::Shell,
 }
 
 /// Arguments of `simtrue dump`.
