@@ -74,28 +74,111 @@ impl Profile {
     }
 }
 
-fn found(
+/// What the innovations of the train records say of a constant amplitude in each bin of time.
+struct Information {
+    /// Length of a bin, s.
+    bin: f64,
+    /// Number of bins, and of amplitudes of a bin.
+    count: usize,
+    m: usize,
+    /// Information on the amplitudes, bin by bin, that the nominal parameters leave, and its
+    /// product with their estimates.
+    precision: DMatrix<f64>,
+    pull: DVector<f64>,
+    /// Sum of squares of the innovations, and their number.
+    square: f64,
+    rows: usize,
+}
+
+impl Information {
+    fn new(
+        case: &Case,
+        basis: &Basis,
+        fit: &Fit,
+        term: &Term,
+        (shortest, most): (f64, usize),
+    ) -> Option<Self> {
+        let m = term.effect.info().amplitudes.len();
+        if term.effect.edges().is_empty() || m == 0 {
+            return None;
+        }
+        let train = case.records.iter().filter(|r| r.role == Role::Train);
+        let length = train
+            .map(|r| r.begin + r.len() as f64 * r.h)
+            .fold(0.0, f64::max);
+        let count = ((length / shortest) as usize).clamp(1, most);
+        let bin = length / count as f64;
+        let (r, j, rank) = linearised(case, basis, fit, term, (count, bin))?;
+        let mut h = j.tr_mul(&j);
+        let total = j.ncols();
+        let largest = (rank..total).map(|i| h[(i, i)]).fold(0.0, f64::max);
+        for i in 0..total {
+            h[(i, i)] += if i < rank {
+                1.0 / (PRIOR * PRIOR)
+            } else {
+                1e-9 * largest + 1e-300
+            };
+        }
+        let inverse = h.cholesky()?.inverse();
+        let x: DVector<f64> = -(&inverse * j.tr_mul(&r));
+        let covariance = inverse
+            .view((rank, rank), (count * m, count * m))
+            .into_owned();
+        let precision = covariance.cholesky()?.inverse();
+        let pull = &precision * x.rows(rank, count * m);
+        Some(Self {
+            bin,
+            count,
+            m,
+            precision,
+            pull,
+            square: r.norm_squared(),
+            rows: r.len(),
+        })
+    }
+
+    /// Mean squared innovation that amplitudes leave.
+    fn left(&self, explained: f64) -> f64 {
+        ((self.square - explained) / self.rows as f64).max(1.0)
+    }
+
+    /// Bins switched on one after the other while their gain is significant, in the order of
+    /// switching, and their profile.
+    fn active(&self) -> (Vec<usize>, Profile) {
+        let mut active: Vec<usize> = Vec::new();
+        let mut profile = Profile::default();
+        while active.len() < self.count {
+            let best = (0..self.count)
+                .filter(|b| !active.contains(b))
+                .filter_map(|b| {
+                    let mut wider = active.clone();
+                    wider.push(b);
+                    let profile = Profile::of(&self.precision, &self.pull, &wider, self.m)?;
+                    Some((b, profile))
+                })
+                .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
+            let Some((b, next)) = best else { break };
+            if next.gain - profile.gain < SIGNIFICANT * self.left(next.gain) {
+                break;
+            }
+            active.push(b);
+            profile = next;
+        }
+        (active, profile)
+    }
+}
+
+/// Innovations of the train records, their slopes with respect to the nominal parameters and then
+/// to the amplitudes of every bin, and the number of the former.
+fn linearised(
     case: &Case,
     basis: &Basis,
     fit: &Fit,
     term: &Term,
-    (shortest, most): (f64, usize),
-) -> Option<Vec<Vec<f64>>> {
-    let edges = term.effect.edges();
+    (count, bin): (usize, f64),
+) -> Option<(DVector<f64>, DMatrix<f64>, usize)> {
     let amplitudes = term.effect.info().amplitudes;
     let m = amplitudes.len();
-    if edges.is_empty() || m == 0 {
-        return None;
-    }
-    let length = case
-        .records
-        .iter()
-        .filter(|r| r.role == Role::Train)
-        .map(|r| r.begin + r.len() as f64 * r.h)
-        .fold(0.0, f64::max);
-    let count = ((length / shortest) as usize).clamp(1, most);
-    let bin = length / count as f64;
-    let at = |bins: (usize, usize)| term_at(term, &[bins], &DVector::zeros(m), bin);
     let columns: Vec<Vec<f64>> = basis
         .columns
         .column_iter()
@@ -103,14 +186,10 @@ fn found(
         .collect();
     let rank = columns.len();
     let own: Vec<Direction<'_>> = columns.iter().map(|c| Direction::Theta(c)).collect();
-    let plain = linearise(
-        case,
-        &fit.hypothesis,
-        &fit.point,
-        &fit.gains,
-        Role::Train,
-        &own,
-    );
+    let slopes = |hypothesis, point, along: &[Direction<'_>]| {
+        linearise(case, hypothesis, point, &fit.gains, Role::Train, along)
+    };
+    let plain = slopes(&fit.hypothesis, &fit.point, &own);
     let per_pass = (LANES / m).max(1);
     let blocks: Vec<DMatrix<f64>> = (0..count.div_ceil(per_pass))
         .into_par_iter()
@@ -119,20 +198,18 @@ fn found(
             let mut point = fit.point.clone();
             let mut lanes = Vec::new();
             for b in pass * per_pass..((pass + 1) * per_pass).min(count) {
-                lanes.extend(
-                    amplitudes
-                        .iter()
-                        .map(|a| Direction::Effect(point.e.len() + a)),
-                );
+                let first = point.e.len();
+                lanes.extend(amplitudes.iter().map(|a| Direction::Effect(first + a)));
                 hypothesis.terms.push(term.clone());
-                point.e.extend(at((b, b + 1)));
+                point
+                    .e
+                    .extend(term_at(term, &[(b, b + 1)], &DVector::zeros(m), bin));
             }
-            linearise(case, &hypothesis, &point, &fit.gains, Role::Train, &lanes).j
+            slopes(&hypothesis, &point, &lanes).j
         })
         .collect();
     let rows = plain.r.len();
-    let total = rank + count * m;
-    let mut j = DMatrix::zeros(rows, total);
+    let mut j = DMatrix::zeros(rows, rank + count * m);
     j.columns_mut(0, rank).copy_from(&plain.j);
     let mut next = rank;
     for b in &blocks {
@@ -142,42 +219,22 @@ fn found(
         j.columns_mut(next, b.ncols()).copy_from(b);
         next += b.ncols();
     }
-    let mut h = j.tr_mul(&j);
-    let largest = (rank..total).map(|i| h[(i, i)]).fold(0.0, f64::max);
-    for i in 0..total {
-        h[(i, i)] += if i < rank {
-            1.0 / (PRIOR * PRIOR)
-        } else {
-            1e-9 * largest + 1e-300
-        };
-    }
-    let inverse = h.cholesky()?.inverse();
-    let x: DVector<f64> = -(&inverse * j.tr_mul(&plain.r));
-    // The information on the amplitudes that the nominal parameters leave.
-    let covariance = inverse
-        .view((rank, rank), (count * m, count * m))
-        .into_owned();
-    let precision = covariance.cholesky()?.inverse();
-    let pull = &precision * x.rows(rank, count * m);
-    let left = |explained: f64| ((plain.r.norm_squared() - explained) / rows as f64).max(1.0);
-    let mut active: Vec<usize> = Vec::new();
-    let mut profile = Profile::default();
-    while active.len() < count {
-        let best = (0..count)
-            .filter(|b| !active.contains(b))
-            .filter_map(|b| {
-                let mut wider = active.clone();
-                wider.push(b);
-                Some((b, Profile::of(&precision, &pull, &wider, m)?))
-            })
-            .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
-        let Some((b, next)) = best else { break };
-        if next.gain - profile.gain < SIGNIFICANT * left(next.gain) {
-            break;
-        }
-        active.push(b);
-        profile = next;
-    }
+    Some((plain.r, j, rank))
+}
+
+/// Start parameters for bins of a length: the force within the bins that are on, and the opposite
+/// force outside them where they reach an end of the records.
+fn found(
+    case: &Case,
+    basis: &Basis,
+    fit: &Fit,
+    term: &Term,
+    bins: (f64, usize),
+) -> Option<Vec<Vec<f64>>> {
+    let information = Information::new(case, basis, fit, term, bins)?;
+    let Information { bin, count, m, .. } = information;
+    let most_windows = term.effect.edges().len() / 2;
+    let (active, profile) = information.active();
     let place = |b: usize| active.iter().position(|a| *a == b);
     let most = profile.strength.iter().copied().fold(0.0, f64::max);
     let strength: Vec<f64> = (0..count)
@@ -204,16 +261,12 @@ fn found(
         .filter(|&b| on[b])
         .map(|b| strength[b])
         .sum::<f64>();
-    let mut out = vec![term_at(
-        term,
-        &joined(&on, &strength, edges.len() / 2),
-        &mean,
-        bin,
-    )];
+    let within = joined(&on, &strength, most_windows);
+    let mut out = vec![term_at(term, &within, &mean, bin)];
     if on[0] || on[count - 1] {
         let off: Vec<bool> = on.iter().map(|x| !x).collect();
-        let windows = joined(&off, &vec![1.0; count], edges.len() / 2);
-        out.push(term_at(term, &windows, &-mean, bin));
+        let outside = joined(&off, &vec![1.0; count], most_windows);
+        out.push(term_at(term, &outside, &-mean, bin));
     }
     Some(out)
 }

@@ -19,13 +19,14 @@
 //! The same operations serve four segments in the lanes of one vector; shorter ones, and the empty
 //! places of the last group, go on with steps `x' = x` without cost.
 
+mod condense;
 mod solve;
 
 use super::super::layout::{Layout, Window};
 use super::super::{KktError, KktValues};
 use super::plan::{Plan, Sizes, Target};
-use super::small::{SINGULAR, lu_factor, lu_solve};
-use pid_lanes::kernel::{Simd, SimdFloat, all, axpy, axpy2, load, widest};
+use condense::{Products, Quadratic, Singular, unpack};
+use pid_lanes::kernel::{Simd, SimdFloat, all, load, widest};
 use pid_lanes::{LANES, Lane};
 use std::array::from_fn;
 
@@ -223,7 +224,7 @@ impl Group {
             jacobian: zeros(len * layout.step_jacobian.len()),
             work: zeros(plan.offsets.len.max(2 * nz + 2 * nx)),
             next: zeros(nx * w + nz * w),
-            small: zeros(2 * nx * (nx + nz)),
+            small: zeros(nx * (2 * nx + nz)),
         }
     }
 
@@ -264,10 +265,8 @@ impl Group {
         values: &KktValues<'_>,
     ) -> Result<(), KktError> {
         let sizes = plan.sizes;
-        let Sizes {
-            nx, np, w, ne, nz, ..
-        } = sizes;
-        let (o, ns) = (plan.offsets, sizes.ns());
+        let Sizes { nx, w, nz, .. } = sizes;
+        let ns = sizes.ns();
         let (nj, nh) = (layout.step_jacobian.len(), layout.step_hessian.len());
         self.kpp.fill(ZERO);
         self.v.fill(ZERO);
@@ -286,229 +285,40 @@ impl Group {
             }
         }
         let (next, f) = self.next.split_at_mut(nx * w);
-        let (wx, wz) = self.small.split_at_mut(2 * nx * nx);
-        let (wx, fx) = wx.split_at_mut(nx * nx);
-        let (wz, fz) = wz.split_at_mut(nx * nz);
+        let mut products = Products::new(sizes, &mut self.small);
+        let segments = &self.segments;
         for k in (0..self.steps.len()).rev() {
-            let step = &mut self.steps[k];
-            let work = &mut self.work;
-            work.fill(ZERO);
-            scatter(
-                simd,
-                &plan.jacobian,
+            let (step, work) = (&mut self.steps[k], &mut self.work);
+            let own = (
                 &self.jacobian[k * nj..(k + 1) * nj],
-                work,
-            );
-            scatter(
-                simd,
-                &plan.hessian,
                 &self.hessian[k * nh..(k + 1) * nh],
-                work,
             );
-            for l in 0..LANES {
-                if self.segments.get(l).is_none_or(|s| k >= s.len) {
-                    // x' = x.
-                    (0..ne).for_each(|i| work[o.r + i][l] = 1.0);
-                    (0..ne).for_each(|i| work[o.rx + i * nx + i][l] = 1.0);
-                    (0..nz).for_each(|i| work[o.b + i * nz + i][l] = 1.0);
-                    (ne..nx).for_each(|i| work[o.t + sizes.core(i) * w + i][l] = 1.0);
-                }
-            }
-            let segments = &self.segments;
-            let singular = |lane: usize, pivot: f64| KktError::SingularStep {
+            let present = from_fn(|l| segments.get(l).is_some_and(|s| k < s.len));
+            unpack(simd, plan, own, present, work);
+            let singular = |(lane, pivot): Singular| KktError::SingularStep {
                 step: segments
                     .get(lane)
                     .map_or(0, |s| s.window.first_step + s.start + k),
                 pivot,
             };
-
-            // x' = E x + S z.
-            step.e.fill(ZERO);
-            step.s.fill(ZERO);
-            for i in 0..ne {
-                let d = work[o.r + i];
-                let row = &work[o.rx + i * nx..o.rx + (i + 1) * nx];
-                for l in 0..LANES {
-                    let size = row.iter().fold(d[l].abs(), |a, x| a.max(x[l].abs()));
-                    if d[l].is_nan() || d[l].abs() <= SINGULAR * size {
-                        let pivot = if size > 0.0 { d[l].abs() / size } else { 0.0 };
-                        return Err(singular(l, pivot));
-                    }
-                }
-                step.r[i] = (all(simd, 1.0) / load(simd, &d)).into();
-                for j in 0..nx {
-                    step.e[i * nx + j] = mul(simd, &step.r[i], &work[o.rx + i * nx + j]);
-                }
-                for j in 0..nz {
-                    step.s[i * nz + j] = mul(simd, &step.r[i], &work[o.rz + i * nz + j]);
-                }
-            }
-            for i in ne..nx {
-                step.s[i * nz + sizes.core(i)] = [1.0; LANES];
-            }
-            let (e, s) = (&step.e, &step.s);
-
-            // z = T (x, p).
-            step.d.copy_from_slice(&work[o.d..o.d + nz * ne]);
-            step.lu.copy_from_slice(&work[o.b..o.b + nz * nz]);
-            step.t.copy_from_slice(&work[o.t..o.t + nz * w]);
-            for i in 0..nz {
-                for l in 0..ne {
-                    let d = step.d[i * ne + l];
-                    if d != ZERO {
-                        let d = load(simd, &d);
-                        let row = &mut step.lu[i * nz..(i + 1) * nz];
-                        axpy(simd, d, &s[l * nz..(l + 1) * nz], row);
-                        let row = &mut step.t[i * w..i * w + nx];
-                        axpy(simd, -d, &e[l * nx..(l + 1) * nx], row);
-                    }
-                }
-            }
-            lu_factor(simd, &mut step.lu, nz, &mut step.pivots)
-                .map_err(|(lane, pivot)| singular(lane, pivot))?;
-            lu_solve(simd, &step.lu, nz, &step.pivots, &mut step.t, w);
-            let t = &step.t;
-
-            // W: the cost-to-go and the step's own Hessian in x'.
-            for i in 0..ne {
-                for j in 0..ne {
-                    let v = &mut self.v[i * w + j];
-                    *v = add(simd, v, &work[o.fe + i * ne + j]);
-                }
-                axpy(
-                    simd,
-                    all(simd, 1.0),
-                    &work[o.fx + i * w + nx..o.fx + (i + 1) * w],
-                    &mut self.v[i * w + nx..(i + 1) * w],
-                );
-                step.we[i * w..(i + 1) * w].copy_from_slice(&self.v[i * w..(i + 1) * w]);
-                step.fz[i * nz..(i + 1) * nz]
-                    .copy_from_slice(&work[o.fz + i * nz..o.fz + (i + 1) * nz]);
-                step.fx[i * nx..(i + 1) * nx]
-                    .copy_from_slice(&work[o.fx + i * w..o.fx + i * w + nx]);
-            }
-            // W E + F_x and W S + F_z; with half of W the products below are symmetric sums.
-            let half = all(simd, 0.5);
-            for i in 0..nx {
-                let row = (&self.v[i * w..], 1);
-                for j in 0..nx {
-                    let full = dot(simd, ne, row, (&e[j..], nx));
-                    let cross = if i < ne { step.fx[i * nx + j] } else { ZERO };
-                    let (full, cross) = (load(simd, &full), load(simd, &cross));
-                    wx[i * nx + j] = (full + cross).into();
-                    fx[i * nx + j] = half.mul_add(full, cross).into();
-                }
-                for j in 0..nz {
-                    let full = dot(simd, nx, row, (&s[j..], nz));
-                    let cross = if i < ne { step.fz[i * nz + j] } else { ZERO };
-                    let (full, cross) = (load(simd, &full), load(simd, &cross));
-                    wz[i * nz + j] = (full + cross).into();
-                    fz[i * nz + j] = half.mul_add(full, cross).into();
-                }
-            }
-            let (m, rest) = work[o.m..].split_at_mut(nz * nz);
-            let (n, rest) = rest.split_at_mut(nz * w);
-            let q = &mut rest[..nx * w];
-            for l in 0..nx {
-                for i in 0..nz {
-                    let a = s[l * nz + i];
-                    if a != ZERO {
-                        let a = load(simd, &a);
-                        for j in 0..nz {
-                            let product = a * load(simd, &fz[l * nz + j]);
-                            let to = &mut m[i * nz + j];
-                            *to = (load(simd, to) + product).into();
-                            let to = &mut m[j * nz + i];
-                            *to = (load(simd, to) + product).into();
-                        }
-                        let row = &mut n[i * w..(i + 1) * w];
-                        axpy(simd, a, &wx[l * nx..(l + 1) * nx], &mut row[..nx]);
-                        axpy(simd, a, &self.v[l * w + nx..(l + 1) * w], &mut row[nx..]);
-                    }
-                }
-                if l < ne {
-                    for i in 0..nz {
-                        let a = step.fz[l * nz + i];
-                        if a != ZERO {
-                            let row = &mut n[i * w..i * w + nx];
-                            axpy(simd, load(simd, &a), &e[l * nx..(l + 1) * nx], row);
-                        }
-                    }
-                    for i in 0..nx {
-                        let a = e[l * nx + i];
-                        if a != ZERO {
-                            let a = load(simd, &a);
-                            for j in 0..nx {
-                                let product = a * load(simd, &fx[l * nx + j]);
-                                let to = &mut q[i * w + j];
-                                *to = (load(simd, to) + product).into();
-                                let to = &mut q[j * w + i];
-                                *to = (load(simd, to) + product).into();
-                            }
-                            let row = &mut q[i * w + nx..(i + 1) * w];
-                            axpy(simd, a, &self.v[l * w + nx..(l + 1) * w], row);
-                        }
-                    }
-                }
-            }
-            for (l, s) in self.segments.iter().enumerate().filter(|(_, s)| k < s.len) {
+            step.substitute(simd, plan, work).map_err(singular)?;
+            step.eliminate(simd, plan, work).map_err(singular)?;
+            step.carry(simd, plan, work, &mut self.v);
+            products.fill(simd, sizes, step, &self.v);
+            let mut quadratic = Quadratic::new(plan, work);
+            quadratic.add(simd, sizes, step, &self.v, &products);
+            for (l, s) in segments.iter().enumerate().filter(|(_, s)| k < s.len) {
                 let y = layout.step(&s.window, s.start + k);
                 for i in 0..ns {
-                    m[i * nz + i][l] += values.sigma[y + i];
+                    quadratic.m[i * nz + i][l] += values.sigma[y + i];
                 }
                 for i in 0..nx {
-                    q[i * w + i][l] += node_diagonal(s, s.start + k, i);
+                    quadratic.q[i * w + i][l] += node_diagonal(s, s.start + k, i);
                 }
             }
-            step.m.copy_from_slice(m);
-
-            // G = N + M T; with F = N + ½ M T the new quadratic is Q + Tᵀ F + Fᵀ T.
-            for i in 0..nz {
-                let row = &mut step.g[i * w..(i + 1) * w];
-                row.fill(ZERO);
-                for j in 0..nz {
-                    let a = load(simd, &m[i * nz + j]);
-                    axpy(simd, a, &t[j * w..(j + 1) * w], row);
-                }
-                for ((g, n), f) in row.iter_mut().zip(&n[i * w..]).zip(&mut f[i * w..]) {
-                    let (product, n) = (load(simd, g), load(simd, n));
-                    *f = half.mul_add(product, n).into();
-                    *g = (product + n).into();
-                }
-            }
-            for j in 0..nz {
-                let (tj, fj) = (&t[j * w..(j + 1) * w], &f[j * w..(j + 1) * w]);
-                let both = |at: usize| (load(simd, &tj[at]), load(simd, &fj[at]));
-                for i in 0..nx {
-                    let (a, b) = both(i);
-                    axpy2(simd, (a, fj), (b, tj), &mut q[i * w..(i + 1) * w]);
-                }
-                for i in 0..np {
-                    let at = nx + i;
-                    let row = &mut self.kpp[i * np + i..(i + 1) * np];
-                    let (a, b) = both(at);
-                    axpy2(simd, (a, &fj[at..nx + np]), (b, &tj[at..nx + np]), row);
-                }
-            }
-            self.v.copy_from_slice(q);
-
-            // End state: C x' = C (E + S T_x) x + (C_p + C S T_p) p.
-            for i in 0..nx {
-                let (row, out) = (&self.c[i * w..(i + 1) * w], &mut next[i * w..(i + 1) * w]);
-                step.end[i * nx..(i + 1) * nx].copy_from_slice(&row[..nx]);
-                out[..nx].fill(ZERO);
-                out[nx..].copy_from_slice(&row[nx..]);
-                for l in 0..ne {
-                    let a = load(simd, &row[l]);
-                    axpy(simd, a, &e[l * nx..(l + 1) * nx], &mut out[..nx]);
-                }
-                for j in 0..nz {
-                    let a = dot(simd, nx, (row, 1), (&s[j..], nz));
-                    if a != ZERO {
-                        axpy(simd, load(simd, &a), &t[j * w..(j + 1) * w], out);
-                    }
-                }
-            }
+            step.reduce(simd, sizes, &mut quadratic, f, &mut self.kpp);
+            self.v.copy_from_slice(quadratic.q);
+            step.end_state(simd, sizes, &self.c, next);
             self.c.copy_from_slice(next);
         }
         Ok(())
