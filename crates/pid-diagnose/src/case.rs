@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pid_data::signal;
-use pid_data::{DataError, Dataset, InputHold, Role, VelocityKind};
+use pid_data::{DataError, Dataset, Experiment, InputHold, Role, VelocityKind};
 use pid_interpret::links;
 
 use crate::channel;
@@ -245,6 +245,87 @@ pub fn outlier_warnings(outliers: &[Outlier]) -> Vec<String> {
     lines
 }
 
+/// A record in the coordinates of a description, at equal times and without wrong readings, which go
+/// to `outliers`; inputs are straight lines between samples where `linear`.
+fn record(
+    e: &Experiment,
+    nominal: &Nominal,
+    velocity: &[Velocity],
+    linear: bool,
+    outliers: &mut Vec<Outlier>,
+) -> Result<Record, CaseError> {
+    if e.len() < SHORTEST {
+        return Err(CaseError::Short {
+            record: e.name.clone(),
+            samples: e.len(),
+            needed: SHORTEST,
+        });
+    }
+    let n = nominal.n();
+    let column = |x: &[f64], j: usize| x.iter().skip(j).step_by(n).copied().collect::<Vec<f64>>();
+    let equal = regular::needed(&e.t);
+    let t = equal.as_deref().unwrap_or(&e.t);
+    let reading = |x: Vec<f64>| match &equal {
+        Some(at) => regular::readings(&e.t, &x, at),
+        None => x,
+    };
+    let input = |mut u: Vec<f64>| {
+        signal::fill_missing(&e.t, &mut u);
+        match &equal {
+            Some(at) if linear => regular::lines(&e.t, &u, at),
+            Some(at) => regular::held(&e.t, &u, at),
+            None => u,
+        }
+    };
+    let mut gated = |channel: Channel, j: usize, mut x: Vec<f64>| {
+        let least = least_deviation(channel, &nominal.joints[j], &x);
+        for k in signal::outliers(&e.t, &x, least) {
+            x[k] = f64::NAN;
+            outliers.push(Outlier {
+                record: e.name.clone(),
+                joint: nominal.joints[j].name.clone(),
+                channel,
+                t: e.t[k],
+            });
+        }
+        x
+    };
+    let q: Vec<Vec<f64>> = (0..n)
+        .map(|j| reading(gated(Channel::Position, j, column(&e.q, j))))
+        .collect();
+    let v = (0..n)
+        .map(|j| match e.v.as_deref().map(|v| column(v, j)) {
+            // A derived velocity repeats the error of its position.
+            Some(v) if velocity[j] == Velocity::Measured => reading(gated(Channel::Velocity, j, v)),
+            Some(v) => reading(v),
+            None => vec![f64::NAN; t.len()],
+        })
+        .collect();
+    let u = (0..n)
+        .map(|j| input(gated(Channel::Input, j, column(&e.u, j))))
+        .collect();
+    let smooth = q.iter().map(|q| {
+        let mut q = q.clone();
+        signal::fill_missing(t, &mut q);
+        smoothed(t, q)
+    });
+    let (smooth_q, smooth_v) = smooth.unzip();
+    Ok(Record {
+        name: e.name.clone(),
+        role: e.role,
+        h: match equal.is_some() {
+            true => t[1] - t[0],
+            false => e.sample_time(),
+        },
+        begin: 0.0,
+        q,
+        v,
+        u,
+        smooth_q,
+        smooth_v,
+    })
+}
+
 impl Case {
     /// Reads a folder with `dataset.toml`, its records and `nominal.toml`.
     ///
@@ -283,86 +364,14 @@ impl Case {
                 VelocityKind::Absent => Velocity::Absent,
             })
             .collect();
-        let (mut records, mut outliers) = (Vec::new(), Vec::new());
-        for e in &dataset.experiments {
-            if e.len() < SHORTEST {
-                return Err(CaseError::Short {
-                    record: e.name.clone(),
-                    samples: e.len(),
-                    needed: SHORTEST,
-                });
-            }
-            let column =
-                |x: &[f64], j: usize| x.iter().skip(j).step_by(n).copied().collect::<Vec<f64>>();
-            let equal = regular::needed(&e.t);
-            let t = equal.as_deref().unwrap_or(&e.t);
-            let h = if equal.is_some() {
-                t[1] - t[0]
-            } else {
-                e.sample_time()
-            };
-            let linear = dataset.input_hold == InputHold::Linear;
-            let reading = |x: Vec<f64>| match &equal {
-                Some(at) => regular::readings(&e.t, &x, at),
-                None => x,
-            };
-            let input = |mut u: Vec<f64>| {
-                signal::fill_missing(&e.t, &mut u);
-                match &equal {
-                    Some(at) if linear => regular::lines(&e.t, &u, at),
-                    Some(at) => regular::held(&e.t, &u, at),
-                    None => u,
-                }
-            };
-            let mut gated = |channel: Channel, j: usize, mut x: Vec<f64>| {
-                let least = least_deviation(channel, &nominal.joints[j], &x);
-                for k in signal::outliers(&e.t, &x, least) {
-                    x[k] = f64::NAN;
-                    outliers.push(Outlier {
-                        record: e.name.clone(),
-                        joint: nominal.joints[j].name.clone(),
-                        channel,
-                        t: e.t[k],
-                    });
-                }
-                x
-            };
-            let mut record = Record {
-                name: e.name.clone(),
-                role: e.role,
-                h,
-                begin: 0.0,
-                q: (0..n)
-                    .map(|j| reading(gated(Channel::Position, j, column(&e.q, j))))
-                    .collect(),
-                v: (0..n)
-                    .map(|j| match e.v.as_deref().map(|v| column(v, j)) {
-                        // A derived velocity repeats the error of its position.
-                        Some(v) if velocity[j] == Velocity::Measured => {
-                            reading(gated(Channel::Velocity, j, v))
-                        }
-                        Some(v) => reading(v),
-                        None => vec![f64::NAN; t.len()],
-                    })
-                    .collect(),
-                u: (0..n)
-                    .map(|j| input(gated(Channel::Input, j, column(&e.u, j))))
-                    .collect(),
-                smooth_q: Vec::new(),
-                smooth_v: Vec::new(),
-            };
-            for j in 0..n {
-                let mut q = record.q[j].clone();
-                signal::fill_missing(t, &mut q);
-                let (q, v) = smoothed(t, q);
-                record.smooth_q.push(q);
-                record.smooth_v.push(v);
-            }
-            records.push(record);
-        }
+        let mut outliers = Vec::new();
+        let linear = dataset.input_hold == InputHold::Linear;
+        let records = (dataset.experiments.iter())
+            .map(|e| record(e, &nominal, &velocity, linear, &mut outliers))
+            .collect::<Result<Vec<Record>, CaseError>>()?;
         let mut case = Case {
             name: dataset.name.clone(),
-            linear_hold: dataset.input_hold == InputHold::Linear,
+            linear_hold: linear,
             velocity,
             scale: Vec::new(),
             noise: Vec::new(),

@@ -30,7 +30,7 @@ use crate::constants::{Constant, Constants};
 use crate::effect::Commands;
 use crate::fit::{Direction, Fit, all_gains, linearise, value};
 use crate::predict::{Runner, Substeps};
-use crate::simulate::Machine;
+use crate::simulate::{Machine, State};
 
 /// Length of a motion, s.
 const LENGTH: f64 = 8.0;
@@ -263,24 +263,22 @@ fn changed(case: &Case, limits: &[Limits], from: &[Wave], random: &mut ChaCha8Rn
         .collect()
 }
 
-/// Runs the motion in closed loop on the robot as a fit describes it, with the readings of its
-/// sensors; `None` if it diverges.
-fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Record> {
-    let n = case.n();
-    let h = case.records[0].h;
-    let samples = (LENGTH / h) as usize;
-    let constants = Constants::<f64>::new(&case.nominal, &fit.point.theta);
-    let feed = constants.clone();
-    let mut machine =
-        Machine::<f64>::beside(&case.known, constants, &fit.hypothesis, fit.point.e.clone());
-    let geared = machine.gears.iter().any(Option::is_some);
-    let steps = Substeps::new(h, geared, 1);
-    let dt = h / steps.number() as f64;
-    let (mut work, mut bias) = (feed.prepared(), vec![0.0; n]);
-    let mut u = vec![vec![0.0; samples]; n];
-    let mut state = None;
-    for k in 0..samples {
-        let reference: Vec<(f64, f64, f64)> = waves.iter().map(|w| w.at(k as f64 * h)).collect();
+/// Position, velocity and acceleration of the reference of every joint.
+type Reference = Vec<(f64, f64, f64)>;
+
+/// Inputs that lead a robot along a reference: the torque of the nominal parameters of a fit, and a
+/// loop on the states of the drives.
+struct Controller<'a> {
+    case: &'a Case,
+    limits: &'a [Limits],
+    feed: Constants<'a, f64>,
+    work: links::Work<f64>,
+    bias: Vec<f64>,
+}
+
+impl Controller<'_> {
+    /// Inputs at a reference; `state`: that of the robot, or none before it moves.
+    fn inputs(&mut self, reference: &Reference, state: Option<&State<f64>>) -> Vec<f64> {
         let q: Vec<f64> = reference.iter().map(|r| r.0).collect();
         let v: Vec<f64> = reference.iter().map(|r| r.1).collect();
         let at = links::At {
@@ -288,32 +286,61 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
             v: &v,
             force: None,
         };
-        case.nominal
-            .links
-            .evaluate(&mut work, &at, f64::sin_cos, &mut bias);
-        let mass = work.mass();
-        let mut command = vec![0.0; n];
-        for j in 0..n {
-            let mut torque = bias[j] + feed.get(Constant::Rotor(j)) * reference[j].2;
+        let links = &self.case.nominal.links;
+        links.evaluate(&mut self.work, &at, f64::sin_cos, &mut self.bias);
+        let (mass, feed) = (self.work.mass(), &self.feed);
+        let command = |j: usize| {
+            let limits = &self.limits[j];
+            let mut torque = self.bias[j] + feed.get(Constant::Rotor(j)) * reference[j].2;
             for (i, r) in reference.iter().enumerate() {
                 let (row, column) = (i.max(j), i.min(j));
                 torque += mass[row * (row + 1) / 2 + column] * r.2;
             }
             torque += feed.get(Constant::Viscous(j)) * v[j]
-                + feed.get(Constant::Coulomb(j)) * (v[j] / (0.02 * limits[j].speed)).tanh();
+                + feed.get(Constant::Coulomb(j)) * (v[j] / (0.02 * limits.speed)).tanh();
             // A stiff loop of 5 Hz, well damped.
-            let (w, inertia) = (TAU * 5.0, case.scale[j].inertia);
-            let (at, rate) = state
-                .as_ref()
-                .map_or((q[j], v[j]), |s: &crate::simulate::State<f64>| {
-                    (s.drive_q[j], s.drive_v[j])
-                });
+            let (w, inertia) = (TAU * 5.0, self.case.scale[j].inertia);
+            let (at, rate) = state.map_or((q[j], v[j]), |s| (s.drive_q[j], s.drive_v[j]));
             torque += inertia * (w * w * (q[j] - at) + 1.6 * w * (v[j] - rate));
-            let most = limits[j].torque / SAFE;
-            command[j] = torque.clamp(-most, most) / feed.get(Constant::Gain(j));
-            u[j][k] = command[j];
+            let most = limits.torque / SAFE;
+            torque.clamp(-most, most) / feed.get(Constant::Gain(j))
+        };
+        (0..reference.len()).map(command).collect()
+    }
+}
+
+/// Runs the motion in closed loop on the robot as a fit describes it, with the readings of its
+/// sensors; `None` if it diverges.
+fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Record> {
+    let n = case.n();
+    let h = case.records[0].h;
+    let samples = (LENGTH / h) as usize;
+    let constants = Constants::<f64>::new(&case.nominal, &fit.point.theta);
+    let mut controller = Controller {
+        case,
+        limits,
+        work: constants.prepared(),
+        feed: constants.clone(),
+        bias: vec![0.0; n],
+    };
+    let mut machine =
+        Machine::<f64>::beside(&case.known, constants, &fit.hypothesis, fit.point.e.clone());
+    let geared = machine.gears.iter().any(Option::is_some);
+    let steps = Substeps::new(h, geared, 1);
+    let dt = h / steps.number() as f64;
+    let mut u = vec![vec![0.0; samples]; n];
+    let mut state = None;
+    for k in 0..samples {
+        let reference: Reference = waves.iter().map(|w| w.at(k as f64 * h)).collect();
+        let command = controller.inputs(&reference, state.as_ref());
+        for (u, x) in u.iter_mut().zip(&command) {
+            u[k] = *x;
         }
-        let s = state.get_or_insert_with(|| machine.rest(&q, &v, &command));
+        let s = state.get_or_insert_with(|| {
+            let q: Vec<f64> = reference.iter().map(|r| r.0).collect();
+            let v: Vec<f64> = reference.iter().map(|r| r.1).collect();
+            machine.rest(&q, &v, &command)
+        });
         for i in 0..steps.number() {
             let commands: Vec<Commands<'_>> = (0..n)
                 .map(|j| Commands {
@@ -332,17 +359,25 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
         }
     }
     let first: Vec<f64> = waves.iter().map(|w| w.at(0.0).0).collect();
+    recorded(case, fit, u, &first)
+}
+
+/// What the sensors of the robot read while it answers to inputs from rest at `first`; `None` if it
+/// diverges.
+fn recorded(case: &Case, fit: &Fit, u: Vec<Vec<f64>>, first: &[f64]) -> Option<Record> {
+    let (n, h, samples) = (case.n(), case.records[0].h, u[0].len());
     let constant = |x: &[f64]| x.iter().map(|&x| vec![x; samples]).collect::<Vec<_>>();
+    let still = vec![0.0; n];
     let mut record = Record {
         name: "next".to_owned(),
         role: Role::Train,
         h,
         begin: 0.0,
-        q: constant(&first),
-        v: constant(&vec![0.0; n]),
+        q: constant(first),
+        v: constant(&still),
         u,
-        smooth_q: constant(&first),
-        smooth_v: constant(&vec![0.0; n]),
+        smooth_q: constant(first),
+        smooth_v: constant(&still),
     };
     let plain = record.clone();
     let mut runner = Runner::<f64>::new(
@@ -364,12 +399,8 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
         record.smooth_q[j][k] = q;
         record.smooth_v[j][k] = v;
     });
-    record
-        .q
-        .iter()
-        .flatten()
-        .all(|x| x.is_finite())
-        .then_some(record)
+    let finite = record.q.iter().flatten().all(|x| x.is_finite());
+    finite.then_some(record)
 }
 
 /// The case with one record in place of its own.

@@ -21,7 +21,8 @@ use rayon::prelude::*;
 
 use crate::case::Case;
 use crate::effect::{LANES, Term};
-use crate::fit::{Basis, Direction, Fit, PRIOR, linearise};
+use crate::fit::{Basis, Direction, Fit, PRIOR, Point, linearise};
+use crate::hypothesis::Hypothesis;
 
 /// Shortest bins, s, and their largest number. Short bins separate windows that lie close to each
 /// other, long ones see a faint force.
@@ -186,7 +187,7 @@ fn linearised(
         .collect();
     let rank = columns.len();
     let own: Vec<Direction<'_>> = columns.iter().map(|c| Direction::Theta(c)).collect();
-    let slopes = |hypothesis, point, along: &[Direction<'_>]| {
+    let slopes = |hypothesis: &Hypothesis, point: &Point, along: &[Direction<'_>]| {
         linearise(case, hypothesis, point, &fit.gains, Role::Train, along)
     };
     let plain = slopes(&fit.hypothesis, &fit.point, &own);
@@ -312,8 +313,7 @@ mod tests {
     use super::*;
     use crate::bench::{SIZE, pendulum};
     use crate::effects;
-    use crate::fit::{Effort, Point, basis, fit};
-    use crate::hypothesis::Hypothesis;
+    use crate::fit::{Effort, basis, fit};
 
     #[test]
     fn windows_of_a_force_are_found_also_where_the_parameters_take_its_mean() {

@@ -142,22 +142,32 @@ pub fn range(p: &Parameter) -> (f64, f64) {
 
 /// SI unit of a parameter at a joint of a robot: with its kind of motion and of input.
 pub fn unit(nominal: &description::Nominal, joint: usize, p: &Parameter) -> String {
-    let robot = nominal.robot();
-    let input = robot.inputs.get(joint).map_or("A", |i| i.unit.as_str());
     match p.unit {
-        Unit::Input => return input.to_owned(),
-        Unit::InverseSquareInput => return format!("1/({input})^2"),
-        _ => {}
+        Unit::InverseSquareInput => format!("1/({})^2", input_unit(nominal, joint)),
+        _ => unit_at(nominal, joint, p.si),
     }
-    let mut joints = robot.joints.iter();
+}
+
+fn input_unit(nominal: &description::Nominal, joint: usize) -> &str {
+    let inputs = &nominal.robot().inputs;
+    inputs.get(joint).map_or("A", |i| i.unit.as_str())
+}
+
+/// A unit that is stated for a revolute joint under a current, at a joint of a robot.
+pub fn unit_at(nominal: &description::Nominal, joint: usize, si: &str) -> String {
+    if si == "A" {
+        return input_unit(nominal, joint).to_owned();
+    }
+    let mut joints = nominal.robot().joints.iter();
     let own = joints.find(|j| j.coord == Some(joint));
-    let prismatic = own.is_some_and(|j| j.kind.is_length());
-    if !prismatic {
-        return p.si.to_owned();
+    if !own.is_some_and(|j| j.kind.is_length()) {
+        return si.to_owned();
     }
-    match p.si {
+    match si {
         "kg*m^2" => "kg".to_owned(),
         "rad/(N*m)" => "m/N".to_owned(),
+        // Of a force over the square of a speed.
+        "N*m*s^2" => "N*s^2/m^2".to_owned(),
         si => si.replace("N*m", "N").replace("rad", "m"),
     }
 }
@@ -182,5 +192,33 @@ pub fn stated(
                 interval,
             })
             .collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_follow_the_motion_and_the_input_of_a_joint() {
+        let text = include_str!("with_effects/arm.toml");
+        let slide = text
+            .replace("\"revolute\"", "\"prismatic\"")
+            .replace("input = \"current\"", "input = \"voltage\"");
+        let read = |text: &str| description::Nominal::parse("arm.toml", text).expect("a robot");
+        let (arm, slide) = (read(text), read(&slide));
+        for (si, turning, sliding) in [
+            ("N*m/rad", "N*m/rad", "N/m"),
+            ("rad/(N*m)", "rad/(N*m)", "m/N"),
+            ("N*m*s/rad", "N*m*s/rad", "N*s/m"),
+            ("N*m*s^2", "N*m*s^2", "N*s^2/m^2"),
+            ("1/rad", "1/rad", "1/m"),
+            ("kg*m^2", "kg*m^2", "kg"),
+            ("s", "s", "s"),
+            ("A", "A", "V"),
+        ] {
+            assert_eq!(unit_at(&arm, 0, si), turning);
+            assert_eq!(unit_at(&slide, 0, si), sliding);
+        }
     }
 }

@@ -243,25 +243,6 @@ impl Nominal {
             .map_or(1.0, |i| self.values[i].nominal)
     }
 
-    /// A unit of the library, stated for a revolute joint under a current, at a joint of this robot.
-    pub fn unit_of(&self, si: &str, joint: usize) -> String {
-        if si == "A" {
-            let inputs = &self.description.robot().inputs;
-            let own = inputs.iter().find(|input| input.coord == Some(joint));
-            return own.map_or_else(|| si.to_owned(), |input| input.unit.clone());
-        }
-        if self.joints.get(joint).is_none_or(|j| j.revolute) {
-            return si.to_owned();
-        }
-        match si {
-            // A number of periods over a length.
-            "1/rad" => "1/m".to_owned(),
-            "rad/(N*m)" => "m/N".to_owned(),
-            "N*m*s^2" => "N*s^2/m^2".to_owned(),
-            _ => si.replace("N*m", "N").replace("rad", "m"),
-        }
-    }
-
     /// Value of the parameter at a place.
     pub fn value<D: Scalar>(&self, place: usize, theta: &[D]) -> D {
         let v = &self.values[place];

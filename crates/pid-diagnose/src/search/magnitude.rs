@@ -6,6 +6,7 @@ use pid_data::Role;
 use super::measure::misfit;
 use crate::case::{Case, Velocity};
 use crate::criteria::Criteria;
+use crate::described::unit_at;
 use crate::diagnosis::{Magnitude, Named};
 use crate::fit::{Basis, Fit, PRIOR, Quadratic};
 use crate::predict::rows;
@@ -199,6 +200,7 @@ pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
     // A parameter without any influence is not determined; the others are.
     let (_, dead) = curvature(fit);
     let both = covariances(case, criteria, fit);
+    let robot = &case.nominal.description;
     let mut at = 0;
     fit.hypothesis
         .terms
@@ -264,7 +266,7 @@ pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
                     Magnitude {
                         name: quantity.name.to_owned(),
                         value: quantity.value,
-                        unit: case.nominal.unit_of(quantity.si, term.joint),
+                        unit: unit_at(robot, term.joint, quantity.si),
                         std: variance
                             .filter(|v| *v >= 0.0 && v.is_finite())
                             .map(f64::sqrt),
