@@ -69,13 +69,17 @@ fn left(d: &Diagnosis) -> Option<String> {
         let share = percent(law.explained);
         return Some(format!("{share}, better than the library: {}", law.words()));
     }
+    let rest = 1.0 - remainder.explained;
+    // Less is zero percent.
+    if rest < 0.005 {
+        return None;
+    }
     let place = remainder.missing_force.iter();
     let place = place.max_by(|a, b| a.share.total_cmp(&b.share));
     let place = place.map_or(String::new(), |m| {
         format!(", most at joint {}; it goes with {}", m.joint, m.regime)
     });
-    let share = percent(1.0 - remainder.explained);
-    Some(format!("{share}: no name{place}"))
+    Some(format!("{}: no name{place}", percent(rest)))
 }
 
 /// A magnitude with its deviation and unit, such as `delay 14.2 ± 0.6 ms`.
