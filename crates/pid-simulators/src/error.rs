@@ -34,9 +34,7 @@ pub enum ExportError {
         mend: &'static str,
     },
     /// A file of results that is not of the form that `simtrue` writes.
-    #[error(
-        "{name}: {what}\n  help: give the {kind} that `simtrue {command}` wrote"
-    )]
+    #[error("{name}: {what}\n  help: give the {kind} that `simtrue {command}` wrote")]
     Results {
         /// Name of the file.
         name: String,

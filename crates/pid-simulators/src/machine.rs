@@ -149,11 +149,19 @@ impl Machine {
             let numbers = geometry.chain(inertial).copied().chain([body.mass]);
             let mut numbers = numbers.chain(drive.into_iter().flatten());
             if let Some(x) = numbers.find(|x| !x.is_finite()) {
-                return Err(self.value(body, format!("{x} among its values"), "give finite numbers"));
+                return Err(self.value(
+                    body,
+                    format!("{x} among its values"),
+                    "give finite numbers",
+                ));
             }
             if body.mass < 0.0 {
                 let value = format!("a mass of {} kg", body.mass);
-                return Err(self.value(body, value, "a mass is zero or positive; look at the effect `payload`"));
+                return Err(self.value(
+                    body,
+                    value,
+                    "a mass is zero or positive; look at the effect `payload`",
+                ));
             }
             if let Some(rotor) = body.rotor.filter(|x| *x < 0.0) {
                 let mend = "a rotor inertia is zero or positive; look at the effect `unmodelled_rotor_inertia`";
@@ -273,12 +281,17 @@ fn tree(robot: &Robot) -> Result<Mechanism, ExportError> {
     let p: Vec<f64> = robot.params.iter().map(|p| p.nominal).collect();
     let number = |x: &Expr, item: &str| {
         value(x, &p).ok_or_else(|| {
-            fault(format!("{item} is no number"), "state lengths and inertias as numbers or parameters")
+            fault(
+                format!("{item} is no number"),
+                "state lengths and inertias as numbers or parameters",
+            )
         })
     };
     let joint_of = |coordinate: usize| {
         let mut joints = robot.joints.iter();
-        joints.find(|j| j.coord == Some(coordinate)).map(|j| j.child)
+        joints
+            .find(|j| j.coord == Some(coordinate))
+            .map(|j| j.child)
     };
     let mut bodies = Vec::new();
     for (place, &index) in robot.order.iter().enumerate() {
@@ -287,16 +300,31 @@ fn tree(robot: &Robot) -> Result<Mechanism, ExportError> {
         let (prismatic, axis) = match joint.kind {
             JointKind::Revolute(axis) => (false, axis),
             JointKind::Prismatic(axis) => (true, axis),
-            _ => return Err(fault(format!("{item} neither turns nor slides"), "leave it out")),
+            _ => {
+                return Err(fault(
+                    format!("{item} neither turns nor slides"),
+                    "leave it out",
+                ));
+            }
         };
         if joint.child != place {
-            let what = format!("{item} carries link {}, listed at another place", joint.child + 1);
+            let what = format!(
+                "{item} carries link {}, listed at another place",
+                joint.child + 1
+            );
             return Err(fault(what, "list links in the order of their joints"));
         }
         let follows = match (&joint.follows, joint.coord) {
             (Some(affine), None) => match &affine.terms[..] {
-                [(coordinate, ratio)] => joint_of(*coordinate).map(|body| (body, ratio, &affine.offset)),
-                _ => return Err(fault(format!("{item} follows several joints, or none"), "let it follow one")),
+                [(coordinate, ratio)] => {
+                    joint_of(*coordinate).map(|body| (body, ratio, &affine.offset))
+                }
+                _ => {
+                    return Err(fault(
+                        format!("{item} follows several joints, or none"),
+                        "let it follow one",
+                    ));
+                }
             },
             _ => None,
         };
@@ -310,7 +338,11 @@ fn tree(robot: &Robot) -> Result<Mechanism, ExportError> {
             })
             .transpose()?;
         let three = |x: &[Expr; 3]| -> Result<[f64; 3], ExportError> {
-            Ok([number(&x[0], &item)?, number(&x[1], &item)?, number(&x[2], &item)?])
+            Ok([
+                number(&x[0], &item)?,
+                number(&x[1], &item)?,
+                number(&x[2], &item)?,
+            ])
         };
         let link = &robot.links[joint.child];
         let own = inertial(&link.inertial, &|x| number(x, &item))?;
@@ -353,7 +385,10 @@ fn inertial(
 ) -> Result<Distribution, ExportError> {
     let six = |t: &Tensor| -> Result<[f64; 6], ExportError> {
         let mut out = [0.0; 6];
-        for (x, e) in out.iter_mut().zip([&t.xx, &t.yy, &t.zz, &t.xy, &t.xz, &t.yz]) {
+        for (x, e) in out
+            .iter_mut()
+            .zip([&t.xx, &t.yy, &t.zz, &t.xy, &t.xz, &t.yz])
+        {
             *x = number(e)?;
         }
         Ok(out)

@@ -6,9 +6,9 @@ use pid_interpret::nominal::Nominal;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::File;
 use crate::error::ExportError;
 use crate::machine::Machine;
-use crate::File;
 
 /// Half the width of a normal interval of 95 % in standard deviations.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
@@ -87,7 +87,11 @@ pub(crate) fn file(
                 std: interval.map(|(low, high)| (high - low) / (2.0 * NORMAL_95)),
                 lower: interval.map(|(low, _)| low),
                 upper: interval.map(|(_, high)| high),
-                from: if interval.is_some() { "interval" } else { "none" },
+                from: if interval.is_some() {
+                    "interval"
+                } else {
+                    "none"
+                },
             });
         }
         let joint = info.has_joint.then_some(effect.term.joint + 1);
@@ -131,7 +135,12 @@ fn json(results: Results<'_>, fit: bool) -> Result<Value, ExportError> {
     serde_json::from_str(results.text).map_err(|e| fault(results, format!("no JSON: {e}"), fit))
 }
 
-fn list<'v>(results: Results<'_>, value: &'v Value, key: &str, fit: bool) -> Result<&'v Vec<Value>, ExportError> {
+fn list<'v>(
+    results: Results<'_>,
+    value: &'v Value,
+    key: &str,
+    fit: bool,
+) -> Result<&'v Vec<Value>, ExportError> {
     value
         .get(key)
         .and_then(Value::as_array)
@@ -149,12 +158,25 @@ fn shown(results: Results<'_>) -> Result<Vec<Shown>, ExportError> {
         let id = effect.get("effect").and_then(Value::as_str).unwrap_or("");
         let joint = effect.get("joint").and_then(Value::as_u64);
         for p in list(results, effect, "parameters", false)? {
-            let (name, value) = (p.get("name").and_then(Value::as_str), p.get("value").and_then(Value::as_f64));
+            let (name, value) = (
+                p.get("name").and_then(Value::as_str),
+                p.get("value").and_then(Value::as_f64),
+            );
             let (Some(name), Some(value)) = (name, value) else {
-                return Err(fault(results, format!("a parameter of `{id}` has no name or no value"), false));
+                return Err(fault(
+                    results,
+                    format!("a parameter of `{id}` has no name or no value"),
+                    false,
+                ));
             };
             let std = p.get("std").and_then(Value::as_f64);
-            out.push((id.to_owned(), joint.map(|j| j as usize), name.to_owned(), value, std));
+            out.push((
+                id.to_owned(),
+                joint.map(|j| j as usize),
+                name.to_owned(),
+                value,
+                std,
+            ));
         }
     }
     Ok(out)
@@ -168,7 +190,11 @@ fn deviations(results: Results<'_>) -> Result<BTreeMap<String, (f64, Option<f64>
         let name = p.get("name").and_then(Value::as_str);
         let value = p.get("value").and_then(Value::as_f64);
         let (Some(name), Some(value)) = (name, value) else {
-            return Err(fault(results, "a parameter has no name or no value".to_owned(), true));
+            return Err(fault(
+                results,
+                "a parameter has no name or no value".to_owned(),
+                true,
+            ));
         };
         let std = p.get("std").and_then(Value::as_f64);
         out.insert(name.to_owned(), (value, std));

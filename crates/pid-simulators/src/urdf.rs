@@ -6,10 +6,10 @@ use std::fmt::Write;
 
 use pid_derive::mechanism::{Body, Place};
 
+use crate::File;
 use crate::error::ExportError;
 use crate::machine::{Machine, Named};
 use crate::xml::Element;
-use crate::File;
 
 /// Range of a slide without limits, m: URDF demands one.
 const FAR: f64 = 1000.0;
@@ -100,7 +100,11 @@ fn link(body: &Body) -> Element {
     }
     Element::new("link").with("name", body.link.as_str()).child(
         Element::new("inertial")
-            .child(Element::new("origin").numbers("xyz", &body.com).with("rpy", "0 0 0"))
+            .child(
+                Element::new("origin")
+                    .numbers("xyz", &body.com)
+                    .with("rpy", "0 0 0"),
+            )
             .child(Element::new("mass").numbers("value", &[body.mass]))
             .child(inertia),
     )
@@ -119,7 +123,11 @@ fn joint(machine: &Machine, index: usize, body: &Body, base: &str) -> Element {
         .with("type", kind)
         .child(Element::new("parent").with("link", parent))
         .child(Element::new("child").with("link", body.link.as_str()))
-        .child(Element::new("origin").numbers("xyz", &body.origin).numbers("rpy", &body.rpy))
+        .child(
+            Element::new("origin")
+                .numbers("xyz", &body.origin)
+                .numbers("rpy", &body.rpy),
+        )
         .child(Element::new("axis").numbers("xyz", &body.axis));
     let mut limit = Element::new("limit");
     if let Some((low, high)) = body.limits.or(body.prismatic.then_some((-FAR, FAR))) {
@@ -128,7 +136,10 @@ fn joint(machine: &Machine, index: usize, body: &Body, base: &str) -> Element {
     let coordinate = machine.drives.iter().position(|d| d.body == index);
     out.push(
         limit
-            .numbers("effort", &[coordinate.map_or(UNLIMITED.0, |c| effort(machine, c))])
+            .numbers(
+                "effort",
+                &[coordinate.map_or(UNLIMITED.0, |c| effort(machine, c))],
+            )
             .numbers("velocity", &[UNLIMITED.1]),
     );
     if let Some(c) = coordinate {
@@ -196,20 +207,48 @@ fn list(machine: &Machine) -> String {
     for (c, drive) in machine.drives.iter().enumerate() {
         let (name, body) = (machine.joint(c), &machine.mechanism.bodies[drive.body]);
         if let Some(rotor) = body.rotor.filter(|x| *x != 0.0) {
-            row("rotor inertia", name, &format!("nothing: {rotor:.6e} kg m^2 or kg belong into the simulator's armature"));
+            row(
+                "rotor inertia",
+                name,
+                &format!("nothing: {rotor:.6e} kg m^2 or kg belong into the simulator's armature"),
+            );
         }
         let (gain, unit) = (drive.gain, &drive.unit);
         if gain != 1.0 {
-            row("gain of the drive", name, &format!("nothing: {gain} N m or N per {unit}; inputs of URDF tools are torques and forces"));
+            row(
+                "gain of the drive",
+                name,
+                &format!(
+                    "nothing: {gain} N m or N per {unit}; inputs of URDF tools are torques and forces"
+                ),
+            );
         }
         if effort(machine, c) == UNLIMITED.0 {
-            row("largest effort", name, "a number without meaning, 1e6: the description states none");
+            row(
+                "largest effort",
+                name,
+                "a number without meaning, 1e6: the description states none",
+            );
         }
-        row("largest velocity", name, "a number without meaning, 1000: the description states a typical velocity at most");
+        row(
+            "largest velocity",
+            name,
+            "a number without meaning, 1000: the description states a typical velocity at most",
+        );
     }
-    let size = machine.mechanism.gravity.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let size = machine
+        .mechanism
+        .gravity
+        .iter()
+        .map(|x| x * x)
+        .sum::<f64>()
+        .sqrt();
     if (size - STANDARD).abs() > 1e-9 {
-        row("gravity", "whole robot", &format!("nothing: set {size} m/s^2 along -z of the world in the simulator"));
+        row(
+            "gravity",
+            "whole robot",
+            &format!("nothing: set {size} m/s^2 along -z of the world in the simulator"),
+        );
     }
     for line in &machine.mended {
         row("inertia", "", line);

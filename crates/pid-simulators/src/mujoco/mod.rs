@@ -122,7 +122,12 @@ fn axis(body: &Body, name: &str) -> Element {
 }
 
 /// The joint of a body: with its drive, if it moves on its own.
-fn joint(machine: &Machine, body: &Body, coordinate: Option<usize>, options: &Options<'_>) -> Element {
+fn joint(
+    machine: &Machine,
+    body: &Body,
+    coordinate: Option<usize>,
+    options: &Options<'_>,
+) -> Element {
     let mut out = axis(body, &body.joint);
     if let Some((low, high)) = body.limits {
         out = out.numbers("range", &[low, high]);
@@ -213,7 +218,9 @@ fn equalities(machine: &Machine, options: &Options<'_>) -> Element {
     let bodies = &machine.mechanism.bodies;
     let mut out = Element::new("equality");
     for body in bodies {
-        let Some(follows) = body.follows else { continue };
+        let Some(follows) = body.follows else {
+            continue;
+        };
         out.push(
             Element::new("joint")
                 .with("joint1", body.joint.as_str())
@@ -252,7 +259,10 @@ fn tendons(machine: &Machine) -> Element {
             -1.0 => -1.0 - f64::EPSILON,
             rest => rest,
         };
-        let parts = [(machine.joint(c), 1.0), (machine.joint(before), value("ratio"))];
+        let parts = [
+            (machine.joint(c), 1.0),
+            (machine.joint(before), value("ratio")),
+        ];
         let cable = fixed(format!("cable_{}", index + 1), &parts);
         out.push(
             cable

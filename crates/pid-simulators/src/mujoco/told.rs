@@ -50,14 +50,26 @@ fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
             "the level without load, as frictionloss",
             "computes the torque through the gear of the step before and raises frictionloss by it",
         ),
-        "quadratic_drag" => (File, "second coefficient of the joint's damping", "nothing more"),
+        "quadratic_drag" => (
+            File,
+            "second coefficient of the joint's damping",
+            "nothing more",
+        ),
         "presliding_hysteresis" => (
             Wrapper,
             "the Coulomb level, as frictionloss, without the elastic part",
             "replaces frictionloss by the force of the bristle, whose rate it adds to the damping",
         ),
-        "cogging" => (Wrapper, NOTHING, "applies the ripple as a force on the joint"),
-        "friction_drift" => (Wrapper, NOTHING, "changes frictionloss and damping with the time since the start"),
+        "cogging" => (
+            Wrapper,
+            NOTHING,
+            "applies the ripple as a force on the joint",
+        ),
+        "friction_drift" => (
+            Wrapper,
+            NOTHING,
+            "changes frictionloss and damping with the time since the start",
+        ),
         "joint_elasticity" => (
             File,
             "a second joint in series with stiffness and damping; rotor, friction and actuator are on the first",
@@ -74,7 +86,11 @@ fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
             "a fixed tendon over both joints with stiffness and rest length; without stiffness nothing",
             "nothing more; without stiffness it applies the constant pull",
         ),
-        "motor_coupling" => (Wrapper, NOTHING, "applies the friction of the shared motor on both joints"),
+        "motor_coupling" => (
+            Wrapper,
+            NOTHING,
+            "applies the friction of the shared motor on both joints",
+        ),
         "actuator_lag" => (
             Both,
             "dyntype filterexact of the actuator",
@@ -104,13 +120,21 @@ fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
             "stiffness and springref of the joint; without stiffness nothing",
             "nothing more; without stiffness it applies the constant force",
         ),
-        "external_force" => (Wrapper, NOTHING, "applies the force at the tool point within its time windows"),
+        "external_force" => (
+            Wrapper,
+            NOTHING,
+            "applies the force at the tool point within its time windows",
+        ),
         "encoder_offset" => (
             Wrapper,
             "nothing: `ref` of the joint would move every position, not only what is read",
             "adds the offset to the readings",
         ),
-        "encoder_eccentricity" => (Wrapper, NOTHING, "bends the readings of position and velocity"),
+        "encoder_eccentricity" => (
+            Wrapper,
+            NOTHING,
+            "bends the readings of position and velocity",
+        ),
         "velocity_filter_lag" => (Wrapper, NOTHING, "filters the reading of the velocity"),
         "sensor_delay" => (
             Both,
@@ -133,8 +157,10 @@ pub(super) fn list(machine: &Machine) -> String {
         out.push_str("\n| effect | joint | robot.xml | robot_effects.py |\n|---|---|---|---|\n");
     }
     for effect in &machine.effects {
-        let (file, wrapper) =
-            expression(effect.id()).unwrap_or(("nothing: this effect has no row here", "nothing: the effect is missing"));
+        let (file, wrapper) = expression(effect.id()).unwrap_or((
+            "nothing: this effect has no row here",
+            "nothing: the effect is missing",
+        ));
         let info = effect.term.effect.info();
         let joint = match info.has_joint {
             true => machine.joint(effect.term.joint),
