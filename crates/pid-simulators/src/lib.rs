@@ -4,7 +4,9 @@
 //!
 //! - [`Target::Mujoco`]: `robot.xml`, a wrapper in Python for effects that MJCF cannot express, and
 //!   `not_expressed.md`, which says for each effect what carries it;
-//! - [`Target::Urdf`]: `robot.urdf`, and `not_expressed.md`.
+//! - [`Target::Urdf`]: `robot.urdf`, and `not_expressed.md`;
+//! - [`Target::IsaacLab`], [`Target::Newton`]: `robot.urdf`, the drives as data, a module in Python that
+//!   hands them to the engine, and `not_expressed.md`.
 //!
 //! Each has `ranges.json` beside it: ranges to randomise over.
 //!
@@ -23,6 +25,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod drives;
 mod error;
 mod machine;
 pub mod mujoco;
@@ -35,6 +38,7 @@ use pid_interpret::nominal::Nominal;
 pub use error::ExportError;
 pub use ranges::Results;
 
+use drives::Engine;
 use machine::Machine;
 
 /// A simulator, or a format that several read.
@@ -45,6 +49,10 @@ pub enum Target {
     Mujoco,
     /// URDF.
     Urdf,
+    /// Isaac Lab 3: a URDF and configurations of its actuators.
+    IsaacLab,
+    /// Newton 1.8: a URDF and its drives.
+    Newton,
 }
 
 /// How files are written.
@@ -102,6 +110,8 @@ pub fn export(
     let mut files = match target {
         Target::Mujoco => mujoco::files(&machine, options)?,
         Target::Urdf => urdf::files(&machine)?,
+        Target::IsaacLab => drives::files(&machine, Engine::IsaacLab)?,
+        Target::Newton => drives::files(&machine, Engine::Newton)?,
     };
     files.push(ranges::file(
         nominal,

@@ -26,7 +26,7 @@ pub struct Results<'a> {
 struct Ranges {
     note: &'static str,
     parameters: Vec<Range>,
-    /// Pairs of parameters and the correlation of their estimates, where the input states them.
+    /// Pairs of parameters and the correlation of their estimates; no file of results states any.
     correlations: Vec<(String, String, f64)>,
 }
 
@@ -71,6 +71,19 @@ pub(crate) fn file(
             from: if own.is_some() { "fit" } else { "tolerance" },
         });
     }
+    for (name, (value, std)) in &fitted {
+        // Parameters of effects have no place among those of the robot.
+        if robot.params.iter().all(|p| p.name != *name) {
+            parameters.push(Range {
+                name: name.clone(),
+                value: *value,
+                std: *std,
+                lower: None,
+                upper: None,
+                from: "fit",
+            });
+        }
+    }
     let derived = diagnosis.map(shown).transpose()?.unwrap_or_default();
     for (stated, effect) in nominal.effects().iter().zip(&machine.effects) {
         let info = effect.term.effect.info();
@@ -109,11 +122,10 @@ pub(crate) fn file(
             }
         }
     }
-    let correlations = fit.map(correlations).transpose()?.unwrap_or_default();
     let ranges = Ranges {
         note: NOTE,
         parameters,
-        correlations,
+        correlations: Vec::new(),
     };
     let text = serde_json::to_string_pretty(&ranges).map_err(|error| ExportError::Text {
         name: "ranges.json",
@@ -196,13 +208,8 @@ fn deviations(results: Results<'_>) -> Result<BTreeMap<String, (f64, Option<f64>
                 true,
             ));
         };
-        let std = p.get("std").and_then(Value::as_f64);
+        let std = p.get("deviation").and_then(Value::as_f64);
         out.insert(name.to_owned(), (value, std));
     }
     Ok(out)
-}
-
-fn correlations(results: Results<'_>) -> Result<Vec<(String, String, f64)>, ExportError> {
-    let _ = json(results, true)?;
-    Ok(Vec::new())
 }

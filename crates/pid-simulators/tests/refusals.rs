@@ -61,7 +61,7 @@ fn ranges_have_values_and_deviations() {
     let stribeck = "[[effect]]\nid = \"stribeck\"\njoint = \"j2\"\n[effect.parameters]\n\
         excess = { value = 0.5, interval = [0.402, 0.598] }\nstribeck_velocity = { value = 0.03 }\n";
     let mut options = Options::default();
-    let fit = r#"{"parameters": [{"name": "mass_j1", "value": 2.02, "std": 0.01}]}"#;
+    let fit = r#"{"parameters": [{"name": "mass_j1", "value": 2.02, "deviation": 0.01}, {"name": "excess_j2", "value": 0.4, "deviation": null}]}"#;
     options.fit = Some(Results {
         name: "fit.json",
         text: fit,

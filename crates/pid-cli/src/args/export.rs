@@ -62,4 +62,9 @@ pub(crate) enum TargetArg {
     Mujoco,
     /// URDF: robot.urdf.
     Urdf,
+    /// Isaac Lab: robot.urdf and configurations of its actuators.
+    #[value(name = "isaaclab")]
+    IsaacLab,
+    /// Newton: robot.urdf and its drives.
+    Newton,
 }
