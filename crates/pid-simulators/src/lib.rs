@@ -99,13 +99,21 @@ impl File {
 /// Files of a robot for a target.
 ///
 /// # Errors
-/// If the robot is no tree of bodies on revolute and prismatic joints with numbers, an effect is not
+/// If the step is no number above zero, the robot is no tree of bodies on revolute and prismatic joints with numbers, an effect is not
 /// one of the library, a value is not finite, or a file of results is of another form.
 pub fn export(
     nominal: &Nominal,
     target: Target,
     options: &Options<'_>,
 ) -> Result<Vec<File>, ExportError> {
+    if !(options.timestep.is_finite() && options.timestep > 0.0) {
+        return Err(ExportError::Value {
+            robot: nominal.robot().name.clone(),
+            item: "timestep".to_owned(),
+            value: format!("{} s", options.timestep),
+            mend: "give a number above zero, such as 5e-4",
+        });
+    }
     let machine = Machine::new(nominal)?;
     let mut files = match target {
         Target::Mujoco => mujoco::files(&machine, options)?,

@@ -245,10 +245,10 @@ fn drives(
         let own = &mut mechanism.bodies[body];
         own.rotor = Some(constants.get(Constant::Rotor(coordinate)));
         (own.coulomb, own.viscous) = (Some(coulomb), Some(viscous));
-        let gears = effects.iter().filter(|e| e.term.joint == coordinate);
-        let gear = gears
-            .filter_map(|e| e.term.effect.plain().gear(&e.values))
-            .last();
+        let mut gears = effects.iter().rev();
+        let gear = gears.find_map(|e| {
+            (e.term.joint == coordinate).then(|| e.term.effect.plain().gear(&e.values))?
+        });
         let channel = channels.get(coordinate);
         out.push(Drive {
             body,

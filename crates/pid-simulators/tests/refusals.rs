@@ -98,3 +98,12 @@ fn ranges_have_values_and_deviations() {
     assert!((std - 0.05).abs() < 1e-5, "{std}");
     assert!(of("stribeck/j2/stribeck_velocity")["std"].is_null());
 }
+
+#[test]
+fn a_step_that_is_none_is_told() {
+    for step in [0.0, -1e-3, f64::NAN] {
+        let mut options = Options::default();
+        options.timestep = step;
+        assert!(told(&options, "").contains("timestep: "), "{step}");
+    }
+}

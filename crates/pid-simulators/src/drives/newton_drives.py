@@ -14,7 +14,7 @@ feedforward.
 import json
 from pathlib import Path
 
-from newton.actuators import ClampingMaxEffort, ControllerPD
+from newton.actuators import ClampingMaxEffort, DrivePD
 
 FOLDER = Path(__file__).resolve().parent
 DRIVES = json.loads((FOLDER / "robot_drives.json").read_text(encoding="utf-8"))["drives"]
@@ -36,7 +36,7 @@ def add_robot(builder, step, **options):
         builder.joint_target_ke[dof] = builder.joint_target_kd[dof] = 0.0
         limit = drive["effort_limit"]
         builder.add_actuator(
-            ControllerPD,
+            DrivePD,
             index=dof,
             pos_index=builder.joint_q_start[joint],
             clamping=None if limit is None else [(ClampingMaxEffort, {"max_effort": limit})],
