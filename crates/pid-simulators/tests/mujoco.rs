@@ -47,6 +47,24 @@ fn the_equations_survive_the_file() {
     }
 }
 
+/// A joint that follows another is an equality, and the wrapper starts it where it belongs.
+#[test]
+fn a_follower_is_an_equality() {
+    let mechanism = tree(3, 4, true);
+    let nominal = of(&mechanism);
+    let follows = mechanism.bodies[3].follows.expect("a follower");
+    let (ratio, offset) = (follows.ratio, follows.offset);
+    let text = file(&nominal, "robot.xml");
+    let equality = format!(
+        r#"<joint joint1="joint_3" joint2="joint_0" polycoef="{offset:?} {ratio:?} 0 0 0""#
+    );
+    assert!(text.contains(&equality), "{equality}\n{text}");
+    let data: serde_json::Value =
+        serde_json::from_str(&file(&nominal, "robot_effects.json")).expect("JSON");
+    let expected = serde_json::json!([{"joint": "joint_3", "leader": "joint_0", "ratio": ratio, "offset": offset}]);
+    assert_eq!(data["followers"], expected);
+}
+
 #[test]
 fn drives_survive_the_file() {
     let mechanism = tree(2, 3, false);

@@ -29,7 +29,14 @@ import numpy as np
 
 FOLDER = Path(__file__).resolve().parent
 
-INPUT = ("input_delay", "actuator_lag", "torque_saturation", "gain_error_nonlinear", "current_offset", "drive_dead_zone")
+INPUT = (
+    "input_delay",
+    "actuator_lag",
+    "torque_saturation",
+    "gain_error_nonlinear",
+    "current_offset",
+    "drive_dead_zone",
+)
 FRICTION = ("stribeck", "coulomb_asymmetry", "load_dependent_friction", "friction_drift", "presliding_hysteresis")
 FORCE = ("cogging", "motor_coupling", "spring", "joint_coupling", "external_force", "presliding_hysteresis")
 READING = ("encoder_offset", "encoder_eccentricity", "sensor_delay", "velocity_filter_lag")
@@ -79,6 +86,10 @@ class Robot:
             self.twist[j] = (m.jnt_qposadr[k], m.jnt_dofadr[k], gear)
             if gear["gap"] > 0.0:
                 m.jnt_limited[k] = 0
+        self.followers = [
+            (*(id_of(mujoco.mjtObj.mjOBJ_JOINT, f[key]) for key in ("joint", "leader")), f["ratio"], f["offset"])
+            for f in known["followers"]
+        ]
         self.tool = None
         if known["tool"] is not None:
             body = id_of(mujoco.mjtObj.mjOBJ_BODY, known["tool"]["body"])
@@ -88,7 +99,8 @@ class Robot:
     # Start.
 
     def reset(self, q, v, u=None, time=0.0, earlier=(), data=None):
-        """Puts the robot where its encoders read `q`, `v` (without delay), its drives at the inputs `u`.
+        """Starts `data` anew, with the robot where its encoders read `q`, `v` (without delay) and
+        its drives at the inputs `u`.
 
         Gears are twisted and bristles bent as at rest under the weight. `time`: seconds since the
         start of what counts as the start of the motion (warm-up, pushes). `earlier`: pairs of the
@@ -103,6 +115,9 @@ class Robot:
         true = [self._unread(j, float(q[j]), float(v[j])) for j in range(self.n)]
         for j in range(self.n):
             d.qpos[self.qadr[j]], d.qvel[self.dof[j]] = true[j]
+        for own, leader, ratio, offset in self.followers:
+            d.qpos[m.jnt_qposadr[own]] = ratio * d.qpos[m.jnt_qposadr[leader]] + offset
+            d.qvel[m.jnt_dofadr[own]] = ratio * d.qvel[m.jnt_dofadr[leader]]
         bias = self._weight(d)
         for j, (at, dof, gear) in self.twist.items():
             side = -0.5 if bias[j] < 0.0 else 0.5

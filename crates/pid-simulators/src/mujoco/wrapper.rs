@@ -19,6 +19,7 @@ struct Data<'a> {
     encoder_side: &'static str,
     tool: Option<Tool<'a>>,
     joints: Vec<Joint<'a>>,
+    followers: Vec<Follower<'a>>,
     effects: Vec<Effect<'a>>,
 }
 
@@ -38,6 +39,15 @@ struct Joint<'a> {
     velocity: &'static str,
     filter_hz: Option<f64>,
     gear: Option<Gear>,
+}
+
+/// A joint at `ratio · position + offset` of another.
+#[derive(Serialize)]
+struct Follower<'a> {
+    joint: &'a str,
+    leader: &'a str,
+    ratio: f64,
+    offset: f64,
 }
 
 #[derive(Serialize)]
@@ -73,6 +83,17 @@ pub(super) fn data(machine: &Machine) -> Result<String, ExportError> {
         }),
         joints: (machine.drives.iter().enumerate())
             .map(|(c, drive)| joint(machine, c, drive))
+            .collect(),
+        followers: (bodies.iter())
+            .filter_map(|body| {
+                let follows = body.follows?;
+                Some(Follower {
+                    joint: &body.joint,
+                    leader: &bodies[follows.body].joint,
+                    ratio: follows.ratio,
+                    offset: follows.offset,
+                })
+            })
             .collect(),
         effects: (machine.effects.iter())
             .filter(|e| matches!(who(e), Who::Wrapper | Who::Both))
