@@ -156,6 +156,8 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Excite(#[from] ExciteError),
     #[error(transparent)]
+    Export(#[from] pid_simulators::ExportError),
+    #[error(transparent)]
     Limits(#[from] LimitsError),
     #[error("{}: cannot be read: {error}", path.display())]
     Read { path: PathBuf, error: io::Error },

@@ -44,6 +44,7 @@ mod diagnose;
 mod dump;
 mod error;
 mod excite;
+mod export;
 mod identify;
 mod limits;
 mod models;
@@ -82,6 +83,7 @@ pub fn main(own: &'static [Entry]) -> ExitCode {
         Some(Command::Regress(args)) => regress::run(&args),
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),
+        Some(Command::Export(args)) => export::run(&args),
         Some(Command::Models) => {
             list();
             Ok(0)

@@ -101,7 +101,7 @@ fn is_description(robot: &Path) -> bool {
 }
 
 /// A URDF, an MJCF or a nominal description.
-fn read_robot(robot: &Path, args: &OpenArgs) -> Result<Nominal, CliError> {
+pub(crate) fn read_robot(robot: &Path, args: &OpenArgs) -> Result<Nominal, CliError> {
     if is_description(robot) {
         return Ok(Nominal::read(robot)?);
     }

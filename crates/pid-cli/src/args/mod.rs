@@ -2,6 +2,7 @@
 
 pub(crate) mod diagnose;
 pub(crate) mod excite;
+pub(crate) mod export;
 pub(crate) mod identify;
 pub(crate) mod open;
 pub(crate) mod parse;
@@ -16,6 +17,7 @@ use clap::{Args, Parser, Subcommand};
 
 use diagnose::DiagnoseArgs;
 use excite::ExciteArgs;
+use export::ExportArgs;
 use identify::IdentifyArgs;
 use open::{CheckArgs, ConvertArgs};
 use regress::RegressArgs;
@@ -53,6 +55,8 @@ pub(crate) enum Command {
     Check(CheckArgs),
     /// Write a robot file and its logs as a data folder: dataset.toml, nominal.toml, CSV files.
     Convert(ConvertArgs),
+    /// Write an identified robot with its effects as files of a simulator (docs/simulators.md).
+    Export(ExportArgs),
     /// List the models.
     Models,
     /// Write the completions of a shell to standard output.

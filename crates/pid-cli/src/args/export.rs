@@ -1,0 +1,70 @@
+//! Arguments of `simtrue export`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use super::open::{ClassArg, OpenArgs};
+use super::parse::positive;
+
+/// Arguments of `simtrue export`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct ExportArgs {
+    /// Robot: an extended.toml that `simtrue diagnose` wrote, a nominal.toml, a URDF or an MJCF.
+    #[arg(value_name = "ROBOT")]
+    pub(crate) robot: PathBuf,
+    /// The simulator.
+    #[arg(long, value_enum, value_name = "TARGET")]
+    pub(crate) to: TargetArg,
+    /// Folder for the files; made if needed.
+    #[arg(long, short, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
+    /// Step of the simulation, s.
+    #[arg(long, value_name = "SECONDS", value_parser = positive, default_value_t = 5e-4)]
+    pub(crate) timestep: f64,
+    /// A diagnosis.json; its magnitudes with deviations go into ranges.json.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) diagnosis: Option<PathBuf>,
+    /// A fit.json; its values with deviations go into ranges.json.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) fit: Option<PathBuf>,
+    /// Where masses and inertias of a robot file come from; says how wide ranges.json is.
+    #[arg(long, value_enum, default_value_t, value_name = "CLASS")]
+    class: ClassArg,
+    /// Joints of a URDF that move; the others are held at zero. By default all.
+    #[arg(long, value_name = "J1,J2,…", value_delimiter = ',')]
+    joints: Vec<String>,
+    /// Masses and inertias that a URDF lacks are guessed from its geometry.
+    #[arg(long)]
+    guess_inertias: bool,
+    /// Inertias that no body can have end the run instead of being mended.
+    #[arg(long)]
+    strict: bool,
+}
+
+impl ExportArgs {
+    /// How a robot file is read.
+    pub(crate) fn open(&self) -> OpenArgs {
+        OpenArgs {
+            class: self.class,
+            joints: self.joints.clone(),
+            guess_inertias: self.guess_inertias,
+            strict: self.strict,
+            ..OpenArgs::default()
+        }
+    }
+}
+
+/// Simulators.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TargetArg {
+    /// MuJoCo: robot.xml, and a wrapper in Python for what MJCF cannot express.
+    Mujoco,
+    /// URDF: robot.urdf.
+    Urdf,
+    /// Isaac Lab: robot.urdf and configurations of its actuators.
+    #[value(name = "isaaclab")]
+    IsaacLab,
+    /// Newton: robot.urdf and its drives.
+    Newton,
+}

@@ -1,0 +1,447 @@
+//! The robot that every target writes: a tree of bodies in numbers, drives, effects.
+//!
+//! Effects that only change constants (payload, tilt of the base, rotor inertia) are in the numbers.
+
+use pid_derive::mechanism::{Body, Distribution, Follows, InertiaSource, Mechanism};
+use pid_derive::model::{About, Expr, Inertial, Joint, JointKind, Robot, Tensor};
+use pid_derive::plausible;
+use pid_effects::constants::{Constant, Constants};
+use pid_effects::described::described;
+use pid_effects::effect::{Gear, Term};
+use pid_effects::nominal::{EncoderSide, Nominal};
+use pid_interpret::nominal::{self as description, Velocity};
+
+use crate::error::ExportError;
+
+/// Least mass, kg, and principal moment, kg m², of a moving body: MuJoCo refuses less than 1e-15.
+const LEAST: f64 = 1e-12;
+
+/// A drive on a coordinate.
+#[derive(Debug, Clone)]
+pub(crate) struct Drive {
+    /// Index of the body whose joint it moves.
+    pub(crate) body: usize,
+    /// Torque or force per unit of the input.
+    pub(crate) gain: f64,
+    /// Coulomb friction, N m or N.
+    pub(crate) coulomb: f64,
+    /// Viscous friction, N m s/rad or N s/m.
+    pub(crate) viscous: f64,
+    /// Unit of the input.
+    pub(crate) unit: String,
+    /// How the velocity is read.
+    pub(crate) velocity: Velocity,
+    /// Typical largest torque or force.
+    pub(crate) peak: Option<f64>,
+    /// The gear between rotor and link, if one gives way.
+    pub(crate) gear: Option<Gear<f64>>,
+}
+
+/// An effect with its parameters, SI.
+#[derive(Debug, Clone)]
+pub(crate) struct Named {
+    /// The effect at its joint.
+    pub(crate) term: Term,
+    /// Its parameters in the order of the library.
+    pub(crate) values: Vec<f64>,
+}
+
+impl Named {
+    /// Identifier of the effect.
+    pub(crate) fn id(&self) -> &'static str {
+        self.term.effect.info().id
+    }
+    /// Value of a parameter by its name.
+    pub(crate) fn value(&self, name: &str) -> Option<f64> {
+        let all = self.term.effect.info().parameters;
+        all.iter()
+            .position(|p| p.name == name)
+            .and_then(|i| self.values.get(i).copied())
+    }
+}
+
+/// The robot.
+#[derive(Debug, Clone)]
+pub(crate) struct Machine {
+    /// Bodies; `rotor`, `coulomb` and `viscous` are those of the drives.
+    pub(crate) mechanism: Mechanism,
+    /// One per coordinate.
+    pub(crate) drives: Vec<Drive>,
+    /// All effects, in the order of the description.
+    pub(crate) effects: Vec<Named>,
+    /// Body of the tool and the point in its frame, m.
+    pub(crate) tool: Option<(usize, [f64; 3])>,
+    /// Side of the encoders.
+    pub(crate) encoder_side: EncoderSide,
+    /// What was changed so that a simulator takes it, one sentence each.
+    pub(crate) mended: Vec<String>,
+}
+
+impl Machine {
+    /// Of a description.
+    pub(crate) fn new(nominal: &description::Nominal) -> Result<Self, ExportError> {
+        let effects: Vec<Named> = described(nominal)?
+            .into_iter()
+            .map(|(term, values)| Named { term, values })
+            .collect();
+        let own = Nominal::new(nominal.clone());
+        let theta = vec![0.0; own.size()];
+        let before = Constants::<f64>::new(&own, &theta);
+        let mut constants = before.clone();
+        for effect in &effects {
+            let law = effect.term.effect.plain();
+            law.constants(&effect.values, effect.term.joint, &mut constants);
+        }
+        let mut mechanism = tree(nominal.robot())?;
+        mechanism.gravity = [0, 1, 2].map(|k| constants.get(Constant::Gravity(k)));
+        let tool = constants
+            .tool()
+            .and_then(|(body, at)| Some((body, nominal.tool_link()?, at)));
+        let tool = tool.map(|(body, link, at)| {
+            let more = constants.get(Constant::Mass(body)) - before.get(Constant::Mass(body));
+            let target = &mut mechanism.bodies[link];
+            let point = Distribution {
+                mass: more,
+                com: at,
+                inertia: [0.0; 6],
+            };
+            if more != 0.0 {
+                let all = target.distribution().with(&point);
+                (target.mass, target.com, target.inertia) = (all.mass, all.com, all.inertia);
+            }
+            (link, at)
+        });
+        let drives = drives(nominal, &mut mechanism, &constants, &effects);
+        let mut machine = Self {
+            mechanism,
+            drives,
+            effects,
+            tool,
+            encoder_side: own.encoder_side,
+            mended: Vec::new(),
+        };
+        machine.check()?;
+        machine.mend();
+        Ok(machine)
+    }
+
+    /// Name of the joint of a coordinate.
+    pub(crate) fn joint(&self, coordinate: usize) -> &str {
+        &self.mechanism.bodies[self.drives[coordinate].body].joint
+    }
+
+    /// Effects of an identifier.
+    pub(crate) fn all<'a>(&'a self, id: &'a str) -> impl Iterator<Item = &'a Named> {
+        self.effects.iter().filter(move |e| e.id() == id)
+    }
+
+    /// The last effect of an identifier at a coordinate.
+    pub(crate) fn at(&self, id: &str, coordinate: usize) -> Option<&Named> {
+        let mut own = self.effects.iter().rev();
+        own.find(|e| e.id() == id && e.term.joint == coordinate)
+    }
+
+    fn check(&self) -> Result<(), ExportError> {
+        for body in &self.mechanism.bodies {
+            let geometry = body.origin.iter().chain(&body.rpy).chain(&body.axis);
+            let inertial = body.com.iter().chain(&body.inertia);
+            let drive = [body.rotor, body.coulomb, body.viscous];
+            let numbers = geometry.chain(inertial).copied().chain([body.mass]);
+            let mut numbers = numbers.chain(drive.into_iter().flatten());
+            if let Some(x) = numbers.find(|x| !x.is_finite()) {
+                return Err(self.value(
+                    body,
+                    format!("{x} among its values"),
+                    "give finite numbers",
+                ));
+            }
+            if body.mass < 0.0 {
+                let value = format!("a mass of {} kg", body.mass);
+                return Err(self.value(
+                    body,
+                    value,
+                    "a mass is zero or positive; look at the effect `payload`",
+                ));
+            }
+            if let Some(rotor) = body.rotor.filter(|x| *x < 0.0) {
+                let mend = "a rotor inertia is zero or positive; look at the effect `unmodelled_rotor_inertia`";
+                return Err(self.value(body, format!("a rotor inertia of {rotor}"), mend));
+            }
+            if let Some(friction) = [body.coulomb, body.viscous]
+                .into_iter()
+                .flatten()
+                .find(|x| *x < 0.0)
+            {
+                let mend = "friction coefficients are zero or positive";
+                return Err(self.value(body, format!("a friction of {friction}"), mend));
+            }
+        }
+        Ok(())
+    }
+
+    fn value(&self, body: &Body, value: String, mend: &'static str) -> ExportError {
+        ExportError::Value {
+            robot: self.mechanism.name.clone(),
+            item: format!("joint `{}`", body.joint),
+            value,
+            mend,
+        }
+    }
+
+    /// Inertias that no body has become the nearest ones that a body has; bodies without mass become
+    /// light ones.
+    fn mend(&mut self) {
+        let still = vec![0.0; self.mechanism.bodies.len()];
+        let before = self.mechanism.felt(&still);
+        let mut changed = Vec::new();
+        for body in &mut self.mechanism.bodies {
+            let (inertia, excess) = plausible::nearest(body.inertia);
+            if excess > 0.0 {
+                changed.push((body.joint.clone(), excess));
+            }
+            body.inertia = plausible::raised(inertia, LEAST);
+            body.mass = body.mass.max(LEAST);
+        }
+        if changed.is_empty() {
+            return;
+        }
+        let after = self.mechanism.felt(&still);
+        let largest = before
+            .iter()
+            .zip(&after)
+            .map(|(x, y)| (y - x).abs() / x.abs().max(LEAST))
+            .fold(0.0, f64::max);
+        for (joint, excess) in changed {
+            self.mended.push(format!(
+                "The link of joint `{joint}` has an inertia that no body has: its largest principal moment exceeds the sum of \
+                 the others by {excess:.3e} kg m^2. The nearest inertia that a body has is written. The inertia that a joint \
+                 feels changes by up to {:.2} %.",
+                100.0 * largest
+            ));
+        }
+    }
+}
+
+/// Drives, and their values at the bodies.
+fn drives(
+    nominal: &description::Nominal,
+    mechanism: &mut Mechanism,
+    constants: &Constants<'_, f64>,
+    effects: &[Named],
+) -> Vec<Drive> {
+    let robot = nominal.robot();
+    let channels = &nominal.measurement().channels;
+    let mut out = Vec::new();
+    for coordinate in 0..robot.nq() {
+        let of = |j: &Joint| j.coord == Some(coordinate);
+        let Some(joint) = robot.joints.iter().find(|j| of(j)) else {
+            continue;
+        };
+        let body = joint.child;
+        let (coulomb, viscous) = (
+            constants.get(Constant::Coulomb(coordinate)),
+            constants.get(Constant::Viscous(coordinate)),
+        );
+        let own = &mut mechanism.bodies[body];
+        own.rotor = Some(constants.get(Constant::Rotor(coordinate)));
+        (own.coulomb, own.viscous) = (Some(coulomb), Some(viscous));
+        let mut gears = effects.iter().rev();
+        let gear = gears.find_map(|e| {
+            (e.term.joint == coordinate).then(|| e.term.effect.plain().gear(&e.values))?
+        });
+        let channel = channels.get(coordinate);
+        out.push(Drive {
+            body,
+            gain: constants.get(Constant::Gain(coordinate)),
+            coulomb,
+            viscous,
+            unit: robot
+                .inputs
+                .get(coordinate)
+                .map_or_else(String::new, |input| input.unit.clone()),
+            velocity: channel.map_or(Velocity::Measured { noise: None }, |c| c.velocity),
+            peak: channel.and_then(|c| c.torque_peak),
+            gear,
+        });
+    }
+    out
+}
+
+/// The bodies of a robot at the nominal values of its parameters.
+fn tree(robot: &Robot) -> Result<Mechanism, ExportError> {
+    let fault = |what: String, mend: &str| ExportError::Structure {
+        robot: robot.name.clone(),
+        what,
+        mend: mend.to_owned(),
+    };
+    if robot.lagrangian.is_some() || robot.potential.is_some() || !robot.motors.is_empty() {
+        let what = "it is declared by a Lagrangian, a potential, or drives on several joints";
+        return Err(fault(what.to_owned(), "declare its links and joints"));
+    }
+    let p: Vec<f64> = robot.params.iter().map(|p| p.nominal).collect();
+    let number = |x: &Expr, item: &str| {
+        value(x, &p).ok_or_else(|| {
+            fault(
+                format!("{item} is no number"),
+                "state lengths and inertias as numbers or parameters",
+            )
+        })
+    };
+    let joint_of = |coordinate: usize| {
+        let mut joints = robot.joints.iter();
+        joints
+            .find(|j| j.coord == Some(coordinate))
+            .map(|j| j.child)
+    };
+    let mut bodies = Vec::new();
+    for (place, &index) in robot.order.iter().enumerate() {
+        let joint = &robot.joints[index];
+        let item = format!("joint `{}`", joint.name);
+        let (prismatic, axis) = match joint.kind {
+            JointKind::Revolute(axis) => (false, axis),
+            JointKind::Prismatic(axis) => (true, axis),
+            _ => {
+                return Err(fault(
+                    format!("{item} neither turns nor slides"),
+                    "leave it out",
+                ));
+            }
+        };
+        if joint.child != place {
+            let what = format!(
+                "{item} carries link {}, listed at another place",
+                joint.child + 1
+            );
+            return Err(fault(what, "list links in the order of their joints"));
+        }
+        let follows = match (&joint.follows, joint.coord) {
+            (Some(affine), None) => match &affine.terms[..] {
+                [(coordinate, ratio)] => {
+                    joint_of(*coordinate).map(|body| (body, ratio, &affine.offset))
+                }
+                _ => {
+                    return Err(fault(
+                        format!("{item} follows several joints, or none"),
+                        "let it follow one",
+                    ));
+                }
+            },
+            _ => None,
+        };
+        let follows = follows
+            .map(|(body, ratio, offset)| -> Result<_, ExportError> {
+                Ok(Follows {
+                    body,
+                    ratio: number(ratio, &item)?,
+                    offset: number(offset, &item)?,
+                })
+            })
+            .transpose()?;
+        let three = |x: &[Expr; 3]| -> Result<[f64; 3], ExportError> {
+            Ok([
+                number(&x[0], &item)?,
+                number(&x[1], &item)?,
+                number(&x[2], &item)?,
+            ])
+        };
+        let link = &robot.links[joint.child];
+        let own = inertial(&link.inertial, &|x| number(x, &item))?;
+        bodies.push(Body {
+            joint: joint.name.clone(),
+            link: link.name.clone(),
+            prismatic,
+            axis,
+            parent: joint.parent,
+            origin: three(&joint.origin)?,
+            rpy: three(&joint.rpy)?,
+            follows,
+            limits: joint.limits,
+            mass: own.mass,
+            com: own.com,
+            inertia: own.inertia,
+            source: InertiaSource::Stated,
+            rotor: None,
+            coulomb: None,
+            viscous: None,
+            effort: None,
+            speed: None,
+        });
+    }
+    let mut gravity = [0.0; 3];
+    for (g, x) in gravity.iter_mut().zip(&robot.gravity) {
+        *g = number(x, "gravity")?;
+    }
+    Ok(Mechanism {
+        name: robot.name.clone(),
+        gravity,
+        bodies,
+    })
+}
+
+/// Mass, centre of mass, and inertia about it.
+fn inertial(
+    inertial: &Inertial,
+    number: &dyn Fn(&Expr) -> Result<f64, ExportError>,
+) -> Result<Distribution, ExportError> {
+    let six = |t: &Tensor| -> Result<[f64; 6], ExportError> {
+        let mut out = [0.0; 6];
+        for (x, e) in out
+            .iter_mut()
+            .zip([&t.xx, &t.yy, &t.zz, &t.xy, &t.xz, &t.yz])
+        {
+            *x = number(e)?;
+        }
+        Ok(out)
+    };
+    let three = |x: &[Expr; 3]| -> Result<[f64; 3], ExportError> {
+        Ok([number(&x[0])?, number(&x[1])?, number(&x[2])?])
+    };
+    let (mass, com, inertia, about) = match inertial {
+        Inertial::None => return Ok(Distribution::default()),
+        Inertial::Body {
+            mass,
+            com,
+            inertia,
+            about,
+        } => (number(mass)?, three(com)?, six(inertia)?, *about),
+        Inertial::Linear {
+            mass,
+            first_moment,
+            inertia,
+        } => {
+            let mass = number(mass)?;
+            let com = three(first_moment)?.map(|x| if mass == 0.0 { 0.0 } else { x / mass });
+            (mass, com, six(inertia)?, About::Origin)
+        }
+    };
+    let shift = Distribution {
+        mass,
+        com,
+        inertia: [0.0; 6],
+    };
+    let inertia = match about {
+        About::Com => inertia,
+        About::Origin => {
+            let of_point = shift.about([0.0; 3]);
+            std::array::from_fn(|k| inertia[k] - of_point[k])
+        }
+    };
+    Ok(Distribution { inertia, ..shift })
+}
+
+/// The value of an expression of numbers and parameters.
+fn value(x: &Expr, p: &[f64]) -> Option<f64> {
+    let of = |x: &Expr| value(x, p);
+    Some(match x {
+        Expr::Num(x) => *x,
+        Expr::Param(k) => *p.get(*k)?,
+        Expr::Blank(_) => 0.0,
+        Expr::Neg(x) => -of(x)?,
+        Expr::Add(x, y) => of(x)? + of(y)?,
+        Expr::Sub(x, y) => of(x)? - of(y)?,
+        Expr::Mul(x, y) => of(x)? * of(y)?,
+        Expr::Div(x, y) => of(x)? / of(y)?,
+        Expr::Powi(x, n) => of(x)?.powi(*n),
+        Expr::Input(_) | Expr::Position(_) | Expr::Velocity(_) | Expr::Call(..) => return None,
+    })
+}

@@ -1,0 +1,409 @@
+"""Effects of a robot that robot.xml cannot express, around MuJoCo's step.
+
+Needs numpy and mujoco. Reads robot.xml and robot_effects.json from its own folder:
+
+    from robot_effects import Robot
+
+    robot = Robot()
+    robot.reset(q=[0.1], v=[0.0])
+    for command in commands:                 # one command per joint, held for `period` seconds
+        robot.step(robot.data, command, period)
+        q, v = robot.readings(robot.data)    # as the encoders show them, once per period
+
+Inputs are in the units of the description (A, V, N m or N). The wrapper drives the joints itself: it
+turns the group of the robot's actuators off and sets forces, friction and damping of its joints at
+every step. Everything else of the model and its data stays as it is.
+
+Positions and velocities are those of the side of the gear on which the encoder sits. One step of
+length h, for every joint, with Coulomb level and damping from the effects:
+
+    M dv/dt + bias = gain u_a + forces - damping v - friction,  friction within its level
+"""
+
+import json
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+FOLDER = Path(__file__).resolve().parent
+
+INPUT = (
+    "input_delay",
+    "actuator_lag",
+    "torque_saturation",
+    "gain_error_nonlinear",
+    "current_offset",
+    "drive_dead_zone",
+)
+FRICTION = ("stribeck", "coulomb_asymmetry", "load_dependent_friction", "friction_drift", "presliding_hysteresis")
+FORCE = ("cogging", "motor_coupling", "spring", "joint_coupling", "external_force", "presliding_hysteresis")
+READING = ("encoder_offset", "encoder_eccentricity", "sensor_delay", "velocity_filter_lag")
+GEAR = ("backlash",)
+
+
+class _Effect:
+    """An effect with its parameters and its memory."""
+
+    def __init__(self, data):
+        self.id = data["id"]
+        self.joint = data["joint"]
+        self.p = data["parameters"]
+        self.memory = 0.0
+        if self.id not in INPUT + FRICTION + FORCE + READING + GEAR:
+            raise ValueError(f"effect {self.id} is unknown to this wrapper; export the robot again")
+
+
+class Robot:
+    """A MuJoCo model of the robot with all its effects."""
+
+    def __init__(self, folder=FOLDER, model=None):
+        """Reads the robot of a folder; `model`: a larger one that holds robot.xml, in place of it."""
+        folder = Path(folder)
+        known = json.loads((folder / "robot_effects.json").read_text(encoding="utf-8"))
+        self.model = model or mujoco.MjModel.from_xml_path(str(folder / "robot.xml"))
+        self.data = mujoco.MjData(self.model)
+        self.joints = known["joints"]
+        self.effects = [_Effect(e) for e in known["effects"]]
+        self.on_link = known["encoder_side"] == "joint"
+        m = self.model
+        m.opt.disableactuator |= 1 << known["actuator_group"]
+        self.n = len(self.joints)
+        id_of = lambda kind, name: mujoco.mj_name2id(m, kind, name)
+        joint = [id_of(mujoco.mjtObj.mjOBJ_JOINT, j["name"]) for j in self.joints]
+        self.qadr = np.array([m.jnt_qposadr[k] for k in joint])
+        self.dof = np.array([m.jnt_dofadr[k] for k in joint])
+        self.gain = np.array([j["gain"] for j in self.joints])
+        self.coulomb = np.array([j["coulomb"] for j in self.joints])
+        self.viscous = np.array([j["viscous"] for j in self.joints])
+        self.twist = {}
+        for j, known_joint in enumerate(self.joints):
+            gear = known_joint["gear"]
+            if gear is None:
+                continue
+            k = id_of(mujoco.mjtObj.mjOBJ_JOINT, gear["joint"])
+            self.twist[j] = (m.jnt_qposadr[k], m.jnt_dofadr[k], gear)
+            if gear["gap"] > 0.0:
+                m.jnt_limited[k] = 0
+        self.followers = [
+            (*(id_of(mujoco.mjtObj.mjOBJ_JOINT, f[key]) for key in ("joint", "leader")), f["ratio"], f["offset"])
+            for f in known["followers"]
+        ]
+        self.tool = None
+        if known["tool"] is not None:
+            body = id_of(mujoco.mjtObj.mjOBJ_BODY, known["tool"]["body"])
+            self.tool = (body, np.array(known["tool"]["point"]))
+        self.reset(np.zeros(self.n), np.zeros(self.n))
+
+    # Start.
+
+    def reset(self, q, v, u=None, time=0.0, earlier=(), data=None):
+        """Starts `data` anew, with the robot where its encoders read `q`, `v` (without delay) and
+        its drives at the inputs `u`.
+
+        Gears are twisted and bristles bent as at rest under the weight. `time`: seconds since the
+        start of what counts as the start of the motion (warm-up, pushes). `earlier`: pairs of the
+        time and the inputs held from then on, for inputs that act later. The input before the first
+        of them is the first one.
+        """
+        d = self.data if data is None else data
+        m = self.model
+        u = np.zeros(self.n) if u is None else np.asarray(u, float)
+        mujoco.mj_resetData(m, d)
+        d.time = time
+        true = [self._unread(j, float(q[j]), float(v[j])) for j in range(self.n)]
+        for j in range(self.n):
+            d.qpos[self.qadr[j]], d.qvel[self.dof[j]] = true[j]
+        for own, leader, ratio, offset in self.followers:
+            d.qpos[m.jnt_qposadr[own]] = ratio * d.qpos[m.jnt_qposadr[leader]] + offset
+            d.qvel[m.jnt_dofadr[own]] = ratio * d.qvel[m.jnt_dofadr[leader]]
+        bias = self._weight(d)
+        for j, (at, dof, gear) in self.twist.items():
+            side = -0.5 if bias[j] < 0.0 else 0.5
+            d.qpos[at] = -bias[j] / gear["stiffness"] - gear["gap"] * side
+            if self.on_link:
+                d.qpos[self.qadr[j]] -= d.qpos[at]
+        mujoco.mj_forward(m, d)
+        self.load = bias
+        self.commands = [(t, np.asarray(x, float)) for t, x in earlier]
+        self.history = [(d.time, *self._encoders(d))]
+        self.shown = self._encoders(d)[1].copy()
+        self.filtered = self.shown.copy()
+        self.before = self._encoders(d)[0].copy()
+        self.read_at = d.time
+        for e in self.effects:
+            if e.id == "actuator_lag":
+                e.memory = u[e.joint]
+            elif e.id == "presliding_hysteresis":
+                balance = self.gain[e.joint] * u[e.joint] - bias[e.joint]
+                e.memory = min(1.0, max(-1.0, balance / (self.coulomb[e.joint] + 1e-12)))
+
+    def _weight(self, d):
+        """Torque that holds each joint at rest."""
+        speed = d.qvel.copy()
+        d.qvel[:] = 0.0
+        mujoco.mj_forward(self.model, d)
+        weight = d.qfrc_bias[self.dof] - self._push(d, 1e-3)[self.dof]
+        d.qvel[:] = speed
+        return weight
+
+    def _unread(self, j, q, v):
+        """True position and velocity whose reading is `q`, `v`."""
+        a, b = q, v
+        for _ in range(8):
+            read = self._sense(j, a, b)
+            a, b = a + q - read[0], b + v - read[1]
+        return a, b
+
+    # Step.
+
+    def step(self, data, u, duration=None):
+        """Moves `data` by `duration` seconds (one step of the model by default) under the inputs `u`.
+
+        The duration is cut into equal steps, none longer than the model's.
+        """
+        longest = self.model.opt.timestep
+        duration = longest if duration is None else duration
+        steps = max(1, math.ceil(duration / longest - 1e-9))
+        h = duration / steps
+        self.commands.append((data.time, np.asarray(u, float)))
+        oldest = data.time - max([e.p["delay_s"] for e in self.effects if e.id == "input_delay"], default=0.0) - h
+        while len(self.commands) > 1 and self.commands[1][0] <= oldest:
+            self.commands.pop(0)
+        self.model.opt.timestep = h
+        for _ in range(steps):
+            self._one(data, h)
+        self.model.opt.timestep = longest
+
+    def _one(self, d, h):
+        m = self.model
+        q, v = d.qpos[self.qadr], d.qvel[self.dof]
+        applied = np.array([self._input(j, d.time, h) for j in range(self.n)])
+        forward, backward = self.coulomb.copy(), self.coulomb.copy()
+        damping = self.viscous.copy()
+        for e in self.effects:
+            self._friction(e, v, d.time + 0.5 * h, forward, backward, damping)
+        force = self.gain * applied
+        for e in self.effects:
+            self._force(e, q, v, h, force, damping)
+        # Friction within [-backward, forward] is a symmetric one about half of the difference.
+        force = force - 0.5 * (forward - backward)
+        m.dof_frictionloss[self.dof] = np.maximum(0.5 * (forward + backward), 0.0)
+        m.dof_damping[self.dof] = damping
+        push = self._push(d, h)
+        total = push.copy()
+        total[self.dof] += force
+        for at, dof, gear in self.twist.values():
+            if gear["gap"] > 0.0:
+                total[dof] += self._contact(d, at, dof, gear, h)
+        # Forces that others apply stay.
+        d.qfrc_applied += total
+        mujoco.mj_step(m, d)
+        d.qfrc_applied -= total
+        if any(e.id == "load_dependent_friction" for e in self.effects):
+            through = np.zeros(m.nv)
+            mujoco.mj_rne(m, d, 1, through)
+            self.load = (through - push)[self.dof]
+        moved = d.qpos[self.qadr] - q
+        for e in self.effects:
+            if e.id == "presliding_hysteresis":
+                w = moved[e.joint] / e.p["presliding_range"]
+                decay, mean, _ = _passage(abs(w))
+                e.memory = e.memory * decay + w * mean
+        self.history.append((d.time, *self._encoders(d)))
+        self._forget(d.time)
+
+    def _contact(self, d, at, dof, gear, h):
+        """Force of the contact between rotor and link in a gear with play, and its damping.
+
+        Half a step of the spring is implicit: stiff contacts stay stable.
+        """
+        middle = d.qpos[at] + 0.5 * h * d.qvel[dof]
+        edge = 0.5 * gear["gap"]
+        over = middle - min(edge, max(-edge, middle))
+        if over == 0.0:
+            self.model.dof_damping[dof] = gear["open"]
+            return 0.0
+        implicit = 0.5 * h * gear["stiffness"]
+        self.model.dof_damping[dof] = gear["open"] + gear["damping"] + implicit
+        return implicit * d.qvel[dof] - gear["stiffness"] * over
+
+    def _input(self, j, t, h):
+        """Applied input of joint `j`, averaged over the step of length `h` from `t`."""
+        u = self.commands[-1][1][j]
+        for e in self.effects:
+            if e.joint != j:
+                continue
+            if e.id == "input_delay":
+                u = self._earlier(j, t - e.p["delay_s"], h)
+            elif e.id == "actuator_lag":
+                time = e.p["time_constant_s"]
+                fade = math.exp(-h / time)
+                gone = e.memory - u
+                e.memory = u + gone * fade
+                u = u + gone * time * (1.0 - fade) / h
+            elif e.id == "torque_saturation":
+                limit = e.p["limit_input"]
+                u = min(limit, max(-limit, u))
+            elif e.id == "gain_error_nonlinear":
+                u = u / (1.0 + e.p["droop_per_input_squared"] * u * u)
+            elif e.id == "current_offset":
+                u = u + e.p["offset"]
+            elif e.id == "drive_dead_zone":
+                width = e.p["half_width"]
+                u = u - min(width, max(-width, u))
+        return u
+
+    def _earlier(self, j, t, h):
+        """Mean of the commands of joint `j` from `t` to `t + h`."""
+        total, end = 0.0, t + h
+        for k, (since, u) in enumerate(self.commands):
+            start = -math.inf if k == 0 else since
+            stop = self.commands[k + 1][0] if k + 1 < len(self.commands) else math.inf
+            total += u[j] * max(0.0, min(stop, end) - max(start, t))
+        return total / h
+
+    def _friction(self, e, v, t, forward, backward, damping):
+        """Changes Coulomb levels and damping of the effect's joint."""
+        j, p = e.joint, e.p
+        if e.id == "stribeck":
+            x = v[j] / p["stribeck_velocity"]
+            factor = 1.0 + p["excess"] * math.exp(-x * x)
+            forward[j] *= factor
+            backward[j] *= factor
+        elif e.id == "coulomb_asymmetry":
+            a = p["asymmetry"]
+            forward[j] *= 1.0 + a
+            backward[j] *= 1.0 - a
+            damping[j] *= 1.0 + a if v[j] > 0.0 else 1.0 - a
+        elif e.id == "load_dependent_friction":
+            more = p["load_coefficient"] * abs(self.load[j])
+            forward[j] += more
+            backward[j] += more
+        elif e.id == "friction_drift":
+            factor = 1.0 + p["cold_excess"] * math.exp(-t / p["time_constant_s"])
+            forward[j] *= factor
+            backward[j] *= factor
+            damping[j] *= factor
+        elif e.id == "presliding_hysteresis":
+            forward[j] = backward[j] = 0.0
+
+    def _force(self, e, q, v, h, force, damping):
+        """Adds the forces of an effect; what grows with the velocity goes to the damping."""
+        j, p = e.joint, e.p
+        if e.id == "cogging":
+            phase = p["periods_per_unit"] * (q[j] + 0.5 * h * v[j])
+            force[j] += p["sine"] * math.sin(phase) + p["cosine"] * math.cos(phase)
+        elif e.id == "motor_coupling" and j > 0:
+            w = v[j] + p["ratio"] * v[j - 1]
+            drag = p["viscous"] * w + p["coulomb"] * math.tanh(w / p["transition"])
+            force[j] -= drag
+            force[j - 1] -= drag * p["ratio"]
+        elif e.id == "spring":
+            force[j] += p["preload"] - p["stiffness"] * q[j]
+        elif e.id == "joint_coupling" and j > 0:
+            pull = p["preload"] - p["stiffness"] * (q[j] + p["ratio"] * q[j - 1])
+            force[j] += pull
+            force[j - 1] += pull * p["ratio"]
+        elif e.id == "presliding_hysteresis":
+            # The bristle over a step of constant speed, its mean, and its rate with the speed after it.
+            travel = h / p["presliding_range"]
+            decay, mean, lag = _passage(abs(v[j]) * travel)
+            micro = p["micro_damping_time"] / h
+            force[j] -= self.coulomb[j] * e.memory * (mean + micro * (decay - 1.0))
+            damping[j] += self.coulomb[j] * travel * (lag + micro * mean)
+
+    def _push(self, d, h):
+        """Forces on all degrees of freedom from what pushes the tool."""
+        out = np.zeros(self.model.nv)
+        for e in self.effects:
+            if e.id != "external_force" or self.tool is None:
+                continue
+            p, share = e.p, 0.0
+            for k in (1, 2, 3):
+                on, off = p[f"on_{k}_s"], p[f"off_{k}_s"]
+                share += max(0.0, min(off, d.time + h) - max(on, d.time)) / h
+            if share == 0.0:
+                continue
+            body, point = self.tool
+            at = d.xpos[body] + d.xmat[body].reshape(3, 3) @ point
+            jacobian = np.zeros((3, self.model.nv))
+            mujoco.mj_jac(self.model, d, jacobian, None, at, body)
+            out += share * jacobian.T @ np.array([p["force_x"], p["force_y"], p["force_z"]])
+        return out
+
+    # Readings.
+
+    def _encoders(self, d):
+        """True positions and velocities on the side of the encoders."""
+        q, v = d.qpos[self.qadr].copy(), d.qvel[self.dof].copy()
+        if self.on_link:
+            for j, (at, dof, _) in self.twist.items():
+                q[j] += d.qpos[at]
+                v[j] += d.qvel[dof]
+        return q, v
+
+    def _sense(self, j, q, v):
+        for e in self.effects:
+            if e.joint != j:
+                continue
+            if e.id == "encoder_offset":
+                q = q + e.p["offset"]
+            elif e.id == "encoder_eccentricity":
+                a, b = e.p["sine"], e.p["cosine"]
+                s, c = math.sin(q), math.cos(q)
+                q, v = q + a * s + b * c, v * (1.0 + a * c - b * s)
+        return q, v
+
+    def _sum(self, id, j, name):
+        return sum(e.p[name] for e in self.effects if e.id == id and e.joint == j)
+
+    def _forget(self, t):
+        longest = max((self._sum("sensor_delay", j, "delay_s") for j in range(self.n)), default=0.0)
+        while len(self.history) > 2 and self.history[1][0] < t - longest:
+            self.history.pop(0)
+
+    def _late(self, j, t):
+        """Position and velocity of joint `j` at a time; before the first known one at its velocity."""
+        first = self.history[0]
+        if t <= first[0]:
+            return first[1][j] + first[2][j] * (t - first[0]), first[2][j]
+        for k in range(len(self.history) - 1, 0, -1):
+            (t0, q0, v0), (t1, q1, v1) = self.history[k - 1], self.history[k]
+            if t0 <= t:
+                s = min((t - t0) / (t1 - t0), 1.0)
+                return q0[j] * (1.0 - s) + q1[j] * s, v0[j] * (1.0 - s) + v1[j] * s
+        return first[1][j], first[2][j]
+
+    def readings(self, data):
+        """Positions and velocities as the sensors show them. Filters move on by the time since the
+        call before: call it once per period of the controller."""
+        h = data.time - self.read_at
+        self.read_at = data.time
+        q, v = np.zeros(self.n), np.zeros(self.n)
+        for j, known in enumerate(self.joints):
+            delay = self._sum("sensor_delay", j, "delay_s")
+            q[j], read = self._sense(j, *self._late(j, data.time - delay))
+            if h > 0.0:
+                if known["velocity"] == "derived":
+                    hz = known["filter_hz"]
+                    fade = 0.0 if hz is None else math.exp(-2.0 * math.pi * hz * h)
+                    self.filtered[j] = fade * self.filtered[j] + (1.0 - fade) * (q[j] - self.before[j]) / h
+                    self.before[j] = q[j]
+                    read = self.filtered[j]
+                lag = self._sum("velocity_filter_lag", j, "time_constant_s")
+                fade = math.exp(-h / lag) if lag > 0.0 else 0.0
+                self.shown[j] = fade * self.shown[j] + (1.0 - fade) * read
+            v[j] = self.shown[j]
+        return q, v
+
+
+def _passage(x):
+    """exp(-x), its mean A over the way to x, and (1 - A)/x, for x >= 0."""
+    if x < 1e-3:
+        mean = 1.0 - 0.5 * x * (1.0 - x / 3.0)
+        return 1.0 - x * mean, mean, 0.5 - x * (1.0 - 0.25 * x) / 6.0
+    decay = math.exp(-x)
+    mean = (1.0 - decay) / x
+    return decay, mean, (1.0 - mean) / x

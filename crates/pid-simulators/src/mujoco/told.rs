@@ -1,0 +1,193 @@
+//! Which part of MuJoCo's files carries an effect, in words.
+
+use std::fmt::Write;
+
+use crate::machine::{Machine, Named};
+
+/// What carries an effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Who {
+    /// `robot.xml`.
+    File,
+    /// The wrapper alone.
+    Wrapper,
+    /// `robot.xml` approximately or in steps of the engine, the wrapper exactly.
+    Both,
+}
+
+/// What MJCF says of an effect, and what the wrapper does; `None` for an effect without a row.
+pub fn expression(id: &str) -> Option<(&'static str, &'static str)> {
+    row(id).map(|(_, file, wrapper)| (file, wrapper))
+}
+
+/// An effect whose stiffness is zero has no element of its own; the wrapper applies its constant force.
+pub(super) fn who(effect: &Named) -> Who {
+    let constant = effect.value("stiffness") == Some(0.0);
+    match row(effect.id()) {
+        Some((Who::File, ..)) if constant => Who::Wrapper,
+        Some((who, ..)) => who,
+        None => Who::Wrapper,
+    }
+}
+
+const NOTHING: &str = "nothing: MJCF has no element for it";
+
+fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
+    use Who::{Both, File, Wrapper};
+    Some(match id {
+        "stribeck" => (
+            Wrapper,
+            "the Coulomb level alone, as frictionloss; the law `lugre` of the actuator `dcmotor` has other parameters",
+            "sets the level of frictionloss at every step from the velocity",
+        ),
+        "coulomb_asymmetry" => (
+            Wrapper,
+            "the mean level, as frictionloss: it has one value for both directions",
+            "sets frictionloss to the mean of both levels, applies half of their difference as a force, and changes the damping with the direction",
+        ),
+        "load_dependent_friction" => (
+            Wrapper,
+            "the level without load, as frictionloss",
+            "computes the torque through the gear of the step before and raises frictionloss by it",
+        ),
+        "quadratic_drag" => (
+            File,
+            "second coefficient of the joint's damping",
+            "nothing more",
+        ),
+        "presliding_hysteresis" => (
+            Wrapper,
+            "the Coulomb level, as frictionloss, without the elastic part",
+            "replaces frictionloss by the force of the bristle, whose rate it adds to the damping",
+        ),
+        "cogging" => (
+            Wrapper,
+            NOTHING,
+            "applies the ripple as a force on the joint",
+        ),
+        "friction_drift" => (
+            Wrapper,
+            NOTHING,
+            "changes frictionloss and damping with the time since the start",
+        ),
+        "joint_elasticity" => (
+            File,
+            "a second joint in series with stiffness and damping; rotor, friction and actuator are on the first",
+            "nothing more; it reads the side of the gear on which the encoder sits",
+        ),
+        "backlash" => (
+            Both,
+            "a second joint in series with a range of ± gap/2; the stiffness of its limit holds for the inertia at position zero",
+            "turns the limit off and applies the force of the contact exactly",
+        ),
+        "unmodelled_rotor_inertia" => (File, "armature of the joint", "nothing more"),
+        "joint_coupling" => (
+            File,
+            "a fixed tendon over both joints with stiffness and rest length; without stiffness nothing",
+            "nothing more; without stiffness it applies the constant pull",
+        ),
+        "motor_coupling" => (
+            Wrapper,
+            NOTHING,
+            "applies the friction of the shared motor on both joints",
+        ),
+        "actuator_lag" => (
+            Both,
+            "dyntype filterexact of the actuator",
+            "computes the lag itself, between the other laws of the input",
+        ),
+        "input_delay" => (
+            Both,
+            "delay of the actuator, to a whole step of the simulation",
+            "delays by fractions of a step too: the mean of the command over each step",
+        ),
+        "torque_saturation" => (
+            Both,
+            "forcerange of the actuator",
+            "limits the input itself, between the other laws of the input",
+        ),
+        "gain_error_nonlinear" => (Wrapper, NOTHING, "bends the input before the gain"),
+        "current_offset" => (
+            Both,
+            "biasprm of the actuator: gain times the offset",
+            "adds the offset to the input, between the other laws of the input",
+        ),
+        "drive_dead_zone" => (Wrapper, NOTHING, "takes the dead zone off the input"),
+        "payload" => (File, "mass and inertia of the last body", "nothing more"),
+        "base_tilt" => (File, "option gravity, turned", "nothing more"),
+        "spring" => (
+            File,
+            "stiffness and springref of the joint; without stiffness nothing",
+            "nothing more; without stiffness it applies the constant force",
+        ),
+        "external_force" => (
+            Wrapper,
+            NOTHING,
+            "applies the force at the tool point within its time windows",
+        ),
+        "encoder_offset" => (
+            Wrapper,
+            "nothing: `ref` of the joint would move every position, not only what is read",
+            "adds the offset to the readings",
+        ),
+        "encoder_eccentricity" => (
+            Wrapper,
+            NOTHING,
+            "bends the readings of position and velocity",
+        ),
+        "velocity_filter_lag" => (Wrapper, NOTHING, "filters the reading of the velocity"),
+        "sensor_delay" => (
+            Both,
+            "delay of the joint's sensors, to a whole step of the simulation",
+            "delays the readings by fractions of a step too",
+        ),
+        _ => return None,
+    })
+}
+
+/// The list for one robot.
+pub(super) fn list(machine: &Machine) -> String {
+    let mut out = String::from(
+        "# What MuJoCo expresses of this robot\n\n`robot.xml` runs by itself. `robot_effects.py` adds what MJCF cannot \
+         express; it then drives the joints itself and turns the actuators of robot.xml off.\n",
+    );
+    if machine.effects.is_empty() {
+        out.push_str("\nThe description names no effects: robot.xml says everything.\n");
+    } else {
+        out.push_str("\n| effect | joint | robot.xml | robot_effects.py |\n|---|---|---|---|\n");
+    }
+    for effect in &machine.effects {
+        let (file, wrapper) = expression(effect.id()).unwrap_or((
+            "nothing: this effect has no row here",
+            "nothing: the effect is missing",
+        ));
+        let info = effect.term.effect.info();
+        let joint = match info.has_joint {
+            true => machine.joint(effect.term.joint),
+            false => "whole robot",
+        };
+        // Writing to a text cannot fail.
+        let _ = writeln!(out, "| {} | {joint} | {file} | {wrapper} |", info.id);
+    }
+    out.push_str("\n## What holds without effects\n\n");
+    let mut always = vec![
+        "Dry friction is a constraint of MuJoCo: a joint that sticks creeps at about 1e-4 of the velocity that the same torque \
+         would give in one step."
+            .to_owned(),
+        "Noise of sensors and drives is in neither file.".to_owned(),
+    ];
+    if machine.mechanism.bodies.iter().any(|b| b.follows.is_some()) {
+        always.push(
+            "Joints that follow others are held by equality constraints, which give way by about 1e-4 of what a free joint would move."
+                .to_owned(),
+        );
+    }
+    if machine.drives.iter().any(|d| d.gear.is_some()) {
+        always.push("The position of the first joint of a gear is that of the rotor; the link is at the sum of both joints.".to_owned());
+    }
+    always.extend(machine.mended.iter().cloned());
+    for line in always {
+        let _ = writeln!(out, "- {line}");
+    }
+    out
+}

@@ -1,0 +1,83 @@
+//! Drives for Isaac Lab and Newton.
+
+mod common;
+
+use common::{described, effect};
+use pid_effects::effects;
+use pid_simulators::{Options, Target, export};
+
+/// Values by hand: gain 3, Coulomb 0.8, viscous 0.5, rotor 0.1 and 0.05 more.
+#[test]
+fn drives_have_the_values_of_their_effects() {
+    let text = [
+        effect(
+            "unmodelled_rotor_inertia",
+            Some("j2"),
+            &[("extra_inertia", 0.05)],
+        ),
+        effect(
+            "stribeck",
+            Some("j2"),
+            &[("excess", 0.5), ("stribeck_velocity", 0.03)],
+        ),
+        effect("torque_saturation", Some("j2"), &[("limit_input", 4.0)]),
+        effect("input_delay", Some("j2"), &[("delay_s", 0.0075)]),
+        effect("current_offset", Some("j1"), &[("offset", -0.2)]),
+    ]
+    .concat();
+    for target in [Target::IsaacLab, Target::Newton] {
+        let files = export(&described(&text), target, &Options::default()).expect("files");
+        let data = files
+            .iter()
+            .find(|f| f.name == "robot_drives.json")
+            .expect("drives");
+        let data: serde_json::Value = serde_json::from_str(&data.text).expect("JSON");
+        let of = |k: usize, name: &str| data["drives"][k][name].as_f64().expect("a number");
+        for (k, name, expected) in [
+            (1, "armature", 0.15),
+            (1, "friction", 0.8),
+            (1, "static_friction", 1.2),
+            (1, "viscous", 0.5),
+            (1, "effort_limit", 12.0),
+            (1, "delay_s", 0.0075),
+            (0, "constant_effort", -0.6),
+            (0, "static_friction", 0.8),
+            (0, "delay_s", 0.0),
+        ] {
+            assert!((of(k, name) - expected).abs() < 1e-12, "{k} {name}");
+        }
+        assert!(data["drives"][0]["effort_limit"].is_null());
+    }
+}
+
+/// No effect of the library is dropped without a word.
+#[test]
+fn every_effect_is_listed() {
+    for own in effects::all() {
+        let info = own.info();
+        let values: Vec<(&str, f64)> = (info.parameters.iter())
+            .map(|p| {
+                (
+                    p.name,
+                    if p.lower > 0.0 {
+                        p.lower
+                    } else {
+                        0.01 * p.upper.min(0.1)
+                    },
+                )
+            })
+            .collect();
+        let joint = info.has_joint.then_some("j2");
+        let nominal = described(&effect(info.id, joint, &values));
+        for target in [Target::Urdf, Target::IsaacLab, Target::Newton] {
+            let files = export(&nominal, target, &Options::default()).expect("files");
+            let list = &files
+                .iter()
+                .find(|f| f.name == "not_expressed.md")
+                .expect("a list")
+                .text;
+            let row = format!("| {} | {} | ", info.id, joint.unwrap_or("whole robot"));
+            assert!(list.contains(&row), "{target:?}: {list}");
+        }
+    }
+}
