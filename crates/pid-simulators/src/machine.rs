@@ -125,6 +125,12 @@ impl Machine {
         Ok(machine)
     }
 
+    /// Size of gravity, m/s².
+    pub(crate) fn gravity(&self) -> f64 {
+        let square: f64 = self.mechanism.gravity.iter().map(|x| x * x).sum();
+        square.sqrt()
+    }
+
     /// Name of the joint of a coordinate.
     pub(crate) fn joint(&self, coordinate: usize) -> &str {
         &self.mechanism.bodies[self.drives[coordinate].body].joint

@@ -236,13 +236,7 @@ fn list(machine: &Machine) -> String {
             "a number without meaning, 1000: the description states a typical velocity at most",
         );
     }
-    let size = machine
-        .mechanism
-        .gravity
-        .iter()
-        .map(|x| x * x)
-        .sum::<f64>()
-        .sqrt();
+    let size = machine.gravity();
     if (size - STANDARD).abs() > 1e-9 {
         row(
             "gravity",

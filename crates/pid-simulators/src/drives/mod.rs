@@ -138,13 +138,7 @@ fn list(machine: &Machine, engine: Engine) -> String {
         // Writing to a text cannot fail.
         let _ = writeln!(out, "| {} | {joint} | {} |", info.id, row(info, engine));
     }
-    let size = machine
-        .mechanism
-        .gravity
-        .iter()
-        .map(|x| x * x)
-        .sum::<f64>()
-        .sqrt();
+    let size = machine.gravity();
     let _ = writeln!(
         out,
         "\nGravity is {size} m/s^2 along -z of the world; set it in the simulator. Noise of sensors and drives is in no file."
