@@ -36,6 +36,8 @@
 //! | `urdf` | robots from URDF files, identified values back (feature `urdf`) |
 //! | `report` | HTML, text and JSON (feature `report`) |
 //! | `diagnosis`, `interpret` | what a model lacks; models read at run time (feature `diagnose`) |
+//! | `logs`, `preflight` | logs of robots as data sets; their check (feature `logs`) |
+//! | `simulators`, `mjcf` | files of simulators out and in (feature `simulators`) |
 //! | `cli` | the command line, for robots of one's own (feature `cli`) |
 //!
 //! All features are on by default. `default-features = false` leaves `robot!`, data and identification.
@@ -59,11 +61,23 @@ pub use pid_cli as cli;
 #[cfg(feature = "diagnose")]
 pub use pid_diagnose as diagnosis;
 #[cfg(feature = "diagnose")]
-pub use pid_diagnose::{case::Case, diagnosis::Verdict, search::diagnose};
+pub use pid_diagnose::{
+    case::Case,
+    diagnosis::{Outcome, Verdict},
+    search::diagnose,
+};
 #[cfg(feature = "diagnose")]
 pub use pid_interpret as interpret;
+#[cfg(feature = "logs")]
+pub use pid_logs as logs;
+#[cfg(feature = "simulators")]
+pub use pid_mjcf as mjcf;
+#[cfg(feature = "logs")]
+pub use pid_preflight as preflight;
 #[cfg(feature = "report")]
 pub use pid_report as report;
+#[cfg(feature = "simulators")]
+pub use pid_simulators as simulators;
 #[cfg(feature = "urdf")]
 pub use pid_urdf as urdf;
 
