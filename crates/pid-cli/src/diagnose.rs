@@ -2,10 +2,11 @@
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
+use std::sync::{Arc, Mutex};
 
 use pid_diagnose::diagnosis::{Diagnosis, Outcome, Share};
 use pid_diagnose::report::Report;
-use pid_diagnose::search::Settings;
+use pid_diagnose::search::{Listener, Settings, Watch};
 use pid_diagnose::with_effects::{Placed, source};
 use pid_diagnose::words;
 use pid_diagnose::write::remove_stale;
@@ -15,16 +16,79 @@ use rayon::prelude::*;
 use crate::args::diagnose::DiagnoseArgs;
 use crate::error::{CliError, make_folder, write};
 use crate::open::{folders, open, robot_and_logs};
+use crate::progress::{Interrupt, Progress};
 use crate::{check, models, output};
 
 /// Diagnoses a robot file with its logs, or all folders, several at a time. Names those that cannot be
 /// read and goes on.
 pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
+    let watch = Arc::new(Shown::new());
+    let code = diagnosed(args, &watch)?;
+    Ok(match watch.stop() {
+        true => INTERRUPTED,
+        false => code,
+    })
+}
+
+/// Exit code after Ctrl-C; what was found so far is written.
+const INTERRUPTED: u8 = 130;
+
+/// Steps of the searches on standard error, and Ctrl-C.
+struct Shown {
+    progress: Mutex<Progress>,
+    interrupt: Interrupt,
+}
+
+impl Shown {
+    fn new() -> Self {
+        Shown {
+            progress: Mutex::new(Progress::start("reading the data")),
+            interrupt: Interrupt::listen(),
+        }
+    }
+
+    /// Prints a result beside the progress.
+    fn print(&self, text: &str) {
+        match self.progress.lock() {
+            Ok(progress) => progress.result(text),
+            Err(_) => output::print(text),
+        }
+    }
+}
+
+impl Listener for Shown {
+    fn step(&self, what: &str) {
+        if let Ok(progress) = self.progress.lock() {
+            progress.step(what);
+        }
+    }
+
+    fn stop(&self) -> bool {
+        self.interrupt.requested()
+    }
+}
+
+/// What every diagnosis of a command shares.
+struct Run<'a> {
+    args: &'a DiagnoseArgs,
+    settings: Settings,
+    watch: &'a Shown,
+    several: bool,
+}
+
+fn diagnosed(args: &DiagnoseArgs, watch: &Arc<Shown>) -> Result<u8, CliError> {
+    let mut run = Run {
+        args,
+        settings: settings(args, watch.clone()),
+        watch,
+        several: false,
+    };
     if let Some((robot, logs)) = robot_and_logs(&args.paths) {
-        return of_logs(robot, logs, args);
+        return of_logs(robot, logs, &run);
     }
     let paths = folders(&args.paths, &args.open)?;
     let several = paths.len() > 1;
+    run.several = several;
     let model = match &args.model {
         Some(name) => Some(models::by_name(name)?.model),
         None => None,
@@ -33,6 +97,9 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
         .par_iter()
         .zip(places(paths))
         .map(|(folder, place)| {
+            if watch.stop() {
+                return Ok(None);
+            }
             let out = if several {
                 args.out.join(place)
             } else {
@@ -41,15 +108,12 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
             let file = out.join("diagnosis.json");
             if several && !args.again && file.exists() {
                 if !args.quiet && !args.json {
-                    output::print(&format!("{}: already diagnosed\n", folder.display()));
+                    watch.print(&format!("{}: already diagnosed\n", folder.display()));
                 }
                 return earlier(&file).map(Some);
             }
-            match one(folder, model, &out, args) {
-                Ok(d) => {
-                    said(&d, &out, args);
-                    Ok(Some(d))
-                }
+            match one(folder, model, &out, &run) {
+                Ok(d) => Ok(d),
                 Err(CliError::Case { source }) => {
                     output::message(&format!("error: {}: {source}", folder.display()));
                     Ok(None)
@@ -66,7 +130,7 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<u8, CliError> {
             [one] if !several => one.to_json(),
             _ => serde_json::to_string_pretty(&all).map_err(CliError::Json)?,
         };
-        output::print(&format!("{text}\n"));
+        watch.print(&format!("{text}\n"));
     }
     match failed {
         true => Ok(FAILED),
@@ -101,13 +165,16 @@ fn earlier(file: &Path) -> Result<Diagnosis, CliError> {
     })
 }
 
-/// Prints a summary and where the report is, unless that is not wanted.
-fn said(d: &Diagnosis, out: &Path, args: &DiagnoseArgs) {
-    if args.json || args.quiet {
-        return;
+impl Run<'_> {
+    /// Prints a summary and where the report is, unless that is not wanted.
+    fn said(&self, d: &Diagnosis, out: &Path) {
+        if self.args.json || self.args.quiet {
+            return;
+        }
+        let report = out.join("report.html");
+        let text = format!("{}  report: {}\n", summary(d), report.display());
+        self.watch.print(&text);
     }
-    let report = out.join("report.html");
-    output::print(&format!("{}  report: {}\n", summary(d), report.display()));
 }
 
 /// Names of the folders of results: the last part of each path, or all of it where two end alike.
@@ -133,17 +200,19 @@ fn places(paths: &[PathBuf]) -> Vec<OsString> {
         .collect()
 }
 
-fn settings(args: &DiagnoseArgs) -> Settings {
+fn settings(args: &DiagnoseArgs, watch: Arc<Shown>) -> Settings {
     Settings {
         refit_all: args.refit_all,
         joint_seconds: args.joint_seconds,
+        watch: Watch::new(watch),
         ..Settings::default()
     }
 }
 
 /// Diagnoses a robot file with its logs. What the run rests on stands in the folder `data` beside the
 /// report and repeats it.
-fn of_logs(robot: &Path, logs: &[PathBuf], args: &DiagnoseArgs) -> Result<u8, CliError> {
+fn of_logs(robot: &Path, logs: &[PathBuf], run: &Run<'_>) -> Result<u8, CliError> {
+    let args = run.args;
     let of_folders = [
         ("--nominal", args.nominal.is_some()),
         ("--model", args.model.is_some()),
@@ -164,32 +233,38 @@ fn of_logs(robot: &Path, logs: &[PathBuf], args: &DiagnoseArgs) -> Result<u8, Cl
     make_folder(&args.out)?;
     opened.write(&args.out.join("data"))?;
     let nominal = pid_diagnose::nominal::Nominal::new(opened.nominal);
-    let report = Report::new(nominal, &opened.records.dataset, &settings(args), args.next)?;
+    let report = Report::new(nominal, &opened.records.dataset, &run.settings, args.next)?;
     report.write(&args.out)?;
-    said(&report.diagnosis, &args.out, args);
+    run.said(&report.diagnosis, &args.out);
     if args.json {
-        output::print(&format!("{}\n", report.diagnosis.to_json()));
+        run.watch
+            .print(&format!("{}\n", report.diagnosis.to_json()));
     }
     Ok(code(std::slice::from_ref(&report.diagnosis), args))
 }
 
+/// Diagnoses a folder; `None` if it was interrupted among several, which a further run does again.
 fn one(
     folder: &Path,
     model: Option<&dyn Hessian>,
     out: &Path,
-    args: &DiagnoseArgs,
-) -> Result<Diagnosis, CliError> {
-    let settings = settings(args);
+    run: &Run<'_>,
+) -> Result<Option<Diagnosis>, CliError> {
+    let (args, settings) = (run.args, &run.settings);
     let report = match (model, &args.nominal) {
-        (Some(model), _) => Report::of_model(model, folder, &settings, args.next)?,
-        (None, Some(file)) => Report::of_files(folder, file, &settings, args.next)?,
-        (None, None) => Report::of_folder(folder, &settings, args.next)?,
+        (Some(model), _) => Report::of_model(model, folder, settings, args.next)?,
+        (None, Some(file)) => Report::of_files(folder, file, settings, args.next)?,
+        (None, None) => Report::of_folder(folder, settings, args.next)?,
     };
+    if run.several && run.watch.stop() {
+        return Ok(None);
+    }
     report.write(out)?;
     if let Some(model) = model {
         write_items(model, &report, out)?;
     }
-    Ok(report.diagnosis)
+    run.said(&report.diagnosis, out);
+    Ok(Some(report.diagnosis))
 }
 
 /// Writes what a declared robot lacks as items for its declaration, with the values that the

@@ -26,6 +26,11 @@ impl Progress {
         self.0.set_message(what.into());
     }
 
+    /// Prints a result above the progress.
+    pub fn result(&self, text: &str) {
+        self.0.suspend(|| crate::output::print(text));
+    }
+
     /// Prints a line above the progress.
     pub fn line(&self, text: &str) {
         self.0.suspend(|| crate::output::message(text));

@@ -117,7 +117,12 @@ impl Report {
             true => locate(&evidence.case, &evidence.base, dataset).map_err(|e| e.to_string()),
             false => Ok(residual_force(&evidence.case, &evidence.base)),
         };
-        let next = rivals(&evidence, next).and_then(|(a, b)| separate(&evidence.case, a, b));
+        let stopped = settings.watch.stopped();
+        settings
+            .watch
+            .step("where the gap lives, and the next experiment");
+        let rivals = rivals(&evidence, next).filter(|_| !stopped);
+        let next = rivals.and_then(|(a, b)| separate(&evidence.case, a, b));
         let left = evidence
             .remainder
             .as_ref()
@@ -131,7 +136,8 @@ impl Report {
                 let numerical = numerics::warnings(&evidence.case, &evidence.fit);
                 let odd = read.chain(outlier_warnings(&case.outliers));
                 let filter = channel::shared_lag_warning(&case);
-                odd.chain(filter).chain(numerical).collect()
+                let cut = stopped.then(|| STOPPED.to_owned());
+                odd.chain(filter).chain(numerical).chain(cut).collect()
             },
             next: next.as_ref().map(|e| Next {
                 rivals: e.rivals.clone(),
@@ -152,6 +158,9 @@ impl Report {
         &self.diagnosis
     }
 }
+
+/// What is said of a search that was asked to stop.
+const STOPPED: &str = "the search was stopped before its end: causes may be missing, and the verdict is that of what was found so far";
 
 fn signals(case: &Case, base: &Fit) -> Vec<Signals> {
     // Where the structure cannot be evaluated the missing force says why.

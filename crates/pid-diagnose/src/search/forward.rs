@@ -59,7 +59,7 @@ pub(super) struct Selection {
 pub(super) fn select(case: &Case, settings: &Settings) -> Selection {
     let mut forward = Forward::start(case, settings);
     for round in 0..settings.budget.most {
-        if !forward.round(round) {
+        if settings.watch.stopped() || !forward.round(round) {
             break;
         }
     }
@@ -105,6 +105,7 @@ impl<'a> Forward<'a> {
             theta: vec![0.0; case.nominal.size()],
             e: Vec::new(),
         };
+        settings.watch.step("nominal parameters");
         let mut base = fit(
             &case,
             &basis,
@@ -150,6 +151,8 @@ impl<'a> Forward<'a> {
         let settings = self.settings;
         let mut list = listed(&self.case, &self.basis, settings, &self.current);
         let number = list.len();
+        let (count, words) = (round + 1, "candidates for effect");
+        settings.watch.step(&format!("{number} {words} {count}"));
         self.candidates = self.candidates.max(number);
         if let Some(short) = self.shortlist.take() {
             list.retain(|(term, _)| short.contains(&term.label()));

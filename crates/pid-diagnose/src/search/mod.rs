@@ -24,6 +24,7 @@ mod refit;
 mod settings;
 mod shares;
 mod tolerance;
+mod watch;
 mod whiteness;
 
 use std::time::Instant;
@@ -38,6 +39,7 @@ pub use evidence::{Evidence, Surroundings};
 pub(crate) use intervals::intervals;
 use measure::{measured, noise_alone};
 pub use settings::Settings;
+pub use watch::{Listener, Watch};
 
 /// Diagnoses a case.
 pub fn diagnose(case: &Case, settings: &Settings) -> Diagnosis {
@@ -62,9 +64,10 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
         Evidence::of_selection(selection, &settings.criteria, started)
     };
     let mut stated = select(case);
-    if !stated.unexplained || stated.remainder.is_some() {
+    if !stated.unexplained || stated.remainder.is_some() || settings.watch.stopped() {
         return stated;
     }
+    settings.watch.step("friction outside its tolerance");
     let wider = tolerance::widened(case, settings, &stated).map(|wide| select(&wide));
     let Some(mut wider) = wider else {
         return partial::add_part(stated, settings);
@@ -116,7 +119,7 @@ fn with_a_test_record(case: &Case, settings: &Settings, evidence: Evidence) -> E
         let misfit = |i| misfit_of_record(case, &evidence.base, i);
         misfit(a).total_cmp(&misfit(b))
     });
-    let Some(worst) = worst.filter(|_| tests.len() > 1) else {
+    let Some(worst) = worst.filter(|_| tests.len() > 1 && !settings.watch.stopped()) else {
         return evidence;
     };
     let mut wider = case.clone();

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::watch::Watch;
 use crate::criteria::{Budget, Criteria};
 use crate::effect::Effect;
 
@@ -21,6 +22,9 @@ pub struct Settings {
     pub criteria: Criteria,
     /// Effort that is spent on it.
     pub budget: Budget,
+    /// Who hears of its steps. If asked to stop, a search ends before its next round with what it
+    /// has.
+    pub watch: Watch,
 }
 
 impl Default for Settings {
@@ -31,6 +35,7 @@ impl Default for Settings {
             joint_seconds: 150.0,
             criteria: Criteria::default(),
             budget: Budget::default(),
+            watch: Watch::default(),
         }
     }
 }

@@ -323,9 +323,14 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
         shown: false,
     };
     for _ in 0..settings.budget.rounds {
-        if taken.len() >= settings.budget.most_in_part {
+        if taken.len() >= settings.budget.most_in_part || settings.watch.stopped() {
             break;
         }
+        let beside: Vec<String> = taken.iter().map(|(r, _)| r.term.label()).collect();
+        settings.watch.step(&match beside.as_slice() {
+            [] => "shares of the gap: the first effect".to_owned(),
+            _ => format!("shares of the gap: beside {}", beside.join(", ")),
+        });
         let (tried, mut round, pays) =
             round(&now, settings, sensors, &evidence.rivals, &everything);
         refits += tried.len();
@@ -345,7 +350,7 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
             round.dropped.push(taken.remove(place).0.term.label());
         }
         rounds.push(round);
-        if taken.len() > 1 {
+        if taken.len() > 1 && !settings.watch.stopped() {
             rounds.extend(exchange(&mut now, &mut taken, settings, sensors, &kept));
         }
         // Nothing is left, or one effect went in circles with another.
@@ -361,7 +366,10 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
     if let Some(last) = rounds.last_mut() {
         last.dropped.extend(small);
     }
-    let laws = free_laws(&now.case, &now.directions, settings, &base, |_| true);
+    let laws = match settings.watch.stopped() {
+        true => Vec::new(),
+        false => free_laws(&now.case, &now.directions, settings, &base, |_| true),
+    };
     refits += laws.len();
     let law = laws.into_iter().next().and_then(|law| {
         let Gained {

@@ -1,5 +1,8 @@
 //! The search of effects that explain a part, on the pendulum of the tests.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use super::exchange::exchange;
 use super::{Stand, readings};
 use crate::bench::{Draw, SIZE, named, pendulum};
@@ -8,7 +11,7 @@ use crate::diagnosis::{Diagnosis, Outcome, Round, Verdict};
 use crate::fit::{Effort, Point, basis, fit};
 use crate::search::measure::measured;
 use crate::search::refit::Refit;
-use crate::search::{Settings, diagnose};
+use crate::search::{Listener, Settings, Watch, diagnose};
 
 /// First-order noise (correlation 0.97 from sample to sample, deviation `level`) on all positions.
 fn coloured(case: &mut Case, level: f64) {
@@ -131,4 +134,35 @@ fn a_lag_taken_early_gives_way_to_the_delay_it_stood_for() {
     let (rounds, labels) = after(&["actuator_lag:1".to_owned()]);
     assert_eq!(labels, ["actuator_lag:1", "spring:1"]);
     assert!(rounds.is_empty());
+}
+
+/// Asks to stop while the first effect is looked for.
+#[derive(Default)]
+struct Stopper(AtomicBool);
+
+impl Listener for Stopper {
+    fn step(&self, what: &str) {
+        if what.ends_with("the first effect") {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
+    fn stop(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+#[test]
+fn a_search_that_is_stopped_has_the_budget_so_far() {
+    let e = [0.05, 0.9, 0.2];
+    let mut case = pendulum(&named(&["quadratic_drag", "spring"]), &e, 8.0, &|_| {});
+    coloured(&mut case, 5e-4);
+    let settings = Settings {
+        watch: Watch::new(Arc::new(Stopper::default())),
+        ..Settings::default()
+    };
+    let d = diagnose(&case, &settings);
+    assert_eq!(labels(&d), ["spring"]);
+    assert_eq!(d.rounds.len(), 1);
+    let all = diagnose(&case, &Settings::default());
+    assert_eq!(all.effects.len(), 2, "{all:?}");
 }
