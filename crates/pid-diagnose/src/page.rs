@@ -22,7 +22,7 @@ pub(crate) fn page(report: &Report) -> String {
         title: &format!("Diagnosis of {}", d.case),
         lead: html! {
             p.verdict { (words::headline(d)) }
-            ul.verdict { @for line in words::budget(d) { li { (line) } } }
+            ul.budget { @for line in words::budget(d) { li { (line) } } }
             p { "Confidence " (format!("{:.2}", d.confidence)) ". Where it shows: " (d.regime) "." }
             @if !d.confusion_set.is_empty() {
                 p { "These records do not tell it apart from: " (d.confusion_set.join(", ")) "." }
@@ -395,7 +395,7 @@ fn effect(e: &Named) -> Markup {
             thead { tr { th { "parameter" } th.num { "value" } th.num { "standard deviation" } } }
             @for p in &e.parameters {
                 tr {
-                    td { (p.name) @if !matches!(p.unit.as_str(), "" | "1") { ", " (p.unit) } }
+                    td { (words::name(p)) @if !matches!(p.unit.as_str(), "" | "1") { ", " (p.unit) } }
                     td class="num" { (format!("{:.5}", p.value)) }
                     td class="num" { (p.std.map_or_else(|| "not determined".to_owned(), |s| format!("{s:.2e}"))) }
                 }

@@ -84,9 +84,7 @@ fn left(d: &Diagnosis) -> Option<String> {
 
 /// A magnitude with its deviation and unit, such as `delay 14.2 ± 0.6 ms`.
 pub fn size(m: &Magnitude) -> String {
-    // Names carry the unit of a time in older files and tables.
-    let name = m.name.strip_suffix("_s").unwrap_or(&m.name);
-    let name = name.replace('_', " ");
+    let name = name(m);
     let (factor, unit) = scaled(m.value, &m.unit);
     let unit = match unit.as_str() {
         "" | "1" => String::new(),
@@ -103,6 +101,12 @@ pub fn size(m: &Magnitude) -> String {
             digits = digits(value, 4)
         ),
     }
+}
+
+/// The name of a magnitude for people, without the unit that some names carry.
+pub fn name(m: &Magnitude) -> String {
+    let plain = m.name.strip_suffix("_s").unwrap_or(&m.name);
+    plain.replace('_', " ")
 }
 
 /// Factor and unit in which a value reads well: thousandths of seconds, radians and metres below a
