@@ -313,16 +313,17 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
     let sensors = &readings(&evidence.case);
     let mut now = tuned(evidence, settings, sensors);
     let (base, before) = (now.fit.clone(), now.gap.clone());
-    let mut taken = Vec::new();
-    let mut rounds = take_shown(&mut now, &mut taken, settings, sensors);
-    let kept: Vec<String> = taken.iter().map(|(r, _)| r.term.label()).collect();
-    let mut refits = rounds.len();
-    let mut others = None;
+    let shown = shown::labels(&now.case, settings);
+    let (mut taken, mut rounds) = (Vec::new(), Vec::new());
+    let (mut refits, mut others) = (0, None);
     let everything = Asked {
         only: &|_| true,
         shown: false,
     };
     for _ in 0..settings.budget.rounds {
+        let lags = take_shown(&mut now, &mut taken, &shown, settings, sensors);
+        refits += lags.len();
+        rounds.extend(lags);
         if taken.len() >= settings.budget.most_in_part || settings.watch.stopped() {
             break;
         }
@@ -346,12 +347,12 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
         now = next;
         taken.push(tried.remove(i));
         others.get_or_insert(tried);
-        for place in pruned(&mut now, settings, sensors, &kept) {
+        for place in pruned(&mut now, settings, sensors, &shown) {
             round.dropped.push(taken.remove(place).0.term.label());
         }
         rounds.push(round);
         if taken.len() > 1 && !settings.watch.stopped() {
-            rounds.extend(exchange(&mut now, &mut taken, settings, sensors, &kept));
+            rounds.extend(exchange(&mut now, &mut taken, settings, sensors, &shown));
         }
         // Nothing is left, or one effect went in circles with another.
         let circles = rounds
