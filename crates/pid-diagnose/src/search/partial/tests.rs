@@ -161,8 +161,11 @@ fn a_search_that_is_stopped_has_the_budget_so_far() {
         ..Settings::default()
     };
     let d = diagnose(&case, &settings);
-    assert_eq!(labels(&d), ["spring"]);
-    assert_eq!(d.rounds.len(), 1);
+    // The first round was under way; no other one began.
+    assert_eq!((d.rounds.len(), d.effects.len()), (1, 1));
+    let taken = d.rounds[0].candidates.iter().find(|c| c.refused.is_none());
+    let taken = taken.expect("an effect is taken");
+    assert!(taken.label.starts_with(&*d.effects[0].effect), "{taken:?}");
     let all = diagnose(&case, &Settings::default());
-    assert_eq!(all.effects.len(), 2, "{all:?}");
+    assert!(all.rounds.len() > 1 && labels(&all).contains(&"spring"));
 }
