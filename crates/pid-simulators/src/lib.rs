@@ -99,8 +99,9 @@ impl File {
 /// Files of a robot for a target.
 ///
 /// # Errors
-/// If the step is no number above zero, the robot is no tree of bodies on revolute and prismatic joints with numbers, an effect is not
-/// one of the library, a value is not finite, or a file of results is of another form.
+/// If the step is no number above zero, the robot is no tree of bodies on revolute and prismatic
+/// joints with numbers, an effect is not one of the library, a value is not finite, or a file of
+/// results is of another form.
 pub fn export(
     nominal: &Nominal,
     target: Target,

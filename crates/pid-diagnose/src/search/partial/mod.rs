@@ -13,7 +13,7 @@
 //! Identification, 1999, section 7.4). It must also shrink the free-run gap on motions never fitted
 //! by more than the scatter between their windows, over all joints or at its own. After each effect
 //! taken those before it are judged again beside it, and the whole list is scored again. Lags that a
-//! reading shows by itself come first (see [`shown`]).
+//! reading shows by itself are asked for before every round (see [`shown`]).
 
 mod exchange;
 mod judge;
