@@ -159,6 +159,15 @@ pub(crate) fn late_readings(case: &Case) -> Vec<usize> {
         .collect()
 }
 
+/// Joints whose input acts later than stated, beyond chance and by enough to matter, with its
+/// timing; the parameters lie `theta` half tolerances from their nominal values.
+pub(crate) fn late_inputs(case: &Case, theta: &[f64]) -> Vec<(usize, Alignment)> {
+    // Where the structure cannot be evaluated no signal shows anything.
+    let all = inputs(case, theta).unwrap_or_default().into_iter();
+    let found = all.enumerate().filter_map(|(j, a)| Some((j, a?)));
+    found.filter(|(_, a)| a.noticeable() && a.late()).collect()
+}
+
 /// Fewest joints whose velocities tell a filter of the recording from a lag of one sensor.
 const SEVERAL: usize = 2;
 

@@ -62,12 +62,25 @@ pub struct Alignment {
     pub left: f64,
     /// Share of the squared misfit at the stated shift that the best one takes away.
     pub gain: f64,
+    /// What a first-order lag does in place of the shift.
+    #[serde(skip)]
+    pub lag: Option<Lag>,
     /// Shifts, s, and the misfit at each, relative to the size of the channel.
     #[serde(skip)]
     pub curve: Vec<(f64, f64)>,
     /// Sizes of the columns at the best shift.
     #[serde(skip)]
     pub columns: Vec<f64>,
+}
+
+/// The first-order lag of a channel with the least misfit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lag {
+    /// Its time constant, s.
+    pub time_constant: f64,
+    /// Twice the logarithm of the likelihood of the shift over that of the lag: negative where the
+    /// lag describes the channel better.
+    pub for_shift: f64,
 }
 
 impl Alignment {
@@ -177,6 +190,33 @@ impl Problem {
         DVector::from_iterator(self.still.len(), all)
     }
 
+    /// s after a first-order lag, exact for a channel that is constant between samples.
+    fn lagged(&self, time_constant: f64) -> DVector<f64> {
+        let all = self.records.iter().flat_map(|(r, at)| {
+            let fade = (-r.h / time_constant).exp();
+            let mut x = r.shifted.first().copied().unwrap_or(0.0);
+            let mut late = Vec::with_capacity(r.shifted.len());
+            for s in &r.shifted {
+                x = fade * x + (1.0 - fade) * s;
+                late.push(x);
+            }
+            at.iter().map(move |&k| late[k])
+        });
+        DVector::from_iterator(self.still.len(), all)
+    }
+
+    /// The lag with the least misfit, against the residual of a shift with `number` independent
+    /// samples.
+    fn lag(&self, reach: f64, shift: f64, number: f64) -> Lag {
+        let square = |t: f64| self.beside(&self.still - self.lagged(t)).norm_squared();
+        let range = ((1e-2 * reach).ln(), reach.ln());
+        let time_constant = golden(GOLDEN, range, |log| square(log.exp())).exp();
+        Lag {
+            time_constant,
+            for_shift: number * (square(time_constant) / shift.max(1e-300)).ln(),
+        }
+    }
+
     fn beside(&self, x: DVector<f64>) -> DVector<f64> {
         let share = self.basis.tr_mul(&x);
         x - &self.basis * share
@@ -238,7 +278,8 @@ pub fn align(records: Vec<Channels>, stated: f64) -> Option<Alignment> {
     let slope = problem
         .beside((problem.shifted(delay + 0.5 * step) - problem.shifted(delay - 0.5 * step)) / step);
     let freedom = (residual.len() - problem.basis.ncols() - 1) as f64;
-    let level = residual.norm_squared() / freedom * shared(residual.as_slice());
+    let runs = shared(residual.as_slice());
+    let level = residual.norm_squared() / freedom * runs;
     let std = (level / slope.norm_squared()).sqrt();
     let before = problem.left(stated);
     let target = &problem.still - problem.shifted(delay);
@@ -256,6 +297,7 @@ pub fn align(records: Vec<Channels>, stated: f64) -> Option<Alignment> {
             0.0
         },
         columns: sizes.map(|c| c.as_slice().to_vec()).unwrap_or_default(),
+        lag: (delay > 0.0).then(|| problem.lag(reach, residual.norm_squared(), freedom / runs)),
         curve,
     })
 }
@@ -315,6 +357,22 @@ mod tests {
             }
             assert!(inside >= 16, "{late}: {inside} of {tries}");
         }
+    }
+
+    #[test]
+    fn a_lag_is_told_from_a_shift() {
+        let shift = align(vec![channels(0.02, 0.05, 3)], 0.0).expect("enough samples");
+        assert!(shift.lag.expect("late").for_shift > 100.0, "{shift:?}");
+        let mut late = channels(0.0, 0.05, 3);
+        let (fade, mut x) = ((-H / 0.03_f64).exp(), 0.0);
+        for (y, s) in late.still.iter_mut().zip(&late.shifted) {
+            x = fade * x + (1.0 - fade) * s;
+            *y += x - s;
+        }
+        let lag = align(vec![late], 0.0).expect("enough samples").lag;
+        let lag = lag.expect("late");
+        assert!(lag.for_shift < -100.0, "{lag:?}");
+        assert!((lag.time_constant - 0.03).abs() < 1e-3, "{lag:?}");
     }
 
     #[test]

@@ -60,6 +60,8 @@ pub struct Evidence {
     pub beyond: Vec<Beyond>,
     /// The test record that was fitted because no train record shows the cause.
     pub promoted: Option<String>,
+    /// Whether the search was stopped before its end.
+    pub stopped: bool,
     /// Refits made.
     pub refits: usize,
     /// Numbers the verdict follows from.
@@ -177,6 +179,7 @@ impl Evidence {
             remainder,
             beyond: Vec::new(),
             promoted: None,
+            stopped: false,
             refits: selection.refits,
             criteria: criteria.clone(),
             started,
@@ -248,6 +251,14 @@ impl Evidence {
                 criteria.right_estimated
             };
             return named(first, own * right);
+        }
+        // What was not looked for may be missing all the same.
+        if self.stopped && self.beyond.is_empty() {
+            return Stated {
+                verdict: Verdict::Unknown,
+                confidence: criteria.right_unknown,
+                regime: "the search was stopped before its end".to_owned(),
+            };
         }
         // Nothing is missing; where a tolerance had to be left for that, another level of friction
         // is the cause.

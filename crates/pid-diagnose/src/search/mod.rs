@@ -51,7 +51,8 @@ pub fn search(case: &Case, settings: &Settings) -> Evidence {
     // Of long records the parts that decide.
     let short = excerpt(case, settings.joint_seconds);
     let evidence = explain(&short, settings);
-    let evidence = with_a_test_record(&short, settings, evidence);
+    let mut evidence = with_a_test_record(&short, settings, evidence);
+    evidence.stopped = settings.watch.stopped();
     on_whole_records(case, evidence)
 }
 

@@ -4,7 +4,8 @@
 //! effects taken since, each earlier one meets those it is confused with at its joint once more,
 //! from the fit without it.
 
-use super::{Asked, Stand, round};
+use super::shown::{Shown, stays};
+use super::{Asked, Stand, last_of, round};
 use crate::diagnosis::Round;
 use crate::search::measure::measured;
 use crate::search::refit::Refit;
@@ -12,21 +13,21 @@ use crate::search::settings::Settings;
 use crate::search::shares::without;
 
 /// Exchanges effects for others that they are confused with where these leave a smaller gap; the
-/// rounds in which that happened. `taken` are the effects of the fit at hand, in its order; those of
-/// the labels `kept` stay.
+/// rounds in which that happened. `taken` are the effects of the fit at hand, in its order; those that
+/// signals show stay.
 pub(super) fn exchange(
     now: &mut Stand,
     taken: &mut Vec<(Refit, f64)>,
     settings: &Settings,
     sensors: &[(f64, f64)],
-    kept: &[String],
+    shown: &[Shown],
 ) -> Vec<Round> {
     let mut out = Vec::new();
     // The last one was taken beside all the others just now. An exchanged one goes to the end.
     for _ in 0..taken.len() - 1 {
         let at = out.len();
         let exchanged = (0..taken.len() - 1 - at)
-            .filter(|&i| !kept.contains(&taken[i].0.term.label()))
+            .filter(|&i| !stays(shown, &taken[i].0.term.label()))
             .find_map(|i| exchange_one(now, i, settings, sensors));
         let Some((i, refit, next, mut own)) = exchanged else {
             break;
@@ -60,9 +61,9 @@ fn exchange_one(
         &stand,
         settings,
         sensors,
-        std::slice::from_ref(&now.fit),
         &Asked {
             only: &|term| term.joint == old.joint && confused(term.effect.info().id),
+            starts: &|term| last_of(std::slice::from_ref(&now.fit), term),
             shown: false,
         },
     );

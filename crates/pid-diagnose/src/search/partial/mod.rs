@@ -12,8 +12,8 @@
 //! it leaves: twice the gain in profile likelihood with the level unknown (L. Ljung, System
 //! Identification, 1999, section 7.4). It must also shrink the free-run gap on motions never fitted
 //! by more than the scatter between their windows, over all joints or at its own. After each effect
-//! taken those before it are judged again beside it, and the whole list is scored again. Lags that a
-//! reading shows by itself are asked for before every round (see [`shown`]).
+//! taken those before it are judged again beside it, and the whole list is scored again. Delays and
+//! lags that a signal shows by itself are asked for before every round (see the module `shown`).
 
 mod exchange;
 mod judge;
@@ -44,7 +44,7 @@ use crate::noise;
 use crate::screen::screen;
 use exchange::exchange;
 use judge::{Gained, at_an_end, gained, grows, judge, shrinks, sums_of};
-use shown::take_shown;
+use shown::{Shown, shown, stays, take_shown};
 
 /// What the library explains, and what it is judged against.
 struct Partial {
@@ -113,6 +113,8 @@ pub(super) fn tuned_within(evidence: &Evidence, settings: &Settings) -> (Fit, Ga
 struct Asked<'a> {
     /// Which terms.
     only: &'a dyn Fn(&Term) -> bool,
+    /// Where else the parameters of a term start.
+    starts: &'a dyn Fn(&Term) -> Vec<Vec<f64>>,
     /// Whether a signal shows them by itself.
     shown: bool,
 }
@@ -124,13 +126,12 @@ fn round(
     now: &Stand,
     settings: &Settings,
     sensors: &[(f64, f64)],
-    known: &[Fit],
     asked: &Asked<'_>,
 ) -> (Vec<Refit>, Round, Option<(usize, Stand)>) {
     let mut list = listed(&now.case, &now.directions, settings, &now.fit);
     list.retain(|(term, _)| (asked.only)(term));
     for (term, starts) in &mut list {
-        starts.extend(known.iter().filter_map(|fit| last_of(fit, &term.label())));
+        starts.extend((asked.starts)(term));
     }
     let many = Settings {
         budget: Budget {
@@ -201,11 +202,15 @@ fn round(
     (tried, round, taken)
 }
 
-/// Parameters of the last effect of a fit, if it has this label.
-fn last_of(fit: &Fit, label: &str) -> Option<Vec<f64>> {
-    let term = fit.hypothesis.terms.last()?;
-    let own = fit.point.e.len() - term.effect.info().parameters.len();
-    (term.label() == label).then(|| fit.point.e[own..].to_vec())
+/// Parameters of a term in the fits of which it is the last.
+fn last_of(fits: &[Fit], term: &Term) -> Vec<Vec<f64>> {
+    let own = fits.iter().filter(|fit| {
+        let last = fit.hypothesis.terms.last();
+        last.is_some_and(|last| last.label() == term.label())
+    });
+    let size = term.effect.info().parameters.len();
+    own.map(|fit| fit.point.e[fit.point.e.len() - size..].to_vec())
+        .collect()
 }
 
 /// What is said of candidates behind the one taken.
@@ -268,37 +273,35 @@ fn led_to(
 }
 
 /// Drops the effects that the last one has made superfluous, one after the other: beside the others
-/// they gain no more than chance, or free runs are better without beyond their scatter. Those of the
-/// labels `kept` stay. Their places, in the order of dropping.
+/// they gain no more than chance, or free runs are better without beyond their scatter. Those that
+/// signals show stay. Their places, in the order of dropping.
 fn pruned(
     now: &mut Stand,
     settings: &Settings,
     sensors: &[(f64, f64)],
-    kept: &[String],
+    shown: &[Shown],
 ) -> Vec<usize> {
     let criteria = &settings.criteria;
     let mut dropped = Vec::new();
     loop {
         let terms = &now.fit.hypothesis.terms;
-        let rest: Vec<(f64, Gap, Fit)> = (0..terms.len().saturating_sub(1))
+        // The last one was taken beside all the others just now.
+        let earlier = 0..terms.len().saturating_sub(1);
+        let superfluous = earlier
             .into_par_iter()
+            .filter(|&i| !stays(shown, &terms[i].label()))
             .map(|i| {
                 let less = without(&now.case, &now.directions, settings, &now.fit, i);
                 let parameters = terms[i].effect.info().parameters.len();
                 let gained = gained(&now.case, &sums_of(&now.case, &less), &now.fit);
                 let gap = measured(&now.case, &less);
-                (gained.score(parameters, 1), gap, less)
+                (i, gained.score(parameters, 1), gap, less)
             })
-            .collect();
-        let superfluous = rest
-            .into_iter()
-            .enumerate()
-            .filter(|(i, (score, gap, _))| {
-                !kept.contains(&now.fit.hypothesis.terms[*i].label())
-                    && (*score < criteria.replaces() || grows(criteria, gap, &now.gap))
+            .filter(|(_, score, gap, _)| {
+                *score < criteria.replaces() || grows(criteria, gap, &now.gap)
             })
-            .min_by(|a, b| a.1.0.total_cmp(&b.1.0));
-        let Some((i, (_, _, less))) = superfluous else {
+            .min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((i, _, _, less)) = superfluous else {
             return dropped;
         };
         (now.fit, now.directions) = renewed(&mut now.case, settings, &less, sensors);
@@ -313,11 +316,12 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
     let sensors = &readings(&evidence.case);
     let mut now = tuned(evidence, settings, sensors);
     let (base, before) = (now.fit.clone(), now.gap.clone());
-    let shown = shown::labels(&now.case, settings);
+    let shown = shown(&now.case, &base.point.theta, settings);
     let (mut taken, mut rounds) = (Vec::new(), Vec::new());
     let (mut refits, mut others) = (0, None);
     let everything = Asked {
         only: &|_| true,
+        starts: &|term| last_of(&evidence.rivals, term),
         shown: false,
     };
     for _ in 0..settings.budget.rounds {
@@ -332,8 +336,7 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
             [] => "shares of the gap: the first effect".to_owned(),
             _ => format!("shares of the gap: beside {}", beside.join(", ")),
         });
-        let (tried, mut round, pays) =
-            round(&now, settings, sensors, &evidence.rivals, &everything);
+        let (tried, mut round, pays) = round(&now, settings, sensors, &everything);
         refits += tried.len();
         let scores: Vec<f64> = tried.iter().map(|r| r.score).collect();
         let odds = within_round(&scores, pays.as_ref().map(|(i, _)| *i));

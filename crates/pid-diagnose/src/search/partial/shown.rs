@@ -1,54 +1,105 @@
-//! Lags that a reading shows by itself.
+//! Delays and lags that a signal shows by itself.
 //!
 //! A velocity that follows late from the positions of its own joint needs no model of the robot to be
-//! seen, and no place or kind is chosen among many. So it comes before every round, without the margin
-//! for many candidates and without a share of free runs: it must predict motions never fitted better,
-//! and free runs must not grow. Where a larger effect hides it, it comes after that. It stays beside
-//! every effect that is taken later.
+//! seen, and an input that acts late needs hardly any; no place is chosen among many. So they come
+//! before every round, without the margin for many candidates and without a share of free runs: each
+//! must predict motions never fitted better, and free runs must not grow. Where a larger effect hides
+//! one, it comes after that. One whose kind the signal tells stays beside every effect that is taken
+//! later.
 
 use super::{Asked, Stand, round};
 use crate::case::Case;
-use crate::channel::late_readings;
+use crate::channel::{late_inputs, late_readings};
 use crate::diagnosis::Round;
 use crate::effect::Term;
 use crate::search::refit::Refit;
 use crate::search::settings::Settings;
+use crate::timing::Alignment;
 
 /// The effect by which a velocity reading lags.
-const LAG: &str = "velocity_filter_lag";
+const LAG_OF_VELOCITY: &str = "velocity_filter_lag";
+/// Those by which an input acts late: by a shift, and by a lag.
+const DELAY_OF_INPUT: &str = "input_delay";
+const LAG_OF_INPUT: &str = "actuator_lag";
 
-/// Labels of the lags that the readings of a case show and that its description lacks.
-pub(super) fn labels(case: &Case, settings: &Settings) -> Vec<String> {
-    let Some(lag) = settings.effects.iter().find(|e| e.info().id == LAG) else {
-        return Vec::new();
-    };
-    let known = |j: usize| case.known.parameters(LAG, j).is_some();
-    let late = late_readings(case).into_iter().filter(|&j| !known(j));
-    let term = |joint| Term {
-        effect: lag.clone(),
-        joint,
-    };
-    late.map(|joint| term(joint).label()).collect()
+/// What one signal shows: one of these terms, each with where its parameters start.
+#[derive(Debug)]
+pub(super) struct Shown(Vec<(Term, Vec<f64>)>);
+
+impl Shown {
+    /// A signal that shows one term and no other.
+    #[cfg(test)]
+    pub(super) fn only(term: Term) -> Self {
+        Shown(vec![(term, Vec::new())])
+    }
+
+    fn names(&self, label: &str) -> bool {
+        self.0.iter().any(|(term, _)| term.label() == label)
+    }
 }
 
-/// Takes the lags that the readings show and that are not taken yet; the rounds that took one.
+/// Whether a signal shows the term of this label, and tells it from others.
+pub(super) fn stays(shown: &[Shown], label: &str) -> bool {
+    shown.iter().any(|s| s.0.len() == 1 && s.names(label))
+}
+
+/// What the signals of a case show that its description lacks; the parameters lie `theta` half
+/// tolerances from their nominal values.
+pub(super) fn shown(case: &Case, theta: &[f64], settings: &Settings) -> Vec<Shown> {
+    let term = |id: &str, joint: usize| {
+        let mut all = settings.effects.iter();
+        let effect = all.find(|e| e.info().id == id)?.clone();
+        let unknown = case.known.parameters(id, joint).is_none();
+        unknown.then_some(Term { effect, joint })
+    };
+    let readings = late_readings(case).into_iter();
+    let readings = readings.filter_map(|j| Some(vec![(term(LAG_OF_VELOCITY, j)?, Vec::new())]));
+    let inputs = late_inputs(case, theta).into_iter().map(|(j, timing)| {
+        let kinds = kinds(&timing, settings.criteria.replaces()).into_iter();
+        kinds
+            .filter_map(|(id, start)| Some((term(id, j)?, vec![start])))
+            .collect()
+    });
+    let all = readings.chain(inputs).map(Shown);
+    all.filter(|s| !s.0.is_empty()).collect()
+}
+
+/// Effects that make an input late in the way found, with their starts; both where neither is more
+/// likely by `replaces`.
+fn kinds(timing: &Alignment, replaces: f64) -> Vec<(&'static str, f64)> {
+    let shift = (DELAY_OF_INPUT, timing.delay);
+    match timing.lag {
+        Some(lag) if lag.for_shift < -replaces => vec![(LAG_OF_INPUT, lag.time_constant)],
+        Some(lag) if lag.for_shift < replaces => vec![shift, (LAG_OF_INPUT, lag.time_constant)],
+        _ => vec![shift],
+    }
+}
+
+/// Takes what the signals show and is not taken yet; the rounds that took one.
 pub(super) fn take_shown(
     now: &mut Stand,
     taken: &mut Vec<(Refit, f64)>,
-    shown: &[String],
+    shown: &[Shown],
     settings: &Settings,
     sensors: &[(f64, f64)],
 ) -> Vec<Round> {
     let mut rounds = Vec::new();
-    for label in shown {
-        if taken.iter().any(|(r, _)| r.term.label() == *label) {
+    for one in shown {
+        if taken.iter().any(|(r, _)| one.names(&r.term.label())) {
             continue;
         }
+        let starts = |term: &Term| {
+            let own = one.0.iter().filter(|(t, _)| t.label() == term.label());
+            own.map(|(_, start)| start.clone())
+                .filter(|start| !start.is_empty())
+                .collect()
+        };
         let asked = Asked {
-            only: &|term| term.label() == *label,
+            only: &|term| one.names(&term.label()),
+            starts: &starts,
             shown: true,
         };
-        let (mut tried, own, pays) = round(now, settings, sensors, &[], &asked);
+        let (mut tried, own, pays) = round(now, settings, sensors, &asked);
         if let Some((i, next)) = pays {
             *now = next;
             taken.push((tried.swap_remove(i), 1.0));

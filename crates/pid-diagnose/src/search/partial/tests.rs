@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::exchange::exchange;
+use super::shown::Shown;
 use super::{Stand, readings};
 use crate::bench::{Draw, SIZE, named, pendulum};
 use crate::case::Case;
@@ -93,6 +94,21 @@ fn a_lag_that_the_reading_shows_is_asked_for_by_itself() {
     assert_eq!(found, ["spring", "velocity_filter_lag"], "{d:?}");
 }
 
+/// Neither its margin nor its place among many is asked of it; the signal tells the delay from a lag.
+#[test]
+fn a_delay_that_the_input_shows_is_asked_for_by_itself() {
+    let truth = named(&["input_delay", "spring"]);
+    let mut case = pendulum(&truth, &[0.02, 0.9, 0.2], 8.0, &|_| {});
+    coloured(&mut case, 5e-4);
+    let d = diagnose(&case, &Settings::default());
+    let first = &d.rounds[0].candidates;
+    assert_eq!(first.len(), 1, "{first:?}");
+    assert_eq!(first[0].label, "input_delay:1");
+    let mut found = labels(&d);
+    found.sort_unstable();
+    assert_eq!(found, ["input_delay", "spring"], "{d:?}");
+}
+
 /// A delay that a lag stood for: beside the spring the delay takes its place, unless the lag is kept.
 #[test]
 fn a_lag_taken_early_gives_way_to_the_delay_it_stood_for() {
@@ -114,7 +130,7 @@ fn a_lag_taken_early_gives_way_to_the_delay_it_stood_for() {
         (refit, 1.0)
     });
     let taken: Vec<(Refit, f64)> = taken.collect();
-    let after = |kept: &[String]| {
+    let after = |shown: &[Shown]| {
         let mut now = Stand {
             case: case.clone(),
             directions: directions.clone(),
@@ -123,7 +139,7 @@ fn a_lag_taken_early_gives_way_to_the_delay_it_stood_for() {
         };
         let mut taken = taken.clone();
         let sensors = readings(&case);
-        let rounds = exchange(&mut now, &mut taken, &Settings::default(), &sensors, kept);
+        let rounds = exchange(&mut now, &mut taken, &Settings::default(), &sensors, shown);
         let labels: Vec<String> = taken.iter().map(|(r, _)| r.term.label()).collect();
         (rounds, labels)
     };
@@ -131,7 +147,7 @@ fn a_lag_taken_early_gives_way_to_the_delay_it_stood_for() {
     assert_eq!(labels, ["spring:1", "input_delay:1"]);
     assert!(rounds.len() == 1 && rounds[0].exchange, "{rounds:?}");
     assert_eq!(rounds[0].dropped, ["actuator_lag:1"]);
-    let (rounds, labels) = after(&["actuator_lag:1".to_owned()]);
+    let (rounds, labels) = after(&[Shown::only(early.terms[0].clone())]);
     assert_eq!(labels, ["actuator_lag:1", "spring:1"]);
     assert!(rounds.is_empty());
 }
