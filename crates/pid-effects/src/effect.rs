@@ -583,6 +583,11 @@ impl Term {
             None => info.id.to_owned(),
         }
     }
+    /// Whether the other effect is one of the [`Info::confusions`] of this one.
+    pub fn is_confused_with(&self, other: &Term) -> bool {
+        let id = other.effect.info().id;
+        self.effect.info().confusions.iter().any(|(c, _)| *c == id)
+    }
     /// Whether the effect splits its joint into rotor and link: a contact or a resonance.
     pub fn splits_joint(&self) -> bool {
         let some = vec![1.0; self.effect.info().parameters.len()];

@@ -48,7 +48,6 @@ fn exchange_one(
     sensors: &[(f64, f64)],
 ) -> Option<(usize, Refit, Stand, Round)> {
     let old = &now.fit.hypothesis.terms[i];
-    let info = old.effect.info();
     let less = without(&now.case, &now.directions, settings, &now.fit, i);
     let stand = Stand {
         case: now.case.clone(),
@@ -56,13 +55,15 @@ fn exchange_one(
         gap: measured(&now.case, &less),
         fit: less,
     };
-    let confused = |id: &str| id == info.id || info.confusions.iter().any(|(c, _)| *c == id);
     let (mut tried, mut own, taken) = round(
         &stand,
         settings,
         sensors,
         &Asked {
-            only: &|term| term.joint == old.joint && confused(term.effect.info().id),
+            only: &|term| {
+                let alike = term.label() == old.label() || old.is_confused_with(term);
+                term.joint == old.joint && alike
+            },
             starts: &|term| last_of(std::slice::from_ref(&now.fit), term),
             shown: false,
         },

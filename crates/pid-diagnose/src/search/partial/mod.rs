@@ -12,9 +12,11 @@
 //! it leaves: twice the gain in profile likelihood with the level unknown (L. Ljung, System
 //! Identification, 1999, section 7.4). It must also shrink the free-run gap on motions never fitted
 //! by more than the scatter between their windows, over all joints or at its own. After each effect
-//! taken those before it are judged again beside it, and the whole list is scored again. Delays and
+//! taken those before it are judged again beside it, and the whole list is scored again. The search
+//! begins with the list that fast predictions find (see the module `begin`). Delays and
 //! lags that a signal shows by itself are asked for before every round (see the module `shown`).
 
+mod begin;
 mod exchange;
 mod judge;
 mod shown;
@@ -36,12 +38,13 @@ use crate::case::Case;
 use crate::criteria::Budget;
 use crate::diagnosis::{Remainder, Round, Tried};
 use crate::effect::Term;
-use crate::fit::{Basis, Effort, Fit, basis, fit};
+use crate::fit::{Basis, Effort, Fit, fit};
 use crate::gap::Gap;
 use crate::hypothesis::Run;
 use crate::levels::{follow_slowly, settle};
 use crate::noise;
 use crate::screen::screen;
+use begin::begin;
 use exchange::exchange;
 use judge::{Gained, at_an_end, gained, grows, judge, shrinks, sums_of};
 use shown::{Shown, shown, stays, take_shown};
@@ -77,14 +80,13 @@ struct Stand {
     gap: Gap,
 }
 
-/// The nominal structure of a search that explains nothing, under the levels of its own errors;
-/// `sensors` are those of the readings.
-fn tuned(evidence: &Evidence, settings: &Settings, sensors: &[(f64, f64)]) -> Stand {
-    let (mut case, nominal) = (evidence.case.clone(), &evidence.base);
+/// A fit under the levels of its own errors; `sensors` are those of the readings.
+fn tuned(case: &Case, at: &Fit, settings: &Settings, sensors: &[(f64, f64)]) -> Stand {
+    let mut case = case.clone();
     follow_slowly(&mut case);
-    let mut fitted = nominal.clone();
+    let mut fitted = at.clone();
     fitted.hypothesis.run = Run::default();
-    let mut directions = basis(&case);
+    let mut directions = directions(&case, &fitted);
     for _ in 0..settings.budget.turns {
         fitted = fit(
             &case,
@@ -105,7 +107,8 @@ fn tuned(evidence: &Evidence, settings: &Settings, sensors: &[(f64, f64)]) -> St
 
 /// The nominal structure of a search, tuned, and its gap.
 pub(super) fn tuned_within(evidence: &Evidence, settings: &Settings) -> (Fit, Gap) {
-    let stand = tuned(evidence, settings, &readings(&evidence.case));
+    let case = &evidence.case;
+    let stand = tuned(case, &evidence.base, settings, &readings(case));
     (stand.fit, stand.gap)
 }
 
@@ -164,7 +167,8 @@ fn round(
         let refused = if first.is_some_and(|first| !alike(first)) {
             Some(LATER.to_owned())
         } else {
-            let rule = refused(settings, now, (r, asked.shown), held_out[i], &gaps[i])
+            let judged = (&r.term, r.score, held_out[i]);
+            let rule = refused(settings, &now.gap, judged, &gaps[i], asked.shown)
                 .map_or_else(|| led_to(settings, now, r, sensors), Err);
             match rule {
                 Ok(next) => {
@@ -216,25 +220,29 @@ fn last_of(fits: &[Fit], term: &Term) -> Vec<Vec<f64>> {
 /// What is said of candidates behind the one taken.
 const LATER: &str = "another one came first";
 
-/// The rule that refuses a candidate, if one does.
+/// The rule that refuses a term with its score and its gain on records never fitted, if one does;
+/// `before` and `after` are the gaps without and with it, `shown` whether a signal shows it by itself.
 fn refused(
     settings: &Settings,
-    now: &Stand,
-    (tried, shown): (&Refit, bool),
-    held_out: f64,
-    own: &Gap,
+    before: &Gap,
+    (term, score, held_out): (&Term, f64, f64),
+    after: &Gap,
+    shown: bool,
 ) -> Option<&'static str> {
     let criteria = &settings.criteria;
     // What few windows or another effect that is missing hide: the slow predictions of motions never
     // fitted are beyond doubt.
     let beyond_doubt =
-        held_out > criteria.sure_in_part * criteria.margin && !grows(criteria, &now.gap, own);
+        held_out > criteria.sure_in_part * criteria.margin && !grows(criteria, before, after);
     let least = if shown { 0.0 } else { criteria.margin };
-    if tried.score <= least {
+    let shrinks = shrinks(criteria, term, before, after);
+    // Motion that sticks and slips scatters so much in slow predictions that free runs alone tell.
+    let alone = shrinks && after.total < (1.0 - criteria.drift_shrink) * before.total;
+    if score <= least {
         Some("its score is that of chance")
-    } else if held_out <= 0.0 {
+    } else if held_out <= 0.0 && !alone {
         Some("it does not predict records never fitted better")
-    } else if !(shown || shrinks(criteria, &tried.term, &now.gap, own) || beyond_doubt) {
+    } else if !(shown || shrinks || beyond_doubt) {
         Some("free runs do not shrink beyond their scatter")
     } else {
         None
@@ -314,10 +322,15 @@ fn pruned(
 fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
     let floor = evidence.floor;
     let sensors = &readings(&evidence.case);
-    let mut now = tuned(evidence, settings, sensors);
+    let mut now = tuned(&evidence.case, &evidence.base, settings, sensors);
     let (base, before) = (now.fit.clone(), now.gap.clone());
     let shown = shown(&now.case, &base.point.theta, settings);
     let (mut taken, mut rounds) = (Vec::new(), Vec::new());
+    if let Some(begun) = begin(evidence, settings, sensors, &before) {
+        now = begun.stand;
+        taken = begun.taken;
+        rounds.push(begun.round);
+    }
     let (mut refits, mut others) = (0, None);
     let everything = Asked {
         only: &|_| true,
@@ -365,7 +378,8 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
             break;
         }
     }
-    let gaps = (before.total, floor);
+    // Noise alone leaves no more than what is reached.
+    let gaps = (before.total, floor.min(now.gap.total));
     let (shares, small) = smallest_dropped(&mut now, &mut taken, settings, sensors, gaps);
     if let Some(last) = rounds.last_mut() {
         last.dropped.extend(small);
@@ -457,7 +471,6 @@ fn renewed(case: &mut Case, settings: &Settings, at: &Fit, sensors: &[(f64, f64)
 
 /// Adds to the evidence of a search that explains nothing what the library explains in part.
 pub(super) fn add_part(evidence: Evidence, settings: &Settings) -> Evidence {
-    let floor = evidence.floor;
     let Partial {
         base,
         before,
@@ -475,6 +488,7 @@ pub(super) fn add_part(evidence: Evidence, settings: &Settings) -> Evidence {
         gap: after,
         ..
     } = now;
+    let floor = evidence.floor.min(after.total);
     let criteria = &settings.criteria;
     // A hum is no noise, however little it moves the robot.
     let lines = criteria.allowance * criteria.line(evidence.residue.of.frequencies);

@@ -33,6 +33,14 @@ impl Shown {
         Shown(vec![(term, Vec::new())])
     }
 
+    /// Whether a term explains what the signal shows, by itself or in place of what it names.
+    fn is_met_by(&self, other: &Term) -> bool {
+        let alike = |term: &Term| term.label() == other.label() || term.is_confused_with(other);
+        let own = self.0.iter();
+        own.filter(|(term, _)| term.joint == other.joint)
+            .any(|(term, _)| alike(term))
+    }
+
     fn names(&self, label: &str) -> bool {
         self.0.iter().any(|(term, _)| term.label() == label)
     }
@@ -85,7 +93,7 @@ pub(super) fn take_shown(
 ) -> Vec<Round> {
     let mut rounds = Vec::new();
     for one in shown {
-        if taken.iter().any(|(r, _)| one.names(&r.term.label())) {
+        if taken.iter().any(|(r, _)| one.is_met_by(&r.term)) {
             continue;
         }
         let starts = |term: &Term| {
