@@ -48,8 +48,7 @@ pub struct Criteria {
     /// Share by which a first effect must shrink the gap on the test records; a second one twice,
     /// one that explains a part half of it. 0.06: training seeds.
     pub least_shrink: f64,
-    /// Share by which an effect beside others must shrink the gap if free runs alone show it. 0.3:
-    /// not derived.
+    /// Share by which a second effect must shrink the gap if free runs alone show it. 0.3: not derived.
     pub drift_shrink: f64,
 
     /// Mean squared innovation up to which a model follows the records: nothing further is looked

@@ -79,7 +79,9 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
     }
     stated.refits = wider.refits;
     let within = partial::add_part(stated.clone(), settings);
-    if within.coloured {
+    // Nothing is left that other friction could explain.
+    let left = within.part.map_or(f64::INFINITY, |part| part.left);
+    if within.coloured || left < settings.criteria.near {
         return within;
     }
     // Other friction imitates laws of friction: it has to leave less than what the library explains

@@ -100,8 +100,8 @@ pub(super) fn shares(parts: &[Parts], before: f64, after: f64, floor: f64) -> Ve
     let whole = (before * before - floor * floor).max(1e-300);
     let sizes: Vec<f64> = parts
         .iter()
-        .map(|p| {
-            let out = (p.without * p.without - after * after) / whole;
+        .zip(left_out(parts, before, after, floor))
+        .map(|(p, out)| {
             let alone = (before * before - p.alone * p.alone) / whole;
             0.5 * (out.clamp(0.0, 1.0) + alone.clamp(0.0, 1.0))
         })
@@ -111,6 +111,14 @@ pub(super) fn shares(parts: &[Parts], before: f64, after: f64, floor: f64) -> Ve
         .iter()
         .map(|s| if sum > 0.0 { all * s / sum } else { 0.0 })
         .collect()
+}
+
+/// What the squared gap beyond the floor grows by without each effect, as a share of that of the
+/// nominal structure.
+pub(super) fn left_out(parts: &[Parts], before: f64, after: f64, floor: f64) -> Vec<f64> {
+    let whole = (before * before - floor * floor).max(1e-300);
+    let grown = |p: &Parts| (p.without * p.without - after * after) / whole;
+    parts.iter().map(grown).collect()
 }
 
 #[cfg(test)]
@@ -128,6 +136,20 @@ mod tests {
         let found = shares(&parts, before, after, 1.0);
         assert!((found[0] - 2.0 / 3.0).abs() < 1e-12, "{found:?}");
         assert!((found.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_two_effects_do_alike_is_left_out_by_neither() {
+        // Squared gaps: floor 1; each alone explains all of the 9 beside it.
+        let [before, after] = [10.0_f64, 1.0].map(f64::sqrt);
+        let same = Parts {
+            without: after,
+            alone: after,
+        };
+        let out = left_out(&[same, same], before, after, 1.0);
+        assert!(out.iter().all(|x| x.abs() < 1e-12), "{out:?}");
+        let found = shares(&[same, same], before, after, 1.0);
+        assert!(found.iter().all(|x| (x - 0.5).abs() < 1e-12), "{found:?}");
     }
 
     #[test]

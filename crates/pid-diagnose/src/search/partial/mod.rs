@@ -12,11 +12,9 @@
 //! it leaves: twice the gain in profile likelihood with the level unknown (L. Ljung, System
 //! Identification, 1999, section 7.4). It must also shrink the free-run gap on motions never fitted
 //! by more than the scatter between their windows, over all joints or at its own. After each effect
-//! taken those before it are judged again beside it, and the whole list is scored again. The search
-//! begins with the list that fast predictions find (see the module `begin`). Delays and
+//! taken those before it are judged again beside it, and the whole list is scored again. Delays and
 //! lags that a signal shows by itself are asked for before every round (see the module `shown`).
 
-mod begin;
 mod exchange;
 mod judge;
 mod shown;
@@ -33,7 +31,7 @@ use super::nameless::{described, free_laws, imitated_in_part};
 use super::odds::{plain, within_round};
 use super::refit::{Refit, refit};
 use super::settings::Settings;
-use super::shares::{Parts, parts, shares, without};
+use super::shares::{Parts, left_out, parts, shares, without};
 use crate::case::Case;
 use crate::criteria::Budget;
 use crate::diagnosis::{Remainder, Round, Tried};
@@ -44,7 +42,6 @@ use crate::hypothesis::Run;
 use crate::levels::{follow_slowly, settle};
 use crate::noise;
 use crate::screen::screen;
-use begin::begin;
 use exchange::exchange;
 use judge::{Gained, at_an_end, gained, grows, judge, shrinks, sums_of};
 use shown::{Shown, shown, stays, take_shown};
@@ -235,14 +232,11 @@ fn refused(
     let beyond_doubt =
         held_out > criteria.sure_in_part * criteria.margin && !grows(criteria, before, after);
     let least = if shown { 0.0 } else { criteria.margin };
-    let shrinks = shrinks(criteria, term, before, after);
-    // Motion that sticks and slips scatters so much in slow predictions that free runs alone tell.
-    let alone = shrinks && after.total < (1.0 - criteria.drift_shrink) * before.total;
     if score <= least {
         Some("its score is that of chance")
-    } else if held_out <= 0.0 && !alone {
+    } else if held_out <= 0.0 {
         Some("it does not predict records never fitted better")
-    } else if !(shown || shrinks || beyond_doubt) {
+    } else if !(shown || shrinks(criteria, term, before, after) || beyond_doubt) {
         Some("free runs do not shrink beyond their scatter")
     } else {
         None
@@ -293,9 +287,11 @@ fn pruned(
     let mut dropped = Vec::new();
     loop {
         let terms = &now.fit.hypothesis.terms;
-        // The last one was taken beside all the others just now.
-        let earlier = 0..terms.len().saturating_sub(1);
-        let superfluous = earlier
+        if terms.len() < 2 {
+            return dropped;
+        }
+        // The last one too: beside it the others may have come out of a local optimum.
+        let superfluous = (0..terms.len())
             .into_par_iter()
             .filter(|&i| !stays(shown, &terms[i].label()))
             .map(|i| {
@@ -326,11 +322,6 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
     let (base, before) = (now.fit.clone(), now.gap.clone());
     let shown = shown(&now.case, &base.point.theta, settings);
     let (mut taken, mut rounds) = (Vec::new(), Vec::new());
-    if let Some(begun) = begin(evidence, settings, sensors, &before) {
-        now = begun.stand;
-        taken = begun.taken;
-        rounds.push(begun.round);
-    }
     let (mut refits, mut others) = (0, None);
     let everything = Asked {
         only: &|_| true,
@@ -370,11 +361,11 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
         if taken.len() > 1 && !settings.watch.stopped() {
             rounds.extend(exchange(&mut now, &mut taken, settings, sensors, &shown));
         }
-        // Nothing is left, or one effect went in circles with another.
+        // One effect went in circles with another.
         let circles = rounds
             .last()
             .is_some_and(|r| !r.dropped.is_empty() && !r.exchange);
-        if now.gap.total < settings.criteria.calm * floor || (circles && now.gap.total >= before) {
+        if circles && now.gap.total >= before {
             break;
         }
     }
@@ -426,8 +417,11 @@ fn smallest_dropped(
         let gaps = (before, now.gap.total);
         let parts = parts(&now.case, &now.directions, settings, &now.fit, gaps);
         let own = shares(&parts, before, now.gap.total, floor);
-        let smallest = (0..own.len()).min_by(|&a, &b| own[a].total_cmp(&own[b]));
-        match smallest.filter(|&i| own.len() > 1 && own[i] < settings.criteria.least_share) {
+        // What another one does as well has a share alone, and none beside it.
+        let out = left_out(&parts, before, now.gap.total, floor);
+        let least = |i: usize| own[i].min(out[i]);
+        let smallest = (0..own.len()).min_by(|&a, &b| least(a).total_cmp(&least(b)));
+        match smallest.filter(|&i| own.len() > 1 && least(i) < settings.criteria.least_share) {
             None => return (parts.into_iter().zip(own).collect(), dropped),
             Some(i) => {
                 let less = without(&now.case, &now.directions, settings, &now.fit, i);

@@ -4,8 +4,8 @@
 //! seen, and an input that acts late needs hardly any; no place is chosen among many. So they come
 //! before every round, without the margin for many candidates and without a share of free runs: each
 //! must predict motions never fitted better, and free runs must not grow. Where a larger effect hides
-//! one, it comes after that. One whose kind the signal tells stays beside every effect that is taken
-//! later.
+//! one, it comes after that. A lag of a velocity stays beside every effect that is taken later; an input
+//! that acts late can be one that shows late, or a slow drive.
 
 use super::{Asked, Stand, round};
 use crate::case::Case;
@@ -18,37 +18,46 @@ use crate::timing::Alignment;
 
 /// The effect by which a velocity reading lags.
 const LAG_OF_VELOCITY: &str = "velocity_filter_lag";
-/// Those by which an input acts late: by a shift, and by a lag.
+/// Those by which an input acts late: by a shift, by a shift of what the joint shows, and by a lag.
 const DELAY_OF_INPUT: &str = "input_delay";
+const DELAY_OF_POSITION: &str = "sensor_delay";
 const LAG_OF_INPUT: &str = "actuator_lag";
 
-/// What one signal shows: one of these terms, each with where its parameters start.
+/// What one signal shows.
 #[derive(Debug)]
-pub(super) struct Shown(Vec<(Term, Vec<f64>)>);
+pub(super) struct Shown {
+    /// One of these terms, each with where its parameters start.
+    terms: Vec<(Term, Vec<f64>)>,
+    /// Whether it stays beside every effect that is taken later.
+    stays: bool,
+}
 
 impl Shown {
     /// A signal that shows one term and no other.
     #[cfg(test)]
     pub(super) fn only(term: Term) -> Self {
-        Shown(vec![(term, Vec::new())])
+        Shown {
+            terms: vec![(term, Vec::new())],
+            stays: true,
+        }
     }
 
     /// Whether a term explains what the signal shows, by itself or in place of what it names.
     fn is_met_by(&self, other: &Term) -> bool {
         let alike = |term: &Term| term.label() == other.label() || term.is_confused_with(other);
-        let own = self.0.iter();
+        let own = self.terms.iter();
         own.filter(|(term, _)| term.joint == other.joint)
             .any(|(term, _)| alike(term))
     }
 
     fn names(&self, label: &str) -> bool {
-        self.0.iter().any(|(term, _)| term.label() == label)
+        self.terms.iter().any(|(term, _)| term.label() == label)
     }
 }
 
-/// Whether a signal shows the term of this label, and tells it from others.
+/// Whether a term of this label stays.
 pub(super) fn stays(shown: &[Shown], label: &str) -> bool {
-    shown.iter().any(|s| s.0.len() == 1 && s.names(label))
+    shown.iter().any(|s| s.stays && s.names(label))
 }
 
 /// What the signals of a case show that its description lacks; the parameters lie `theta` half
@@ -62,24 +71,28 @@ pub(super) fn shown(case: &Case, theta: &[f64], settings: &Settings) -> Vec<Show
     };
     let readings = late_readings(case).into_iter();
     let readings = readings.filter_map(|j| Some(vec![(term(LAG_OF_VELOCITY, j)?, Vec::new())]));
+    let readings = readings.map(|terms| Shown { terms, stays: true });
     let inputs = late_inputs(case, theta).into_iter().map(|(j, timing)| {
         let kinds = kinds(&timing, settings.criteria.replaces()).into_iter();
-        kinds
-            .filter_map(|(id, start)| Some((term(id, j)?, vec![start])))
-            .collect()
+        let terms = kinds.filter_map(|(id, start)| Some((term(id, j)?, vec![start])));
+        Shown {
+            terms: terms.collect(),
+            stays: false,
+        }
     });
-    let all = readings.chain(inputs).map(Shown);
-    all.filter(|s| !s.0.is_empty()).collect()
+    let all = readings.chain(inputs);
+    all.filter(|s| !s.terms.is_empty()).collect()
 }
 
-/// Effects that make an input late in the way found, with their starts; both where neither is more
-/// likely by `replaces`.
+/// Effects that make an input late in the way found, with their starts; those of a shift and of a lag
+/// where neither is more likely by `replaces`.
 fn kinds(timing: &Alignment, replaces: f64) -> Vec<(&'static str, f64)> {
-    let shift = (DELAY_OF_INPUT, timing.delay);
+    let shift = [DELAY_OF_INPUT, DELAY_OF_POSITION].map(|id| (id, timing.delay));
+    let lag = timing.lag.map(|lag| (LAG_OF_INPUT, lag.time_constant));
     match timing.lag {
-        Some(lag) if lag.for_shift < -replaces => vec![(LAG_OF_INPUT, lag.time_constant)],
-        Some(lag) if lag.for_shift < replaces => vec![shift, (LAG_OF_INPUT, lag.time_constant)],
-        _ => vec![shift],
+        Some(other) if other.for_shift < -replaces => lag.into_iter().collect(),
+        Some(other) if other.for_shift < replaces => shift.into_iter().chain(lag).collect(),
+        _ => shift.to_vec(),
     }
 }
 
@@ -97,7 +110,7 @@ pub(super) fn take_shown(
             continue;
         }
         let starts = |term: &Term| {
-            let own = one.0.iter().filter(|(t, _)| t.label() == term.label());
+            let own = one.terms.iter().filter(|(t, _)| t.label() == term.label());
             own.map(|(_, start)| start.clone())
                 .filter(|start| !start.is_empty())
                 .collect()
