@@ -142,6 +142,7 @@ fn simulated(
         known: Default::default(),
         outliers: Vec::new(),
         shared_lag: 0.0,
+        ahead: 1.0,
     };
     let theta = vec![0.0; SIZE];
     for i in 0..case.records.len() {

@@ -167,6 +167,8 @@ pub struct Case {
     /// Time constant of the filter that all measured velocities share, s; zero unless the readings of
     /// two joints or more show it.
     pub shared_lag: f64,
+    /// Part of the horizon over which slow predictions look ahead (see [`crate::levels`]).
+    pub ahead: f64,
 }
 
 /// A channel of a joint.
@@ -380,6 +382,7 @@ impl Case {
             known: Known::of(&nominal.description).map_err(NominalError::from)?,
             outliers,
             shared_lag: 0.0,
+            ahead: 1.0,
             nominal,
             records,
         };

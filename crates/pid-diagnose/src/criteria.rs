@@ -98,8 +98,8 @@ pub struct Criteria {
     /// 2: not derived.
     pub together: usize,
 
-    /// Share of the squared gap beyond the floor below which an effect beside others is none. 0.03:
-    /// not derived.
+    /// Share of the squared gap beyond the floor below which an effect beside others is none, if the
+    /// gap without it is `near` that with it. 0.05: practice records, where smaller ones are wrong.
     pub least_share: f64,
 
     /// Mismatch of a derived velocity and its positions, share of the motion, that rounding of
@@ -159,7 +159,7 @@ impl Default for Criteria {
             majority: 0.7,
             majority_of_all: 0.8,
             together: 2,
-            least_share: 0.03,
+            least_share: 0.05,
             reading_mismatch: 5e-3,
             lag_leaves: 0.5,
             rival: 0.01,

@@ -25,10 +25,10 @@ use crate::fit::Fit;
 
 /// Horizon where none is stated, s.
 const HORIZON: f64 = 1.0;
-/// Part of the horizon over which the predictor looks ahead. Chosen on five practice records with
-/// several effects (docs/experiments.md).
-const PART: f64 = 0.1;
-/// Bandwidth times that part of the horizon.
+/// Parts of the horizon over which the predictor looks ahead while effects are sought, one after the
+/// other. Chosen on practice records with several effects (docs/experiments.md).
+pub(crate) const PARTS: [f64; 2] = [0.1, 1.0];
+/// Bandwidth times the part of the horizon.
 const BANDWIDTH: f64 = 4.0;
 /// Memory of the predictor, in times of its bandwidth.
 const MEMORY: f64 = 4.0;
@@ -122,8 +122,10 @@ pub(crate) fn left(errors: &[Vec<[Vec<f64>; 2]>]) -> Vec<[Left; 2]> {
     out
 }
 
-/// Sets the bandwidth to that of the part of the horizon, at levels in proportion to the range and speed of the motion.
-pub(crate) fn follow_slowly(case: &mut Case) {
+/// Sets the bandwidth to that of a part of the horizon, at levels in proportion to the range and
+/// speed of the motion.
+pub(crate) fn follow_slowly(case: &mut Case, part: f64) {
+    case.ahead = part;
     let omega = bandwidth(case);
     for j in 0..case.n() {
         let scale = case.scale[j].clone();
@@ -190,7 +192,7 @@ pub(crate) fn with_bandwidth(case: &Case, omega: f64) -> Case {
 }
 
 fn bandwidth(case: &Case) -> f64 {
-    BANDWIDTH / (PART * case.nominal.horizon.unwrap_or(HORIZON).min(HORIZON))
+    BANDWIDTH / (case.ahead * case.nominal.horizon.unwrap_or(HORIZON).min(HORIZON))
 }
 
 #[cfg(test)]

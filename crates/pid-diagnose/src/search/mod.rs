@@ -35,6 +35,7 @@ use crate::case::Case;
 use crate::diagnosis::{Diagnosis, Verdict};
 use crate::excerpt::{excerpt, restore_tests};
 use crate::fit::{Fit, value};
+use crate::levels::PARTS;
 pub use evidence::{Evidence, Surroundings};
 pub(crate) use intervals::intervals;
 use measure::{measured, noise_alone};
@@ -71,14 +72,14 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
     settings.watch.step("friction outside its tolerance");
     let wider = tolerance::widened(case, settings, &stated).map(|wide| select(&wide));
     let Some(mut wider) = wider else {
-        return partial::add_part(stated, settings);
+        return partial::add_part(stated, settings, &PARTS);
     };
     wider.refits += stated.refits;
     if !wider.unexplained {
         return tolerance::beyond(stated, wider, settings);
     }
     stated.refits = wider.refits;
-    let within = partial::add_part(stated.clone(), settings);
+    let within = partial::add_part(stated.clone(), settings, &PARTS);
     // Nothing is left that other friction could explain.
     let left = within.part.map_or(f64::INFINITY, |part| part.left);
     if within.coloured || left < settings.criteria.near {
@@ -87,7 +88,7 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
     // Other friction imitates laws of friction: it has to leave less than what the library explains
     // within the tolerances.
     wider.refits = within.refits;
-    let wider = partial::add_part(wider, settings);
+    let wider = partial::add_part(wider, settings, &[within.case.ahead]);
     let shrunk = (1.0 - settings.criteria.least_shrink) * within.after.total;
     if wider.after.total < shrunk {
         return tolerance::beyond(stated, wider, settings);

@@ -30,14 +30,8 @@ pub(super) struct Parts {
     pub(super) alone: f64,
 }
 
-/// A part of the effects of a fit, their nominal parameters fitted again.
-fn with(
-    case: &Case,
-    basis: &Basis,
-    settings: &Settings,
-    at: &Fit,
-    keep: impl Fn(usize) -> bool,
-) -> Fit {
+/// A part of the effects of a fit, their nominal parameters fitted again in so many steps.
+fn with(case: &Case, basis: &Basis, steps: usize, at: &Fit, keep: impl Fn(usize) -> bool) -> Fit {
     let (starts, _) = at.hypothesis.offsets();
     let (mut terms, mut e) = (Vec::new(), Vec::new());
     for (i, term) in at.hypothesis.terms.iter().enumerate() {
@@ -55,18 +49,17 @@ fn with(
         theta: at.point.theta.clone(),
         e,
     };
-    fit(
-        case,
-        basis,
-        &hypothesis,
-        point,
-        Effort::full(settings.budget.steps),
-    )
+    fit(case, basis, &hypothesis, point, Effort::full(steps))
 }
 
 /// The fit without the `i`-th effect.
 pub(super) fn without(case: &Case, basis: &Basis, settings: &Settings, at: &Fit, i: usize) -> Fit {
-    with(case, basis, settings, at, |k| k != i)
+    with(case, basis, settings.budget.steps, at, |k| k != i)
+}
+
+/// The same with all other parameters where they are.
+pub(super) fn taken_out(case: &Case, basis: &Basis, at: &Fit, i: usize) -> Fit {
+    with(case, basis, 0, at, |k| k != i)
 }
 
 /// [`Parts`] of every effect of a fit; `before` and `after` are the gaps without any and with all.
@@ -89,7 +82,7 @@ pub(super) fn parts(
         .into_par_iter()
         .map(|i| Parts {
             without: gap(without(case, basis, settings, at, i)),
-            alone: gap(with(case, basis, settings, at, |k| k == i)),
+            alone: gap(with(case, basis, settings.budget.steps, at, |k| k == i)),
         })
         .collect()
 }
@@ -100,8 +93,8 @@ pub(super) fn shares(parts: &[Parts], before: f64, after: f64, floor: f64) -> Ve
     let whole = (before * before - floor * floor).max(1e-300);
     let sizes: Vec<f64> = parts
         .iter()
-        .zip(left_out(parts, before, after, floor))
-        .map(|(p, out)| {
+        .map(|p| {
+            let out = (p.without * p.without - after * after) / whole;
             let alone = (before * before - p.alone * p.alone) / whole;
             0.5 * (out.clamp(0.0, 1.0) + alone.clamp(0.0, 1.0))
         })
@@ -111,14 +104,6 @@ pub(super) fn shares(parts: &[Parts], before: f64, after: f64, floor: f64) -> Ve
         .iter()
         .map(|s| if sum > 0.0 { all * s / sum } else { 0.0 })
         .collect()
-}
-
-/// What the squared gap beyond the floor grows by without each effect, as a share of that of the
-/// nominal structure.
-pub(super) fn left_out(parts: &[Parts], before: f64, after: f64, floor: f64) -> Vec<f64> {
-    let whole = (before * before - floor * floor).max(1e-300);
-    let grown = |p: &Parts| (p.without * p.without - after * after) / whole;
-    parts.iter().map(grown).collect()
 }
 
 #[cfg(test)]
@@ -136,20 +121,6 @@ mod tests {
         let found = shares(&parts, before, after, 1.0);
         assert!((found[0] - 2.0 / 3.0).abs() < 1e-12, "{found:?}");
         assert!((found.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn what_two_effects_do_alike_is_left_out_by_neither() {
-        // Squared gaps: floor 1; each alone explains all of the 9 beside it.
-        let [before, after] = [10.0_f64, 1.0].map(f64::sqrt);
-        let same = Parts {
-            without: after,
-            alone: after,
-        };
-        let out = left_out(&[same, same], before, after, 1.0);
-        assert!(out.iter().all(|x| x.abs() < 1e-12), "{out:?}");
-        let found = shares(&[same, same], before, after, 1.0);
-        assert!(found.iter().all(|x| (x - 0.5).abs() < 1e-12), "{found:?}");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! A delay and a lag, play and a spring look alike while other effects are missing. Beside the
 //! effects taken since, each earlier one meets those it is confused with at its joint once more,
-//! from the fit without it.
+//! from the parameters of all the others as they are.
 
 use super::shown::{Shown, stays};
 use super::{Asked, Stand, last_of, round};
@@ -10,7 +10,7 @@ use crate::diagnosis::Round;
 use crate::search::measure::measured;
 use crate::search::refit::Refit;
 use crate::search::settings::Settings;
-use crate::search::shares::without;
+use crate::search::shares::taken_out;
 
 /// Exchanges effects for others that they are confused with where these leave a smaller gap; the
 /// rounds in which that happened. `taken` are the effects of the fit at hand, in its order; those that
@@ -48,7 +48,8 @@ fn exchange_one(
     sensors: &[(f64, f64)],
 ) -> Option<(usize, Refit, Stand, Round)> {
     let old = &now.fit.hypothesis.terms[i];
-    let less = without(&now.case, &now.directions, settings, &now.fit, i);
+    // Fitted again without it, the others would leave the place where the next one is looked for.
+    let less = taken_out(&now.case, &now.directions, &now.fit, i);
     let stand = Stand {
         case: now.case.clone(),
         directions: now.directions.clone(),

@@ -31,7 +31,7 @@ use super::nameless::{described, free_laws, imitated_in_part};
 use super::odds::{plain, within_round};
 use super::refit::{Refit, refit};
 use super::settings::Settings;
-use super::shares::{Parts, left_out, parts, shares, without};
+use super::shares::{Parts, parts, shares, without};
 use crate::case::Case;
 use crate::criteria::Budget;
 use crate::diagnosis::{Remainder, Round, Tried};
@@ -77,10 +77,11 @@ struct Stand {
     gap: Gap,
 }
 
-/// A fit under the levels of its own errors; `sensors` are those of the readings.
-fn tuned(case: &Case, at: &Fit, settings: &Settings, sensors: &[(f64, f64)]) -> Stand {
-    let mut case = case.clone();
-    follow_slowly(&mut case);
+/// The nominal structure under the levels of its own errors, predicted over a part of the horizon;
+/// `sensors` are the levels of the readings.
+fn tuned(evidence: &Evidence, part: f64, settings: &Settings, sensors: &[(f64, f64)]) -> Stand {
+    let (mut case, at) = (evidence.case.clone(), &evidence.base);
+    follow_slowly(&mut case, part);
     let mut fitted = at.clone();
     fitted.hypothesis.run = Run::default();
     let mut directions = directions(&case, &fitted);
@@ -102,10 +103,12 @@ fn tuned(case: &Case, at: &Fit, settings: &Settings, sensors: &[(f64, f64)]) -> 
     }
 }
 
-/// The nominal structure of a search, tuned, and its gap.
+/// The nominal structure of a search, tuned to what free runs count, and its gap.
+///
+/// Predictions over the whole horizon serve that where something large is missing: over a part of it
+/// they can be good with parameters that let free runs diverge.
 pub(super) fn tuned_within(evidence: &Evidence, settings: &Settings) -> (Fit, Gap) {
-    let case = &evidence.case;
-    let stand = tuned(case, &evidence.base, settings, &readings(case));
+    let stand = tuned(evidence, 1.0, settings, &readings(&evidence.case));
     (stand.fit, stand.gap)
 }
 
@@ -314,12 +317,40 @@ fn pruned(
     }
 }
 
-/// Tunes the nominal structure of a search that explains nothing and takes the effects that pay.
-fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
+/// Takes the effects that pay over the parts of the horizon, one after the other while more than
+/// noise is left; the search that leaves the smallest gap.
+///
+/// Over a short part friction and timing are found where motion sticks and slips, over all of it play
+/// and what acts slowly.
+fn over(parts: &[f64], evidence: &Evidence, settings: &Settings) -> Partial {
+    let noise = settings.criteria.near * evidence.floor;
+    let mut best: Option<Partial> = None;
+    for &part in parts {
+        let refits = best.as_ref().map_or(0, |b| b.refits);
+        let left = best.as_ref().map_or(f64::INFINITY, |b| b.now.gap.total);
+        if left < noise || (best.is_some() && settings.watch.stopped()) {
+            break;
+        }
+        let mut own = partial(evidence, part, settings);
+        own.refits += refits;
+        match &mut best {
+            Some(best) if best.now.gap.total <= own.now.gap.total => best.refits = own.refits,
+            _ => best = Some(own),
+        }
+    }
+    best.unwrap_or_else(|| partial(evidence, 1.0, settings))
+}
+
+/// Tunes the nominal structure of a search that explains nothing and takes the effects that pay in
+/// predictions over a part of the horizon.
+fn partial(evidence: &Evidence, part: f64, settings: &Settings) -> Partial {
     let floor = evidence.floor;
     let sensors = &readings(&evidence.case);
-    let mut now = tuned(&evidence.case, &evidence.base, settings, sensors);
-    let (base, before) = (now.fit.clone(), now.gap.clone());
+    let mut now = tuned(evidence, part, settings, sensors);
+    let (mut base, mut before) = tuned_within(evidence, settings);
+    if now.gap.total < before.total {
+        (base, before) = (now.fit.clone(), now.gap.clone());
+    }
     let shown = shown(&now.case, &base.point.theta, settings);
     let (mut taken, mut rounds) = (Vec::new(), Vec::new());
     let (mut refits, mut others) = (0, None);
@@ -403,8 +434,9 @@ fn partial(evidence: &Evidence, settings: &Settings) -> Partial {
     }
 }
 
-/// Drops effects of hardly any share, the smallest first. The gaps with and without each of the
-/// others with their shares, and the labels of those dropped.
+/// Drops effects of hardly any share, the smallest first, unless free runs leave more without them
+/// than is nearly the same. The gaps with and without each of the others with their shares, and the
+/// labels of those dropped.
 fn smallest_dropped(
     now: &mut Stand,
     taken: &mut Vec<(Refit, f64)>,
@@ -417,11 +449,13 @@ fn smallest_dropped(
         let gaps = (before, now.gap.total);
         let parts = parts(&now.case, &now.directions, settings, &now.fit, gaps);
         let own = shares(&parts, before, now.gap.total, floor);
-        // What another one does as well has a share alone, and none beside it.
-        let out = left_out(&parts, before, now.gap.total, floor);
-        let least = |i: usize| own[i].min(out[i]);
-        let smallest = (0..own.len()).min_by(|&a, &b| least(a).total_cmp(&least(b)));
-        match smallest.filter(|&i| own.len() > 1 && least(i) < settings.criteria.least_share) {
+        let smallest = (0..own.len()).min_by(|&a, &b| own[a].total_cmp(&own[b]));
+        let criteria = &settings.criteria;
+        let nothing = |i: usize| {
+            let same = parts[i].without < criteria.near * now.gap.total;
+            own[i] < criteria.least_share && same
+        };
+        match smallest.filter(|&i| own.len() > 1 && nothing(i)) {
             None => return (parts.into_iter().zip(own).collect(), dropped),
             Some(i) => {
                 let less = without(&now.case, &now.directions, settings, &now.fit, i);
@@ -463,8 +497,9 @@ fn renewed(case: &mut Case, settings: &Settings, at: &Fit, sensors: &[(f64, f64)
     (next, directions)
 }
 
-/// Adds to the evidence of a search that explains nothing what the library explains in part.
-pub(super) fn add_part(evidence: Evidence, settings: &Settings) -> Evidence {
+/// Adds to the evidence of a search that explains nothing what the library explains in part, by
+/// predictions over these parts of the horizon.
+pub(super) fn add_part(evidence: Evidence, settings: &Settings, over_parts: &[f64]) -> Evidence {
     let Partial {
         base,
         before,
@@ -475,7 +510,7 @@ pub(super) fn add_part(evidence: Evidence, settings: &Settings) -> Evidence {
         shares,
         refits,
         law,
-    } = partial(&evidence, settings);
+    } = over(over_parts, &evidence, settings);
     let Stand {
         case,
         fit,

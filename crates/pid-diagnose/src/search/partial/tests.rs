@@ -4,11 +4,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::exchange::exchange;
-use super::shown::Shown;
+use super::shown::{Shown, shown, take_shown};
 use super::{Stand, readings};
 use crate::bench::{Draw, SIZE, named, pendulum};
 use crate::case::Case;
-use crate::diagnosis::{Diagnosis, Round, Tried, Verdict};
+use crate::diagnosis::{Diagnosis, Round, Verdict};
 use crate::fit::{Effort, Point, basis, fit};
 use crate::search::measure::measured;
 use crate::search::refit::Refit;
@@ -94,20 +94,43 @@ fn a_lag_that_the_reading_shows_is_asked_for_by_itself() {
     assert_eq!(found, ["spring", "velocity_filter_lag"], "{d:?}");
 }
 
-/// Neither its margin nor its place among many is asked of it; the signal tells the delay from a lag.
+/// An input that acts late is asked for before all else, by its kinds alone, and once.
 #[test]
-fn a_delay_that_the_input_shows_is_asked_for_by_itself() {
-    let truth = named(&["input_delay", "spring"]);
-    let mut case = pendulum(&truth, &[0.02, 0.9, 0.2], 8.0, &|_| {});
-    coloured(&mut case, 5e-4);
-    let d = diagnose(&case, &Settings::default());
-    // A delay of what the joint shows is the same map on one joint.
-    let first = &d.rounds[0].candidates;
-    let delays = |c: &Tried| ["input_delay:1", "sensor_delay:1"].contains(&&*c.label);
-    assert!(first.len() <= 2 && first.iter().all(delays), "{first:?}");
-    let mut found = labels(&d);
-    found.sort_unstable();
-    assert_eq!(found, ["input_delay", "spring"], "{d:?}");
+fn an_input_that_acts_late_is_asked_for_by_itself() {
+    let settings = Settings::default();
+    // On one joint a delay of what it shows is the same map as one of its input.
+    let kinds = [
+        ("input_delay", &["input_delay:1", "sensor_delay:1"][..]),
+        ("actuator_lag", &["actuator_lag:1"][..]),
+    ];
+    let all = ["actuator_lag:1", "input_delay:1", "sensor_delay:1"];
+    for (id, right) in kinds {
+        let case = pendulum(&named(&[id, "spring"]), &[0.02, 0.9, 0.2], 8.0, &|_| {});
+        let beside = named(&["spring"]);
+        let directions = basis(&case);
+        let at = Point {
+            theta: vec![0.0; SIZE],
+            e: vec![0.9, 0.2],
+        };
+        let found = fit(&case, &directions, &beside, at, Effort::full(14));
+        let mut now = Stand {
+            gap: measured(&case, &found),
+            case,
+            directions,
+            fit: found,
+        };
+        let shown = shown(&now.case, &now.fit.point.theta, &settings);
+        let (mut taken, sensors) = (Vec::new(), readings(&now.case));
+        let rounds = take_shown(&mut now, &mut taken, &shown, &settings, &sensors);
+        assert_eq!(rounds.len(), 1, "{id}");
+        let asked = &rounds[0].candidates;
+        assert!(asked.iter().all(|c| all.contains(&&*c.label)), "{asked:?}");
+        assert!(right.contains(&&*taken[0].0.term.label()), "{asked:?}");
+        let delay = now.fit.point.e.last().expect("a time");
+        assert!((delay - 0.02).abs() < 1e-3, "{id}: {delay}");
+        let again = take_shown(&mut now, &mut taken, &shown, &settings, &sensors);
+        assert!(again.is_empty() && taken.len() == 1);
+    }
 }
 
 /// A delay that a lag stood for: beside the spring the delay takes its place, unless the lag is kept.
