@@ -167,7 +167,7 @@ pub struct Case {
     /// Time constant of the filter that all measured velocities share, s; zero unless the readings of
     /// two joints or more show it.
     pub shared_lag: f64,
-    /// Part of the horizon over which slow predictions look ahead (see [`crate::levels`]).
+    /// Part of the horizon over which slow predictions look ahead (see the module `levels`).
     pub ahead: f64,
 }
 
