@@ -145,6 +145,8 @@ fn reading(case: &Case, j: usize, derived: bool) -> Option<Reading> {
     let scale = -timing.columns.first().copied()?;
     timing.delay = -timing.delay;
     timing.stated = stated;
+    // A lag of the positions is none of the reading.
+    timing.lag = None;
     timing.curve = timing.curve.iter().rev().map(|(t, x)| (-t, *x)).collect();
     Some(Reading { timing, scale })
 }

@@ -7,15 +7,17 @@
 //! over,
 //!
 //! ```text
-//! ω = 4 / (s T),     σ_τ = I min(ω² σ_q, ω σ_v),     σ_q, σ_v = √κ · rms of what is left,     κ = 1 + 2 Σ ρ(k)
+//! ω = 4 / (s T),     σ_τ = I min(ω² σ_q, ω σ_v)
+//! σ_q, σ_v = √κ · rms of what is left,     κ = 1 + 2 Σ ρ(k)
 //! ```
 //!
 //! so that its errors are those of free runs over s T (M. Farina, L. Piroddi, Automatica 47(10),
 //! 2011: simulation error in place of prediction error). With s = 1 they are those that the gap
 //! counts, but motion that sticks and slips makes them rough in the parameters of friction, and
-//! fits stop early. N samples count as N/κ independent ones (ρ: their autocorrelation; G. V. Bayley, J. M. Hammersley, J. R. Stat. Soc.
-//! Suppl. 8(2), 1946). In the levels κ counts up to 4/(ω h), the memory of the predictor: what is
-//! correlated for longer is an effect that is still missing, and must not lose its weight for that.
+//! fits stop early. N samples count as N/κ independent ones (ρ: their autocorrelation; G. V.
+//! Bayley, J. M. Hammersley, J. R. Stat. Soc. Suppl. 8(2), 1946). In the levels κ counts up to 4/(ω
+//! h), the memory of the predictor: what is correlated for longer is an effect that is still
+//! missing, and must not lose its weight for that.
 
 use pid_data::Role;
 use rayon::prelude::*;
@@ -25,9 +27,11 @@ use crate::fit::Fit;
 
 /// Horizon where none is stated, s.
 const HORIZON: f64 = 1.0;
-/// Parts of the horizon over which the predictor looks ahead while effects are sought, one after the
-/// other. Chosen on practice records with several effects (docs/experiments.md).
-pub(crate) const PARTS: [f64; 2] = [0.1, 1.0];
+/// Part of the horizon over which effects are sought first. 0.1: chosen on practice records with
+/// several effects (docs/experiments.md).
+pub(crate) const SHORT: f64 = 0.1;
+/// All of it.
+pub(crate) const WHOLE: f64 = 1.0;
 /// Bandwidth times the part of the horizon.
 const BANDWIDTH: f64 = 4.0;
 /// Memory of the predictor, in times of its bandwidth.

@@ -35,7 +35,7 @@ use crate::case::Case;
 use crate::diagnosis::{Diagnosis, Verdict};
 use crate::excerpt::{excerpt, restore_tests};
 use crate::fit::{Fit, value};
-use crate::levels::PARTS;
+use crate::levels::{SHORT, WHOLE};
 pub use evidence::{Evidence, Surroundings};
 pub(crate) use intervals::intervals;
 use measure::{measured, noise_alone};
@@ -72,14 +72,14 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
     settings.watch.step("friction outside its tolerance");
     let wider = tolerance::widened(case, settings, &stated).map(|wide| select(&wide));
     let Some(mut wider) = wider else {
-        return partial::add_part(stated, settings, &PARTS);
+        return partial::add_part(stated, settings, SHORT, Some(WHOLE));
     };
     wider.refits += stated.refits;
     if !wider.unexplained {
         return tolerance::beyond(stated, wider, settings);
     }
     stated.refits = wider.refits;
-    let within = partial::add_part(stated.clone(), settings, &PARTS);
+    let within = partial::add_part(stated.clone(), settings, SHORT, Some(WHOLE));
     // Nothing is left that other friction could explain.
     let left = within.part.map_or(f64::INFINITY, |part| part.left);
     if within.coloured || left < settings.criteria.near {
@@ -88,7 +88,7 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
     // Other friction imitates laws of friction: it has to leave less than what the library explains
     // within the tolerances.
     wider.refits = within.refits;
-    let wider = partial::add_part(wider, settings, &[within.case.ahead]);
+    let wider = partial::add_part(wider, settings, within.case.ahead, None);
     let shrunk = (1.0 - settings.criteria.least_shrink) * within.after.total;
     if wider.after.total < shrunk {
         return tolerance::beyond(stated, wider, settings);

@@ -39,7 +39,7 @@ use crate::effect::Term;
 use crate::fit::{Basis, Effort, Fit, fit};
 use crate::gap::Gap;
 use crate::hypothesis::Run;
-use crate::levels::{follow_slowly, settle};
+use crate::levels::{WHOLE, follow_slowly, settle};
 use crate::noise;
 use crate::screen::screen;
 use exchange::exchange;
@@ -108,7 +108,7 @@ fn tuned(evidence: &Evidence, part: f64, settings: &Settings, sensors: &[(f64, f
 /// Predictions over the whole horizon serve that where something large is missing: over a part of it
 /// they can be good with parameters that let free runs diverge.
 pub(super) fn tuned_within(evidence: &Evidence, settings: &Settings) -> (Fit, Gap) {
-    let stand = tuned(evidence, 1.0, settings, &readings(&evidence.case));
+    let stand = tuned(evidence, WHOLE, settings, &readings(&evidence.case));
     (stand.fit, stand.gap)
 }
 
@@ -277,7 +277,7 @@ fn led_to(
     })
 }
 
-/// Drops the effects that the last one has made superfluous, one after the other: beside the others
+/// Drops the effects that are superfluous, one after the other: beside the others
 /// they gain no more than chance, or free runs are better without beyond their scatter. Those that
 /// signals show stay. Their places, in the order of dropping.
 fn pruned(
@@ -317,37 +317,34 @@ fn pruned(
     }
 }
 
-/// Takes the effects that pay over the parts of the horizon, one after the other while more than
-/// noise is left; the search that leaves the smallest gap.
+/// Takes the effects that pay in predictions over a part of the horizon, and over another one where the
+/// first leaves more than noise; the search that leaves the smaller gap.
 ///
 /// Over a short part friction and timing are found where motion sticks and slips, over all of it play
 /// and what acts slowly.
-fn over(parts: &[f64], evidence: &Evidence, settings: &Settings) -> Partial {
+fn over(first: f64, then: Option<f64>, evidence: &Evidence, settings: &Settings) -> Partial {
+    let nominal = tuned_within(evidence, settings);
+    let mut found = partial(evidence, first, &nominal, settings);
     let noise = settings.criteria.near * evidence.floor;
-    let mut best: Option<Partial> = None;
-    for &part in parts {
-        let refits = best.as_ref().map_or(0, |b| b.refits);
-        let left = best.as_ref().map_or(f64::INFINITY, |b| b.now.gap.total);
-        if left < noise || (best.is_some() && settings.watch.stopped()) {
-            break;
+    let further = then.filter(|_| found.now.gap.total >= noise && !settings.watch.stopped());
+    if let Some(part) = further {
+        let mut other = partial(evidence, part, &nominal, settings);
+        if other.now.gap.total < found.now.gap.total {
+            std::mem::swap(&mut found, &mut other);
         }
-        let mut own = partial(evidence, part, settings);
-        own.refits += refits;
-        match &mut best {
-            Some(best) if best.now.gap.total <= own.now.gap.total => best.refits = own.refits,
-            _ => best = Some(own),
-        }
+        found.refits += other.refits;
     }
-    best.unwrap_or_else(|| partial(evidence, 1.0, settings))
+    found
 }
 
 /// Tunes the nominal structure of a search that explains nothing and takes the effects that pay in
-/// predictions over a part of the horizon.
-fn partial(evidence: &Evidence, part: f64, settings: &Settings) -> Partial {
+/// predictions over a part of the horizon; `nominal` is that structure at its best and its gap, as far
+/// as it is known.
+fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Settings) -> Partial {
     let floor = evidence.floor;
     let sensors = &readings(&evidence.case);
     let mut now = tuned(evidence, part, settings, sensors);
-    let (mut base, mut before) = tuned_within(evidence, settings);
+    let (mut base, mut before) = nominal.clone();
     if now.gap.total < before.total {
         (base, before) = (now.fit.clone(), now.gap.clone());
     }
@@ -498,8 +495,13 @@ fn renewed(case: &mut Case, settings: &Settings, at: &Fit, sensors: &[(f64, f64)
 }
 
 /// Adds to the evidence of a search that explains nothing what the library explains in part, by
-/// predictions over these parts of the horizon.
-pub(super) fn add_part(evidence: Evidence, settings: &Settings, over_parts: &[f64]) -> Evidence {
+/// predictions over a part of the horizon, and over another one where that leaves more than noise.
+pub(super) fn add_part(
+    evidence: Evidence,
+    settings: &Settings,
+    first: f64,
+    then: Option<f64>,
+) -> Evidence {
     let Partial {
         base,
         before,
@@ -510,7 +512,7 @@ pub(super) fn add_part(evidence: Evidence, settings: &Settings, over_parts: &[f6
         shares,
         refits,
         law,
-    } = over(over_parts, &evidence, settings);
+    } = over(first, then, &evidence, settings);
     let Stand {
         case,
         fit,

@@ -11,17 +11,39 @@ use super::{Asked, Stand, round};
 use crate::case::Case;
 use crate::channel::{late_inputs, late_readings};
 use crate::diagnosis::Round;
-use crate::effect::Term;
+use crate::effect::{Effect, Term, Unit};
 use crate::search::refit::Refit;
 use crate::search::settings::Settings;
 use crate::timing::Alignment;
 
-/// The effect by which a velocity reading lags.
-const LAG_OF_VELOCITY: &str = "velocity_filter_lag";
-/// Those by which an input acts late: by a shift, by a shift of what the joint shows, and by a lag.
-const DELAY_OF_INPUT: &str = "input_delay";
-const DELAY_OF_POSITION: &str = "sensor_delay";
-const LAG_OF_INPUT: &str = "actuator_lag";
+/// What an effect of a signal does with its one time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Late {
+    /// A velocity reading lags.
+    Velocity,
+    /// The input acts, or the joint shows, a time later.
+    Shift,
+    /// The input acts by a lag.
+    Lag,
+}
+
+/// What makes a signal late by one time, if an effect does that.
+fn late(effect: &dyn Effect) -> Option<Late> {
+    let [time] = effect.info().parameters else {
+        return None;
+    };
+    if time.unit != Unit::Time {
+        return None;
+    }
+    let (law, some) = (effect.plain(), [1.0]);
+    Some(if law.velocity_lag(&some).is_some() {
+        Late::Velocity
+    } else if effect.memory() > 0 {
+        Late::Lag
+    } else {
+        Late::Shift
+    })
+}
 
 /// What one signal shows.
 #[derive(Debug)]
@@ -63,20 +85,27 @@ pub(super) fn stays(shown: &[Shown], label: &str) -> bool {
 /// What the signals of a case show that its description lacks; the parameters lie `theta` half
 /// tolerances from their nominal values.
 pub(super) fn shown(case: &Case, theta: &[f64], settings: &Settings) -> Vec<Shown> {
-    let term = |id: &str, joint: usize| {
-        let mut all = settings.effects.iter();
-        let effect = all.find(|e| e.info().id == id)?.clone();
-        let unknown = case.known.parameters(id, joint).is_none();
-        unknown.then_some(Term { effect, joint })
+    let terms = |joint: usize, kind: Late, start: Option<f64>| {
+        let all = settings.effects.iter();
+        let own = all.filter(move |e| {
+            let known = case.known.parameters(e.info().id, joint).is_some();
+            late(&***e) == Some(kind) && !known
+        });
+        own.map(move |effect| {
+            let effect = effect.clone();
+            (Term { effect, joint }, Vec::from_iter(start))
+        })
     };
-    let readings = late_readings(case).into_iter();
-    let readings = readings.filter_map(|j| Some(vec![(term(LAG_OF_VELOCITY, j)?, Vec::new())]));
-    let readings = readings.map(|terms| Shown { terms, stays: true });
+    let readings = late_readings(case).into_iter().map(|j| Shown {
+        terms: terms(j, Late::Velocity, None).collect(),
+        stays: true,
+    });
     let inputs = late_inputs(case, theta).into_iter().map(|(j, timing)| {
         let kinds = kinds(&timing, settings.criteria.replaces()).into_iter();
-        let terms = kinds.filter_map(|(id, start)| Some((term(id, j)?, vec![start])));
         Shown {
-            terms: terms.collect(),
+            terms: kinds
+                .flat_map(|(kind, start)| terms(j, kind, Some(start)))
+                .collect(),
             stays: false,
         }
     });
@@ -84,15 +113,17 @@ pub(super) fn shown(case: &Case, theta: &[f64], settings: &Settings) -> Vec<Show
     all.filter(|s| !s.terms.is_empty()).collect()
 }
 
-/// Effects that make an input late in the way found, with their starts; those of a shift and of a lag
-/// where neither is more likely by `replaces`.
-fn kinds(timing: &Alignment, replaces: f64) -> Vec<(&'static str, f64)> {
-    let shift = [DELAY_OF_INPUT, DELAY_OF_POSITION].map(|id| (id, timing.delay));
-    let lag = timing.lag.map(|lag| (LAG_OF_INPUT, lag.time_constant));
-    match timing.lag {
-        Some(other) if other.for_shift < -replaces => lag.into_iter().collect(),
-        Some(other) if other.for_shift < replaces => shift.into_iter().chain(lag).collect(),
-        _ => shift.to_vec(),
+/// What makes an input late in the way found, with its time; a shift and a lag where neither is more
+/// likely by `replaces`.
+fn kinds(timing: &Alignment, replaces: f64) -> Vec<(Late, f64)> {
+    let shift = (Late::Shift, timing.delay);
+    match timing
+        .lag
+        .map(|lag| (lag.for_shift, (Late::Lag, lag.time_constant)))
+    {
+        Some((for_shift, lag)) if for_shift < -replaces => vec![lag],
+        Some((for_shift, lag)) if for_shift < replaces => vec![shift, lag],
+        _ => vec![shift],
     }
 }
 
