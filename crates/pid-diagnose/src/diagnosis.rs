@@ -6,6 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::channel::Reading;
+use crate::effect::Class;
 use crate::free::Form;
 use crate::timing::Alignment;
 
@@ -175,6 +176,29 @@ pub struct Named {
     pub share: Option<f64>,
 }
 
+/// How much of the gap any cause of a class at a joint can remove at most.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ceiling {
+    /// Joint from 1.
+    pub joint: usize,
+    /// What the cause is a function of.
+    pub class: Class,
+    /// Share of the squared gap beyond the floor that a flexible law of the class removes on records
+    /// that were not fitted, 0 to 1.
+    pub share: f64,
+    /// Its interval of 95 %.
+    pub interval: (f64, f64),
+    /// Other classes whose laws correct these records alike.
+    pub confounded: Vec<String>,
+}
+
+impl Ceiling {
+    /// Joint and class in words.
+    pub fn label(&self) -> String {
+        format!("{} at joint {}", self.class.words(), self.joint)
+    }
+}
+
 /// A line of the ranking.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ranked {
@@ -238,6 +262,9 @@ pub struct Remainder {
     pub own_error: bool,
     /// Where the force lives that is still missing beside them; empty if it was not looked for.
     pub missing_force: Vec<Share>,
+    /// What any cause of a class can remove of it at most, largest first; empty if it was not looked for.
+    #[serde(default)]
+    pub ceilings: Vec<Ceiling>,
     /// A law without a name, if one describes most of the gap, and better than the named effects.
     #[serde(default)]
     pub nameless: Option<Nameless>,
@@ -438,6 +465,10 @@ pub struct Diagnosis {
     /// looked for.
     #[serde(default)]
     pub missing_force: Vec<Share>,
+    /// What any cause of a class can remove of the gap before at most, largest first; empty if it was not
+    /// looked for, or if the gap is that of noise.
+    #[serde(default)]
+    pub ceilings: Vec<Ceiling>,
     /// When inputs act and readings show, joint by joint; empty if it was not looked for.
     #[serde(default)]
     pub signals: Vec<Signals>,

@@ -7,7 +7,9 @@
 
 use crate::case::Case;
 use crate::constants::Constants;
-use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Parameter, Site, Unit, parameter};
+use crate::effect::{
+    Class, Commands, Forces, Info, Kind, Law, Model, Parameter, Site, Unit, parameter,
+};
 use crate::scalar::Scalar;
 
 /// Numbers of positions at which a force is given: few find a faint force, many a sharp one.
@@ -25,6 +27,7 @@ static FORCE_OVER_POSITION: Info = Info {
     equation: "additional force f(q), straight between its values at equal distances",
     source: "C. de Boor, A Practical Guide to Splines, 2001, chapter III",
     kind: Kind::Force,
+    class: Class::Position,
     has_joint: true,
     parameters: &[FORCE; FEW],
     starts: &[&[0.0; FEW]],
@@ -50,6 +53,7 @@ static GAIN_OVER_TIME: Info = Info {
     title: "A gain over the time",
     equation: "u_a = u (1 + g(t)), straight between its values at equal distances",
     kind: Kind::Channel,
+    class: Class::Time,
     parameters: &[GAIN; TIMES],
     starts: &[&[0.0; TIMES]],
     amplitudes: &first::<TIMES>(),

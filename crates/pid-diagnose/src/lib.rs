@@ -26,6 +26,7 @@
 //!     equation: "additional force −K₃ q³",
 //!     source: "G. Duffing 1918",
 //!     kind: Kind::Force,
+//!     class: Class::Position,
 //!     has_joint: true,
 //!     parameters: &[parameter("cubic", "N*m/rad^3", Unit::One, -1e3, 1e3)],
 //!     starts: &[&[0.1]],
@@ -59,6 +60,7 @@
 #[cfg(test)]
 mod bench;
 pub mod case;
+mod ceilings;
 pub mod channel;
 pub mod criteria;
 pub mod diagnosis;

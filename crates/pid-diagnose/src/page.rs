@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use pid_page::{Bar, Footer, Ink, Legend, Page, bars, figure, legend};
 
-use crate::diagnosis::{Diagnosis, Named, Nameless, Remainder};
+use crate::diagnosis::{Ceiling, Diagnosis, Named, Nameless, Remainder};
 use crate::effects;
 use crate::free::Form;
 use crate::locate::{Axis, MissingForce, classes};
@@ -51,7 +51,7 @@ fn content(report: &Report) -> Markup {
     html! {
         @if let Some(law) = law(d) { section { (nameless(report, law)) } }
         @if let Some(budget) = budget(d) { section { (budget) } }
-        @for e in &d.effects { section { (effect(e)) } }
+        @for e in &d.effects { section { (effect(d, e)) } }
         @if !d.beyond_tolerance.is_empty() {
             section {
                 h2 { "Outside its tolerance" }
@@ -73,6 +73,17 @@ fn content(report: &Report) -> Markup {
             p class="quiet" { "Free-run error on records that were not fitted, relative to the motion; the floor is what noise alone leaves. Intervals of 95 % from the windows of the records." }
             (gaps(d))
             (joints(d))
+        }
+        @if !d.ceilings.is_empty() {
+            section {
+                h2 { "What any cause can remove at most" }
+                p class="quiet" {
+                    "A flexible law of each class was fitted at each joint, with the nominal parameters free, and judged on motions "
+                    "that were not fitted. Share of the squared gap beyond the floor, with its interval of 95 %. Causes of "
+                    "different classes can explain the same: the shares do not add up."
+                }
+                (ceilings(&d.ceilings))
+            }
         }
         section { (located(report)) }
         @if !d.signals.is_empty() { section { (signals(report)) } }
@@ -381,15 +392,55 @@ fn remainder(d: &Diagnosis, r: &Remainder) -> Markup {
                 }
             }
         } }
+        @if !r.ceilings.is_empty() {
+            p { "What any cause of a class can remove of what is left, at most:" }
+            (ceilings(&r.ceilings))
+        }
     }
 }
 
-fn effect(e: &Named) -> Markup {
+/// The largest ceilings, and how many are below.
+fn ceilings(all: &[Ceiling]) -> Markup {
+    let shown = all
+        .iter()
+        .take_while(|c| c.share >= SMALL)
+        .take(MOST)
+        .count();
+    html! {
+        @if shown > 0 {
+            div.scroll { table {
+                thead { tr { th { "a function of" } th { "joint" } th.num { "at most" } th.num { "interval" } th { "corrects the same" } } }
+                @for c in &all[..shown] {
+                    tr {
+                        td { (c.class.words()) }
+                        td { (c.joint) }
+                        td class="num" { (format!("{:.0} %", 100.0 * c.share)) }
+                        td class="num" { (format!("{:.0} to {:.0} %", 100.0 * c.interval.0, 100.0 * c.interval.1)) }
+                        td { (c.confounded.join(", ")) }
+                    }
+                }
+            } }
+        }
+        p class="quiet" { (all.len() - shown) " of " (all.len()) " classes at their joints can remove less." }
+    }
+}
+
+/// Ceilings below this are not shown one by one, nor more than this many.
+const SMALL: f64 = 0.05;
+const MOST: usize = 12;
+
+fn effect(d: &Diagnosis, e: &Named) -> Markup {
     let known = effects::by_id(&e.effect).map(|x| x.info());
     html! {
         h2 { (place(&e.effect, e.joint)) }
         @if let Some(info) = known {
             p { (info.title) ": " span class="equation" { (info.equation) } ". " (info.source) "." }
+            @if let Some(c) = d.ceilings.iter().find(|c| Some(c.joint) == e.joint && c.class == info.class && c.share > 0.0) {
+                p {
+                    "Any cause that is a function of " (c.class.words()) " at this joint removes at most "
+                    (format!("{:.0} %", 100.0 * c.share)) " of the gap."
+                }
+            }
         }
         div.scroll { table {
             thead { tr { th { "parameter" } th.num { "value" } th.num { "standard deviation" } } }

@@ -6,7 +6,9 @@ use pid_data::Dataset;
 use pid_runtime::dynamics::Dynamics;
 
 use crate::case::{Case, CaseError, outlier_warnings};
+use crate::ceilings::{About, ceilings, raise};
 use crate::channel::{self, inputs, readings};
+use crate::diagnosis::Ceiling;
 use crate::diagnosis::{Diagnosis, Next, Share, Signals, Verdict};
 use crate::extended::extended;
 use crate::fit::Fit;
@@ -14,7 +16,7 @@ use crate::locate::{MissingForce, locate, residual_force};
 use crate::next::{Experiment, separate};
 use crate::nominal::Nominal;
 use crate::numerics;
-use crate::search::{Evidence, Settings, Surroundings, search};
+use crate::search::{Evidence, Settings, Surroundings, search, share};
 
 /// A file of a report cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -127,7 +129,12 @@ impl Report {
             .remainder
             .as_ref()
             .map(|_| shares(&residual_force(&evidence.case, &evidence.fit)));
+        let ceilings = match stopped {
+            true => [Vec::new(), Vec::new()],
+            false => ceilings_of(&case, &evidence),
+        };
         let diagnosis = evidence.diagnosis(Surroundings {
+            ceilings,
             missing_force: place.as_ref().map_or_else(|_| Vec::new(), shares),
             left_force: left.unwrap_or_default(),
             signals: signals(&case, &evidence.base),
@@ -161,6 +168,51 @@ impl Report {
 
 /// What is said of a search that was asked to stop.
 const STOPPED: &str = "the search was stopped before its end: causes may be missing, and the verdict is that of what was found so far";
+
+/// What any cause of a class can remove at most: of the gap before, and of what the named effects leave,
+/// if they leave something; `case` has the levels of the sensors.
+fn ceilings_of(case: &Case, found: &Evidence) -> [Vec<Ceiling>; 2] {
+    let mut records = found.case.clone();
+    records.noise = case.noise.clone();
+    let about = |fit, gap| {
+        let floor = found.floor;
+        ceilings(&About {
+            case: &records,
+            fit,
+            gap,
+            floor,
+        })
+    };
+    let left = found.remainder.is_some() && !found.effects.is_empty();
+    let mut before = about(&found.base, &found.before);
+    for (effect, joint, gap) in tried_alone(found) {
+        let share = share(found.before.total, gap, found.floor);
+        raise(&mut before, (effect, joint), share);
+    }
+    before.sort_by(|a, b| b.share.total_cmp(&a.share));
+    [
+        before,
+        if left {
+            about(&found.fit, &found.after)
+        } else {
+            Vec::new()
+        },
+    ]
+}
+
+/// Effects that were fitted with no other beside them: identifier, joint, and gap on the test records.
+fn tried_alone(found: &Evidence) -> Vec<(&str, usize, f64)> {
+    let rounds = found.rounds.iter().filter(|r| r.beside.is_empty());
+    let tried = rounds.flat_map(|r| &r.candidates).filter_map(|c| {
+        let (effect, joint) = c.label.split_once(':')?;
+        Some((effect, joint.parse().ok()?, c.gap))
+    });
+    let only = match &found.effects[..] {
+        [only] => only.joint.map(|j| (&*only.effect, j, found.after.total)),
+        _ => None,
+    };
+    tried.chain(only).collect()
+}
 
 fn signals(case: &Case, base: &Fit) -> Vec<Signals> {
     // Where the structure cannot be evaluated the missing force says why.

@@ -46,7 +46,7 @@ pub(super) fn overdamped(case: &Case, fit: &Fit) -> bool {
 }
 
 /// Directions of the nominal parameters that the records determine: a gear that gives way shows more of them.
-pub(super) fn directions(case: &Case, fit: &Fit) -> Basis {
+pub(crate) fn directions(case: &Case, fit: &Fit) -> Basis {
     if fit.hypothesis.terms.iter().any(has_state) {
         basis_beside(case, &fit.hypothesis, &fit.point)
     } else {

@@ -10,7 +10,7 @@ use crate::case::Case;
 use crate::circumstances::equal_to;
 use crate::criteria::Criteria;
 use crate::diagnosis::{
-    Beyond, Diagnosis, Magnitude, Named, Next, Outcome, Ranked, Remainder, Residue, Round,
+    Beyond, Ceiling, Diagnosis, Magnitude, Named, Next, Outcome, Ranked, Remainder, Residue, Round,
     SCHEMA_VERSION, Share, Signals, Verdict,
 };
 use crate::effect::Term;
@@ -115,6 +115,8 @@ pub struct Surroundings {
     pub missing_force: Vec<Share>,
     /// Missing force beside the named effects; shown where something is left.
     pub left_force: Vec<Share>,
+    /// What any cause of a class can remove at most: of the gap before, and of what is left.
+    pub ceilings: [Vec<Ceiling>; 2],
     /// When inputs act and readings show.
     pub signals: Vec<Signals>,
     /// What reading the records found odd.
@@ -146,6 +148,7 @@ impl Evidence {
             explained: share(before.total, after.total, floor),
             own_error: false,
             missing_force: Vec::new(),
+            ceilings: Vec::new(),
             nameless: described(
                 &selection.case,
                 criteria,
@@ -334,8 +337,10 @@ impl Evidence {
             Verdict::OutsideTolerance { .. } => friction(&self.beyond),
             _ => self.effects.clone(),
         };
+        let [ceilings, of_the_rest] = around.ceilings;
         let remainder = self.remainder.clone().map(|left| Remainder {
             missing_force: around.left_force,
+            ceilings: of_the_rest,
             ..left
         });
         Diagnosis {
@@ -352,6 +357,7 @@ impl Evidence {
             gap_joints_before: self.before.joints.clone(),
             gap_shares: self.shares.clone(),
             missing_force: around.missing_force,
+            ceilings,
             signals: around.signals,
             warnings: around.warnings,
             next_experiment: around.next,

@@ -29,7 +29,7 @@ pub(super) fn noise_alone(case: &Case, fit: &Fit) -> Floor {
 }
 
 /// Share of the squared gap beyond the floor that a model with the gap `after` explains, 0 to 1.
-pub(super) fn share(before: f64, after: f64, floor: f64) -> f64 {
+pub(crate) fn share(before: f64, after: f64, floor: f64) -> f64 {
     let possible = before * before - floor * floor;
     if possible > 0.0 {
         ((before * before - after * after) / possible).clamp(0.0, 1.0)

@@ -109,7 +109,7 @@ mod tests {
     use crate::bench::{SIZE, named, pendulum_under};
     use crate::constants::Constants;
     use crate::diagnosis::Verdict;
-    use crate::effect::{Commands, Forces, Info, Kind, Law, Model, Site, Unit, parameter};
+    use crate::effect::{Class, Commands, Forces, Info, Kind, Law, Model, Site, Unit, parameter};
     use crate::fit::{Effort, Point, basis, fit};
     use crate::free::Form;
     use crate::hypothesis::Hypothesis;
@@ -158,6 +158,7 @@ mod tests {
         equation: "",
         source: "",
         kind: Kind::Force,
+        class: Class::Position,
         has_joint: true,
         confusions: &[],
         regime: "",
@@ -237,6 +238,7 @@ mod tests {
             parameter("time_constant", "s", Unit::Time, 0.1, 100.0),
         ],
         kind: Kind::Channel,
+        class: Class::Time,
         ..STOP
     };
     impl Model for Fade {

@@ -2,7 +2,7 @@
 //!
 //! Source: G. F. Franklin, J. D. Powell, M. Workman, Digital Control of Dynamic Systems, 1998, section 4.3.
 
-use crate::effect::{Commands, Flow, Flowing, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Class, Commands, Flow, Flowing, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The drive answers with a first-order lag.
@@ -15,6 +15,7 @@ static INFO: Info = Info {
     equation: "T du_a/dt = u − u_a, exact for held commands",
     source: "G. F. Franklin, J. D. Powell, M. Workman, Digital Control of Dynamic Systems, 1998, section 4.3",
     kind: Kind::State,
+    class: Class::InputTiming,
     has_joint: true,
     parameters: &[parameter("time_constant_s", "s", Unit::Time, 0.0001, 0.4)],
     starts: &[&[0.002], &[0.008], &[0.025], &[0.07]],

@@ -3,7 +3,7 @@
 //!
 //! Source: M. Nordin, P.-O. Gutman, Automatica 38(10), 2002.
 
-use crate::effect::{Gear, Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
+use crate::effect::{Class, Gear, Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
 use crate::scalar::Scalar;
 
 /// Free travel between rotor and link.
@@ -16,6 +16,7 @@ static INFO: Info = Info {
     equation: "as joint elasticity, with a stiff spring and damper only where |q_m − q_l| > gap/2, and a damper throughout",
     source: "M. Nordin, P.-O. Gutman, Automatica 38(10), 2002",
     kind: Kind::State,
+    class: Class::Reversal,
     has_joint: true,
     parameters: &[
         parameter("gap", "rad", Unit::Range, 1e-05, 0.2),

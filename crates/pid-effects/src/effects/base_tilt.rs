@@ -3,7 +3,7 @@
 //! Source: ISO 9946; W. Khalil, E. Dombre 2002, section 11.6.
 
 use crate::constants::{Constant, Constants};
-use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Class, EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The base is not level.
@@ -16,6 +16,7 @@ static INFO: Info = Info {
     equation: "the base is turned by (x, y) rad; gravity turns in base axes",
     source: "ISO 9946; W. Khalil, E. Dombre 2002, section 11.6",
     kind: Kind::Force,
+    class: Class::Inertia,
     has_joint: false,
     parameters: &[
         parameter("tilt_x", "rad", Unit::Angle, -0.6, 0.6),

@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 
 use crate::constants::Constants;
 use crate::effect::{
-    Forces, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
+    Class, Forces, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
 };
 use crate::scalar::Scalar;
 
@@ -23,6 +23,7 @@ static INFO: Info = Info {
     equation: "additional force a sin(w q) + b cos(w q) = A sin(w q + φ)",
     source: "P. C. Krause et al., Analysis of Electric Machinery and Drive Systems, 2013, section 15.7",
     kind: Kind::Force,
+    class: Class::Position,
     has_joint: true,
     parameters: &[
         parameter("sine", "N*m", Unit::Torque, -2.0, 2.0),

@@ -2,7 +2,9 @@
 //!
 //! Source: B. Armstrong-Hélouvry, Control of Machines with Friction, 1991, section 5.3.
 
-use crate::effect::{EqualWhen, Friction, Info, Kind, Law, Model, Site, Source, Unit, parameter};
+use crate::effect::{
+    Class, EqualWhen, Friction, Info, Kind, Law, Model, Site, Source, Unit, parameter,
+};
 use crate::scalar::Scalar;
 
 /// Friction differs between directions.
@@ -15,6 +17,7 @@ static INFO: Info = Info {
     equation: "friction (f_c sgn v + f_v v)(1 + a sgn v)",
     source: "B. Armstrong-Hélouvry, Control of Machines with Friction, 1991, section 5.3",
     kind: Kind::Force,
+    class: Class::Velocity,
     has_joint: true,
     parameters: &[parameter("asymmetry", "1", Unit::One, -0.98, 0.98)],
     starts: &[&[0.1]],

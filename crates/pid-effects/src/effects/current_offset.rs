@@ -2,7 +2,7 @@
 //!
 //! Source: data sheets of current sensors.
 
-use crate::effect::{Commands, EqualWhen, Info, Kind, Law, Model, Source, Unit, parameter};
+use crate::effect::{Class, Commands, EqualWhen, Info, Kind, Law, Model, Source, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// A constant error of the input.
@@ -15,6 +15,7 @@ static INFO: Info = Info {
     equation: "u_a = u + u₀",
     source: "data sheets of current sensors",
     kind: Kind::Channel,
+    class: Class::Position,
     has_joint: true,
     parameters: &[parameter("offset", "A", Unit::Input, -1.0, 1.0)],
     starts: &[&[0.02]],

@@ -2,7 +2,7 @@
 //!
 //! Source: D. A. Recker, P. V. Kokotović, IEEE CDC 1991.
 
-use crate::effect::{Commands, Info, Kind, Law, Model, Source, Unit, parameter};
+use crate::effect::{Class, Commands, Info, Kind, Law, Model, Source, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// Small inputs do nothing.
@@ -15,6 +15,7 @@ static INFO: Info = Info {
     equation: "u_a = sgn(u) max(|u| − w, 0)",
     source: "D. A. Recker, P. V. Kokotović, IEEE CDC 1991",
     kind: Kind::Channel,
+    class: Class::Load,
     has_joint: true,
     parameters: &[parameter("half_width", "A", Unit::Input, 0.0, 0.6)],
     starts: &[&[0.02], &[0.08]],

@@ -2,7 +2,7 @@
 //!
 //! Source: encoder data sheets; A = √(a² + b²).
 
-use crate::effect::{Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
+use crate::effect::{Class, Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
 use crate::scalar::Scalar;
 
 /// The encoder disc runs out of true.
@@ -15,6 +15,7 @@ static INFO: Info = Info {
     equation: "reading q + a sin q + b cos q; velocity times its derivative",
     source: "encoder data sheets; A = √(a² + b²)",
     kind: Kind::Channel,
+    class: Class::Position,
     has_joint: true,
     parameters: &[
         parameter("sine", "rad", Unit::Angle, -0.3, 0.3),

@@ -2,7 +2,7 @@
 //!
 //! Source: W. Khalil, E. Dombre 2002, section 11.3.
 
-use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Class, EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The encoder zero is wrong.
@@ -15,6 +15,7 @@ static INFO: Info = Info {
     equation: "reading q + d",
     source: "W. Khalil, E. Dombre 2002, section 11.3",
     kind: Kind::Channel,
+    class: Class::Position,
     has_joint: true,
     parameters: &[parameter("offset", "rad", Unit::Range, -0.3, 0.3)],
     starts: &[&[0.005]],

@@ -2,7 +2,7 @@
 //!
 //! Source: A. De Luca, R. Mattone, IEEE ICRA 2005.
 
-use crate::effect::{Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
+use crate::effect::{Class, Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
 use crate::scalar::Scalar;
 
 /// Something pushes the tool.
@@ -15,6 +15,7 @@ static INFO: Info = Info {
     equation: "a force on the tool point, fixed in base axes, on within time windows",
     source: "A. De Luca, R. Mattone, IEEE ICRA 2005",
     kind: Kind::Force,
+    class: Class::Time,
     has_joint: false,
     parameters: &[
         parameter("force_x", "N", Unit::Force, -20.0, 20.0),

@@ -2,7 +2,7 @@
 //!
 //! Source: A. C. Bittencourt, S. Gunnarsson, ASME J. Dyn. Syst. Meas. Control 134(5), 2012.
 
-use crate::effect::{Friction, Info, Kind, Law, Model, Site, Unit, parameter};
+use crate::effect::{Class, Friction, Info, Kind, Law, Model, Site, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// Friction falls while the joint warms up.
@@ -15,6 +15,7 @@ static INFO: Info = Info {
     equation: "f_c and f_v times 1 + a exp(−t/T)",
     source: "A. C. Bittencourt, S. Gunnarsson, ASME J. Dyn. Syst. Meas. Control 134(5), 2012",
     kind: Kind::State,
+    class: Class::Time,
     has_joint: true,
     parameters: &[
         parameter("cold_excess", "1", Unit::One, -0.9, 6.0),

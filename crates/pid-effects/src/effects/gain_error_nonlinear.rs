@@ -3,7 +3,7 @@
 //! Source: saturation of the iron; P. C. Krause et al., 2013, section 2.3.
 
 use crate::effect::{
-    Commands, Info, Kind, Law, Model, Quantity, Source, Unit, parameter, quantity,
+    Class, Commands, Info, Kind, Law, Model, Quantity, Source, Unit, parameter, quantity,
 };
 use crate::scalar::Scalar;
 
@@ -17,6 +17,7 @@ static INFO: Info = Info {
     equation: "u_a = u / (1 + b u²), b = droop/u_n²",
     source: "saturation of the iron; P. C. Krause et al., 2013, section 2.3",
     kind: Kind::Channel,
+    class: Class::Load,
     has_joint: true,
     parameters: &[parameter(
         "droop_per_input_squared",

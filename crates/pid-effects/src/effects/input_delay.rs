@@ -2,7 +2,7 @@
 //!
 //! Source: K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 1997, section 2.3.
 
-use crate::effect::{Commands, EqualWhen, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Class, Commands, EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The drive acts later.
@@ -15,6 +15,7 @@ static INFO: Info = Info {
     equation: "u_a(t) = u(t − T)",
     source: "K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 1997, section 2.3",
     kind: Kind::Channel,
+    class: Class::InputTiming,
     has_joint: true,
     parameters: &[parameter("delay_s", "s", Unit::Time, 0.0, 0.25)],
     starts: &[&[0.003], &[0.01], &[0.03]],

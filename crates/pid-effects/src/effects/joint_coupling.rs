@@ -4,7 +4,7 @@
 
 use crate::constants::Constants;
 use crate::effect::{
-    Forces, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
+    Class, Forces, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
 };
 use crate::scalar::Scalar;
 
@@ -18,6 +18,7 @@ static INFO: Info = Info {
     equation: "potential K/2 (q_j + ρ q_i)² − c (q_j + ρ q_i), i the joint before",
     source: "L.-W. Tsai, Robot Analysis, 1999, chapter 7",
     kind: Kind::Force,
+    class: Class::Coupling,
     has_joint: true,
     parameters: &[
         parameter("stiffness", "N*m/rad", Unit::Stiffness, 0.0, 10.0),

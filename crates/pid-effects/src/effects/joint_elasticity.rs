@@ -3,7 +3,7 @@
 //!
 //! Source: M. W. Spong, ASME J. Dyn. Syst. Meas. Control 109(4), 1987.
 
-use crate::effect::{Gear, Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
+use crate::effect::{Class, Gear, Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
 use crate::scalar::Scalar;
 
 /// Rotor and link are joined by a spring.
@@ -16,6 +16,7 @@ static INFO: Info = Info {
     equation: "torque K (q_m − q_l) + K T (dq_m − dq_l) between rotor and link, K = 1/compliance",
     source: "M. W. Spong, ASME J. Dyn. Syst. Meas. Control 109(4), 1987",
     kind: Kind::State,
+    class: Class::Load,
     has_joint: true,
     parameters: &[
         parameter("compliance", "rad/(N*m)", Unit::Compliance, 1e-05, 0.6),

@@ -2,7 +2,7 @@
 //!
 //! Source: P. Hamon, M. Gautier, P. Garrec, IEEE/RSJ IROS 2010.
 
-use crate::effect::{Friction, Info, Kind, Law, Model, Site, Source, Unit, parameter};
+use crate::effect::{Class, Friction, Info, Kind, Law, Model, Site, Source, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// Dry friction grows with the torque through the gear.
@@ -15,6 +15,7 @@ static INFO: Info = Info {
     equation: "friction level f_c + μ |τ_l|",
     source: "P. Hamon, M. Gautier, P. Garrec, IEEE/RSJ IROS 2010",
     kind: Kind::Force,
+    class: Class::Load,
     has_joint: true,
     parameters: &[parameter("load_coefficient", "1", Unit::One, 0.0, 1.5)],
     starts: &[&[0.1]],

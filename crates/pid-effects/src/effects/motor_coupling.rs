@@ -6,7 +6,7 @@
 
 use crate::constants::Constants;
 use crate::effect::{
-    Forces, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
+    Class, Forces, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
 };
 use crate::scalar::Scalar;
 
@@ -24,6 +24,7 @@ static INFO: Info = Info {
     equation: "friction −f_v w − f_c tanh(w/w₀) on w = v_j + ρ v_i, with ρ times that on joint i, the joint before",
     source: "M. Gautier, S. Briot, ASME J. Dyn. Syst. Meas. Control 136(5), 2014 (the wrist of the Stäubli TX40)",
     kind: Kind::Force,
+    class: Class::Coupling,
     has_joint: true,
     parameters: &[
         parameter("viscous", "N*m*s/rad", Unit::Damping, 0.0, 2.0),

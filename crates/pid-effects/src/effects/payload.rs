@@ -3,7 +3,7 @@
 //! Source: W. Khalil, M. Gautier, P. Lemoine, IEEE ICRA 2007.
 
 use crate::constants::Constants;
-use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Class, EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// An unmodelled mass at the tool.
@@ -16,6 +16,7 @@ static INFO: Info = Info {
     equation: "point mass at the tool point",
     source: "W. Khalil, M. Gautier, P. Lemoine, IEEE ICRA 2007",
     kind: Kind::Force,
+    class: Class::Inertia,
     has_joint: false,
     parameters: &[parameter("mass", "kg", Unit::Mass, -0.2, 5.0)],
     starts: &[&[0.05]],

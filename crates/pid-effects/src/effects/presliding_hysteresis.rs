@@ -6,7 +6,7 @@
 
 use crate::constants::{Constant, Constants};
 use crate::effect::{
-    After, Flow, Flowing, Forces, Friction, Info, Kind, Law, Model, Site, Unit, parameter,
+    After, Class, Flow, Flowing, Forces, Friction, Info, Kind, Law, Model, Site, Unit, parameter,
 };
 use crate::scalar::Scalar;
 
@@ -20,6 +20,7 @@ static INFO: Info = Info {
     equation: "dz/dt = v − |v| z/z_s, friction f_c (z + T₁ dz/dt)/z_s in place of dry friction",
     source: "P. R. Dahl 1968; C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, IEEE TAC 40(3), 1995, with a constant level",
     kind: Kind::State,
+    class: Class::Reversal,
     has_joint: true,
     parameters: &[
         parameter("presliding_range", "rad", Unit::Range, 1e-05, 0.2),

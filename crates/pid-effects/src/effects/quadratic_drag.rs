@@ -3,7 +3,7 @@
 //! Source: G. K. Batchelor, An Introduction to Fluid Dynamics, 1967, section 5.11.
 
 use crate::constants::Constants;
-use crate::effect::{Forces, Info, Kind, Law, Model, Site, Source, Unit, parameter};
+use crate::effect::{Class, Forces, Info, Kind, Law, Model, Site, Source, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// Drag with the square of the speed.
@@ -16,6 +16,7 @@ static INFO: Info = Info {
     equation: "additional force −c v |v|",
     source: "G. K. Batchelor, An Introduction to Fluid Dynamics, 1967, section 5.11",
     kind: Kind::Force,
+    class: Class::Velocity,
     has_joint: true,
     parameters: &[parameter("drag", "N*m*s^2", Unit::Drag, 0.0, 20.0)],
     starts: &[&[0.1]],

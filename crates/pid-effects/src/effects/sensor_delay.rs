@@ -2,7 +2,7 @@
 //!
 //! Source: K. J. Åström, B. Wittenmark 1997, section 2.3.
 
-use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Class, EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The readings come later.
@@ -15,6 +15,7 @@ static INFO: Info = Info {
     equation: "q and dq are read T after they were true",
     source: "K. J. Åström, B. Wittenmark 1997, section 2.3",
     kind: Kind::Channel,
+    class: Class::PositionTiming,
     has_joint: true,
     parameters: &[parameter("delay_s", "s", Unit::Time, 0.0, 0.25)],
     starts: &[&[0.003], &[0.01], &[0.03]],

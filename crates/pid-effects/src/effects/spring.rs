@@ -4,7 +4,7 @@
 
 use crate::constants::Constants;
 use crate::effect::{
-    Forces, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
+    Class, Forces, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
 };
 use crate::scalar::Scalar;
 
@@ -18,6 +18,7 @@ static INFO: Info = Info {
     equation: "additional force c − K q = −K (q − c/K)",
     source: "MuJoCo documentation, joint stiffness",
     kind: Kind::Force,
+    class: Class::Position,
     has_joint: true,
     parameters: &[
         parameter("stiffness", "N*m/rad", Unit::Stiffness, 0.0, 20.0),

@@ -4,7 +4,7 @@
 //! 1994, section 2.1.
 
 use crate::effect::{
-    Friction, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
+    Class, Friction, Info, Kind, Law, Model, Quantity, Site, Source, Unit, parameter, quantity,
 };
 use crate::scalar::Scalar;
 
@@ -18,6 +18,7 @@ static INFO: Info = Info {
     equation: "friction level f_c (1 + x exp(−(v/v_s)²)), x = static/Coulomb − 1",
     source: "R. Stribeck 1902; B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7), 1994, section 2.1",
     kind: Kind::Force,
+    class: Class::Velocity,
     has_joint: true,
     parameters: &[
         parameter("excess", "1", Unit::One, 0.0, 8.0),

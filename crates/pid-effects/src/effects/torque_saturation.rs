@@ -3,7 +3,7 @@
 //! Source: data sheets of drives; K. J. Åström, L. Rundqwist, ACC 1989.
 
 use crate::effect::{
-    Commands, Info, Kind, Law, Model, Quantity, Source, Unit, parameter, quantity,
+    Class, Commands, Info, Kind, Law, Model, Quantity, Source, Unit, parameter, quantity,
 };
 use crate::scalar::Scalar;
 
@@ -17,6 +17,7 @@ static INFO: Info = Info {
     equation: "k u_a within ± limit",
     source: "data sheets of drives; K. J. Åström, L. Rundqwist, ACC 1989",
     kind: Kind::Channel,
+    class: Class::Load,
     has_joint: true,
     parameters: &[parameter("limit_input", "A", Unit::Input, 0.05, 1.2)],
     starts: &[&[0.9], &[0.7], &[0.5], &[0.3]],

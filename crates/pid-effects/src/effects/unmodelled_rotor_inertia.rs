@@ -3,7 +3,7 @@
 //! Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002, section 9.4.
 
 use crate::constants::{Constant, Constants};
-use crate::effect::{EqualWhen, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Class, EqualWhen, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The rotor is heavier than stated.
@@ -16,6 +16,7 @@ static INFO: Info = Info {
     equation: "M_jj + J",
     source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002, section 9.4",
     kind: Kind::Force,
+    class: Class::Inertia,
     has_joint: true,
     parameters: &[parameter(
         "extra_inertia",

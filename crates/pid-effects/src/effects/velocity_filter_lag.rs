@@ -2,7 +2,7 @@
 //!
 //! Source: drive manuals.
 
-use crate::effect::{Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Class, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// The velocity reading lags.
@@ -15,6 +15,7 @@ static INFO: Info = Info {
     equation: "T dw/dt = v − w, w is read",
     source: "drive manuals",
     kind: Kind::Channel,
+    class: Class::VelocityTiming,
     has_joint: true,
     parameters: &[parameter("time_constant_s", "s", Unit::Time, 0.0, 0.5)],
     starts: &[&[0.003], &[0.02]],

@@ -77,10 +77,16 @@ struct Stand {
     gap: Gap,
 }
 
-/// The nominal structure under the levels of its own errors, predicted over a part of the horizon;
-/// `sensors` are the levels of the readings.
-fn tuned(evidence: &Evidence, part: f64, settings: &Settings, sensors: &[(f64, f64)]) -> Stand {
-    let (mut case, at) = (evidence.case.clone(), &evidence.base);
+/// A model under the levels of its own errors, predicted over a part of the horizon; `sensors` are the
+/// levels of the readings.
+fn tuned(
+    evidence: &Evidence,
+    at: &Fit,
+    part: f64,
+    settings: &Settings,
+    sensors: &[(f64, f64)],
+) -> Stand {
+    let mut case = evidence.case.clone();
     follow_slowly(&mut case, part);
     let mut fitted = at.clone();
     fitted.hypothesis.run = Run::default();
@@ -108,7 +114,8 @@ fn tuned(evidence: &Evidence, part: f64, settings: &Settings, sensors: &[(f64, f
 /// Predictions over the whole horizon serve that where something large is missing: over a part of it
 /// they can be good with parameters that let free runs diverge.
 pub(super) fn tuned_within(evidence: &Evidence, settings: &Settings) -> (Fit, Gap) {
-    let stand = tuned(evidence, WHOLE, settings, &readings(&evidence.case));
+    let sensors = readings(&evidence.case);
+    let stand = tuned(evidence, &evidence.base, WHOLE, settings, &sensors);
     (stand.fit, stand.gap)
 }
 
@@ -343,7 +350,7 @@ fn over(first: f64, then: Option<f64>, evidence: &Evidence, settings: &Settings)
 fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Settings) -> Partial {
     let floor = evidence.floor;
     let sensors = &readings(&evidence.case);
-    let mut now = tuned(evidence, part, settings, sensors);
+    let mut now = tuned(evidence, &evidence.base, part, settings, sensors);
     let (mut base, mut before) = nominal.clone();
     if now.gap.total < before.total {
         (base, before) = (now.fit.clone(), now.gap.clone());
@@ -395,6 +402,15 @@ fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Sett
             .is_some_and(|r| !r.dropped.is_empty() && !r.exchange);
         if circles && now.gap.total >= before {
             break;
+        }
+    }
+    if part < WHOLE && !taken.is_empty() && !settings.watch.stopped() {
+        settings
+            .watch
+            .step("shares of the gap: all parameters over the whole horizon");
+        let whole = tuned(evidence, &now.fit, WHOLE, settings, sensors);
+        if whole.gap.total < now.gap.total {
+            now = whole;
         }
     }
     // Noise alone leaves no more than what is reached.
@@ -565,6 +581,7 @@ pub(super) fn add_part(
             explained: explained(after.total),
             own_error: true,
             missing_force: Vec::new(),
+            ceilings: Vec::new(),
             nameless,
         }),
         rivals: ranking.into_iter().map(|r| r.0.fit).collect(),
