@@ -6,7 +6,7 @@ use std::time::Instant;
 use pid_data::Dataset;
 use pid_diagnose::extended::free_run_gap;
 use pid_diagnose::nominal::Nominal;
-use pid_interpret::nominal as description;
+use pid_page::number::short;
 use pid_report::{Fit, Setting, Verdict, judge};
 
 use crate::args::SimulateArgs;
@@ -91,12 +91,12 @@ fn gap_with_effects(args: &SimulateArgs) -> Result<Option<String>, CliError> {
         false => names.join(", "),
     };
     let joints = gap.joints.iter().enumerate().map(|(j, (q, v))| {
-        let velocity = v.map_or(String::new(), |v| format!(", velocity {v:.4}"));
-        format!("  joint {}: position {q:.4}{velocity}\n", j + 1)
+        let velocity = v.map_or(String::new(), |v| format!(", velocity {}", short(v)));
+        format!("  joint {}: position {}{velocity}\n", j + 1, short(*q))
     });
     Ok(Some(format!(
-        "free-run gap by the simulator of the diagnosis, with {with}: {:.4}\n{}",
-        gap.total,
+        "free-run gap by the simulator of the diagnosis, with {with}: {}\n{}",
+        short(gap.total),
         joints.collect::<String>()
     )))
 }

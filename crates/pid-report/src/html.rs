@@ -1,6 +1,7 @@
 //! The content of the page; layout and plots are those of `pid_page`.
 
 use maud::{Markup, html};
+use pid_page::number::{short, unit, value as number, with_deviation};
 use pid_page::{Footer, Ink, Legend, Page, figure, legend};
 
 use super::plot::{self, Axes};
@@ -50,43 +51,6 @@ pub(super) fn page(report: &Report) -> String {
         },
     };
     page.html()
-}
-
-/// Five significant digits, without trailing zeros.
-pub(super) fn number(v: f64) -> String {
-    digits(v, 5)
-}
-
-/// Three significant digits, for errors and shares.
-pub(super) fn short(v: f64) -> String {
-    digits(v, 3)
-}
-
-fn digits(v: f64, significant: i32) -> String {
-    if v == 0.0 {
-        return "0".into();
-    }
-    if !v.is_finite() {
-        return "–".into();
-    }
-    let magnitude = v.abs().log10().floor();
-    let text = if (-4.0..6.0).contains(&magnitude) {
-        let decimals = (significant - 1 - magnitude as i32).clamp(0, 9) as usize;
-        let text = format!("{v:.decimals$}");
-        if text.contains('.') {
-            text.trim_end_matches('0').trim_end_matches('.').to_owned()
-        } else {
-            text
-        }
-    } else {
-        format!("{v:.*e}", (significant - 1).min(3) as usize)
-    };
-    text.replace('-', "\u{2212}")
-}
-
-/// Units as people write them.
-pub(super) fn unit(u: &str) -> String {
-    u.replace("^2", "²").replace("^3", "³").replace('*', "·")
 }
 
 fn verdict(v: Verdict) -> (&'static str, &'static str) {
@@ -198,13 +162,17 @@ fn parameters(report: &Report) -> Markup {
 }
 
 fn parameter(p: &ParameterRow, referenced: bool) -> Markup {
+    let (value, deviation) = match p.deviation {
+        Some(d) => with_deviation(p.value, d),
+        None => (number(p.value), String::new()),
+    };
     html! {
         tr {
             td.name { (p.name) }
-            td.num { (number(p.value)) }
+            td.num { (value) }
             td.num {
                 @match p.deviation {
-                    Some(d) => (number(d)),
+                    Some(_) => (deviation),
                     None if p.fixed => span.badge.plain { "held" },
                     None => span.badge.fair { "not determined" },
                 }

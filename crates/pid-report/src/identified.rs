@@ -9,6 +9,7 @@ use pid_fit::ident::{
 use pid_fit::identify::{Consistency, HorizonChoice, Identified};
 use pid_fit::transcribe::Curvature;
 use pid_nlp::solver::{Algorithm, Status};
+use pid_page::number;
 use pid_runtime::dynamics::ParamInfo;
 
 use crate::judge::{Fit, JudgeError, Subject, judge};
@@ -233,10 +234,10 @@ fn horizon_note(choice: &HorizonChoice) -> String {
 /// What positive densities cost and bring.
 fn consistency_finding(c: &Consistency) -> String {
     let mut sentence = format!(
-        "Physical consistency: {} in log-Cholesky coordinates; J = {:.6e}, {:.6e} without. Random poses with an indefinite mass matrix: {:.2} % of {}, {:.2} % without.",
+        "Physical consistency: {} in log-Cholesky coordinates; J = {}, {} without. Random poses with an indefinite mass matrix: {:.2} % of {}, {:.2} % without.",
         c.links.join(", "),
-        c.objective.0,
-        c.objective.1,
+        number::value(c.objective.0),
+        number::value(c.objective.1),
         100.0 * c.indefinite.0,
         c.poses,
         100.0 * c.indefinite.1
@@ -258,9 +259,12 @@ fn bootstrap_findings(params: &[ParamInfo], drawn: &Bootstrap) -> Vec<String> {
     let found = params.iter().zip(&drawn.intervals).zip(&drawn.deviations);
     lines.extend(found.filter_map(|((info, interval), deviation)| {
         let ((low, high), deviation) = ((*interval)?, (*deviation)?);
+        let (low, high) = number::interval(low, high)?;
         Some(format!(
-            "Bootstrap of {}: 95 % interval {low:.5} … {high:.5} {}, standard deviation {deviation:.2e}.",
-            info.name, info.unit
+            "Bootstrap of {}: 95 % interval {low} … {high} {}, standard deviation {}.",
+            info.name,
+            info.unit,
+            number::short(deviation)
         ))
     }));
     lines
@@ -268,7 +272,7 @@ fn bootstrap_findings(params: &[ParamInfo], drawn: &Bootstrap) -> Vec<String> {
 
 fn profile_finding(info: &ParamInfo, found: &Profile) -> String {
     let side = |end: Option<f64>, word: &str| {
-        end.map_or_else(|| format!("its {word} bound"), |x| format!("{x:.5}"))
+        end.map_or_else(|| format!("its {word} bound"), number::value)
     };
     format!(
         "Profile likelihood of {}: 95 % interval {} … {} {} ({} fits).",
@@ -291,9 +295,9 @@ fn noise_finding(found: &Identification, settings: &Settings, data: &Dataset) ->
         .filter_map(|(c, level)| {
             let letter = if c < nq { "q" } else { "dq" };
             Some(format!(
-                "{} {letter} {:.3e}",
+                "{} {letter} {}",
                 data.joints[c % nq].name,
-                (*level)?
+                number::short((*level)?)
             ))
         })
         .collect();
@@ -372,7 +376,13 @@ fn optima(found: &Identification) -> Option<String> {
         .optima
         .iter()
         .take(5)
-        .map(|o| format!("J = {:.4e} ({:.0} %)", o.objective, 100.0 * o.share))
+        .map(|o| {
+            format!(
+                "J = {} ({:.0} %)",
+                number::value(o.objective),
+                100.0 * o.share
+            )
+        })
         .collect();
     let more = found.optima.len().saturating_sub(5);
     Some(format!(
@@ -398,13 +408,13 @@ fn force_findings(errors: &[ForceError]) -> Vec<String> {
                 |r| format!("{:.2} % of the drive's force", 100.0 * r),
             );
             format!(
-                "Force error of joint {} on the {} records: {:.4} RMS, {share}.",
+                "Force error of joint {} on the {} records: {} RMS, {share}.",
                 e.joint,
                 match e.role {
                     Role::Train => "training",
                     Role::Test => "test",
                 },
-                e.rms
+                number::short(e.rms)
             )
         })
         .collect()
@@ -423,9 +433,10 @@ fn hidden_error(settings: &Settings, best: &Run, report: &Report) -> Option<Stri
         .objective?;
     (accurate > 3.0 * best.objective).then(|| {
         format!(
-            "The {} hides its own error in the parameters: it fits the training record with J = {:.4e}, but an accurate simulation with these parameters misses it by J = {accurate:.4e}. Use a scheme of higher order or a smaller step before trusting the values.",
+            "The {} hides its own error in the parameters: it fits the training record with J = {}, but an accurate simulation with these parameters misses it by J = {}. Use a scheme of higher order or a smaller step before trusting the values.",
             settings.scheme.label(),
-            best.objective
+            number::value(best.objective),
+            number::value(accurate)
         )
     })
 }
