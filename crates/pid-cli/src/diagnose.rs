@@ -316,7 +316,7 @@ const WORTH: f64 = 0.1;
 /// A few lines for the terminal: verdict, budget of the gap, gap, what else was found.
 pub(crate) fn summary(d: &Diagnosis) -> String {
     let mut text = format!(
-        "{}: {}, confidence {:.2}\n",
+        "{}: {}, confidence {}\n",
         d.case,
         d.outcome().word(),
         number::probability(d.confidence)
@@ -380,7 +380,7 @@ pub(crate) fn summary(d: &Diagnosis) -> String {
 /// A line on where a force lives.
 fn force(what: &str, m: &Share) -> String {
     format!(
-        "  {what}: {:.0} % at joint {}, rms {:.4}; goes with {} ({:.2})\n",
+        "  {what}: {:.0} % at joint {}, rms {}; goes with {} ({:.2})\n",
         100.0 * m.share,
         m.joint,
         short(m.rms),

@@ -74,6 +74,10 @@ pub(crate) enum CliError {
     )]
     NoFolder { model: String },
     #[error(
+        "{}: the folder has no nominal.toml, so no robot is named\n  help: name the robot file or the model before it", path.display()
+    )]
+    NoDescription { path: PathBuf },
+    #[error(
         "model `{model}` and a description by --urdf or --nominal are given\n  help: leave one of them out"
     )]
     TwoModels { model: String },

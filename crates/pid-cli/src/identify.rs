@@ -68,7 +68,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
 /// What the arguments ask for.
 fn request(args: &IdentifyArgs, entry: &Subject, dataset: &Dataset) -> Result<Request, CliError> {
     let model = entry.model();
-    let mut settings = settings(args, dataset);
+    let mut settings = settings(args, entry, dataset);
     if settings.method == Method::EquationError && !args.source.velocity_lag.is_empty() {
         return Err(CliError::LagOfRegression);
     }
@@ -86,7 +86,7 @@ fn request(args: &IdentifyArgs, entry: &Subject, dataset: &Dataset) -> Result<Re
         settings,
         start,
         choose_horizon: args.horizon == Some(HorizonArg::Auto),
-        consistent_after: consistent(args) == Some(ConsistentArg::After),
+        consistent_after: consistent(args, entry) == Some(ConsistentArg::After),
         draws: args.bootstrap,
         profiled: profiled(model.params(), &args.profile)?,
     })
@@ -132,16 +132,19 @@ fn show(news: &News<'_>, params: &[ParamInfo], args: &IdentifyArgs, progress: &P
     }
 }
 
-/// When links are kept bodies: as asked, and throughout for the free links of a URDF.
-fn consistent(args: &IdentifyArgs) -> Option<ConsistentArg> {
-    let free_links = args.source.urdf.is_some() && args.source.inertias == InertiasArg::Free;
+/// When links are kept bodies: as asked, and throughout for the free links of a robot file.
+fn consistent(args: &IdentifyArgs, entry: &Subject) -> Option<ConsistentArg> {
+    let free_links = match args.source.urdf {
+        Some(_) => args.source.inertias == InertiasArg::Free,
+        None => entry.nominal().is_some(),
+    };
     let by_default =
         free_links && !args.free_parameters && args.method == MethodArg::FullDiscretization;
     args.consistent
         .or(by_default.then_some(ConsistentArg::Throughout))
 }
 
-fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
+fn settings(args: &IdentifyArgs, entry: &Subject, dataset: &Dataset) -> Settings {
     let embedded = args.source.embedded();
     let method = match args.method {
         MethodArg::FullDiscretization => Method::FullDiscretization,
@@ -153,7 +156,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         Some(HorizonArg::Auto) | None => by_rule(dataset),
     };
     Settings {
-        consistent: consistent(args) == Some(ConsistentArg::Throughout),
+        consistent: consistent(args, entry) == Some(ConsistentArg::Throughout),
         method,
         scheme: args.scheme,
         substeps: args.substeps,

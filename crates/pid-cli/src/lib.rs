@@ -40,6 +40,7 @@ mod check;
 mod constrain;
 mod convert;
 mod demo;
+mod described;
 mod diagnose;
 mod dump;
 mod error;
@@ -53,6 +54,8 @@ pub mod output;
 mod parameters;
 pub mod progress;
 mod regress;
+#[cfg(test)]
+mod samples;
 mod simulate;
 mod source;
 mod with;

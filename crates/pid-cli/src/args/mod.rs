@@ -41,14 +41,14 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Identify a model on a data folder and write fit.json and report.html.
     Identify(IdentifyArgs),
-    /// Compare a model that has given parameters with a data folder; nothing is identified.
+    /// Compare a robot with given parameters with its logs or a data folder; nothing is identified.
     Simulate(SimulateArgs),
     /// Regress the equations of motion on records filtered without phase shift: base parameters
     /// with deviations, friction laws beyond the model, checks on test records, physically
     /// consistent values.
     Regress(RegressArgs),
-    /// Name the physical effect that the model in a data folder lacks, its joint, and how far it
-    /// shrinks the gap.
+    /// Name the physical effect that the model of a robot lacks, its joint, and how far it shrinks the
+    /// gap.
     Diagnose(DiagnoseArgs),
     /// Check records against a robot before anything is fitted: order and sign of the joints, units,
     /// gravity, clocks, channels that stand still, what the motion can tell.
