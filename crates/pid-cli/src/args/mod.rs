@@ -4,6 +4,7 @@ pub(crate) mod diagnose;
 pub(crate) mod excite;
 pub(crate) mod export;
 pub(crate) mod identify;
+pub(crate) mod new;
 pub(crate) mod open;
 pub(crate) mod parse;
 pub(crate) mod regress;
@@ -19,6 +20,7 @@ use diagnose::DiagnoseArgs;
 use excite::ExciteArgs;
 use export::ExportArgs;
 use identify::IdentifyArgs;
+use new::NewArgs;
 use open::{CheckArgs, ConvertArgs};
 use regress::RegressArgs;
 use source::Source;
@@ -39,7 +41,9 @@ pub(crate) struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Identify a model on a data folder and write fit.json and report.html.
+    /// Make a crate with a declared robot, or with --from a data folder from a robot file and its logs.
+    New(NewArgs),
+    /// Identify a robot file on its logs, or a model on a data folder; write fit.json and report.html.
     Identify(IdentifyArgs),
     /// Compare a robot with given parameters with its logs or a data folder; nothing is identified.
     Simulate(SimulateArgs),
