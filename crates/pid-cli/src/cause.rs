@@ -39,16 +39,20 @@ impl Cause {
         Ok(Self { report, sentence })
     }
 
-    /// Writes its report below `out` and prints the summary.
-    pub(crate) fn deliver(&self, out: &Path) -> Result<(), CliError> {
+    /// Writes its report below `out` and prints the summary, unless JSON is printed.
+    pub(crate) fn deliver(&self, out: &Path, as_json: bool) -> Result<(), CliError> {
         let folder = out.join(FOLDER);
         self.report.write(&folder)?;
-        output::print(&format!(
-            "\nDiagnosis of {}\nwritten: {}, {}\n",
-            diagnose::summary(self.report.diagnosis()),
+        let written = format!(
+            "written: {}, {}",
             folder.join("report.html").display(),
             folder.join("diagnosis.json").display()
-        ));
+        );
+        let summary = diagnose::summary(self.report.diagnosis());
+        match as_json {
+            true => output::message(&written),
+            false => output::print(&format!("\nDiagnosis of {summary}\n{written}\n")),
+        }
         Ok(())
     }
 }

@@ -15,6 +15,7 @@ use pid_runtime::dynamics::Hessian;
 use rayon::prelude::*;
 
 use crate::args::diagnose::DiagnoseArgs;
+use crate::course::Search;
 use crate::error::{CliError, make_folder, write};
 use crate::open::{folders, open, robot_and_logs};
 use crate::progress::{Interrupt, Progress};
@@ -38,6 +39,10 @@ const INTERRUPTED: u8 = 130;
 struct Shown {
     progress: Mutex<Progress>,
     interrupt: Interrupt,
+    /// How far a single search is.
+    search: Search,
+    /// Folders and how many of them are done, where there are several.
+    folders: Mutex<Option<(usize, usize)>>,
 }
 
 impl Shown {
@@ -79,8 +84,12 @@ impl Shown {
 
 impl Listener for Shown {
     fn step(&self, what: &str) {
+        let several = self.folders.lock().is_ok_and(|folders| folders.is_some());
         if let Ok(progress) = self.progress.lock() {
             progress.step(what);
+            if !several {
+                progress.done(self.search.begins(what));
+            }
         }
     }
 
@@ -110,6 +119,9 @@ fn diagnosed(args: &DiagnoseArgs, watch: &Arc<Shown>) -> Result<u8, CliError> {
     let paths = folders(&args.paths, &args.open)?;
     let several = paths.len() > 1;
     run.several = several;
+    if several {
+        watch.several(paths.len());
+    }
     let model = match &args.model {
         Some(name) => Some(models::by_name(name)?.model),
         None => None,
@@ -133,7 +145,9 @@ fn diagnosed(args: &DiagnoseArgs, watch: &Arc<Shown>) -> Result<u8, CliError> {
                 }
                 return earlier(&file).map(Some);
             }
-            match one(folder, model, &out, &run) {
+            let outcome = one(folder, model, &out, &run);
+            watch.finished();
+            match outcome {
                 Ok(d) => Ok(d),
                 Err(CliError::Case { source }) => {
                     output::message(&format!("error: {}: {source}", folder.display()));

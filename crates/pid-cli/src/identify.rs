@@ -16,6 +16,7 @@ use crate::args::identify::{
 };
 use crate::args::source::InertiasArg;
 use crate::cause::Cause;
+use crate::course::Course;
 use crate::error::CliError;
 use crate::progress::{Interrupt, Progress};
 use crate::source::Subject;
@@ -31,7 +32,9 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     if args.verbose {
         output::message(Iteration::HEADING);
     }
+    let course = Course::new(args.tol, args.bootstrap);
     let tell = |news: &News<'_>| {
+        progress.done(course.identified(news));
         show(news, model.params(), args, &progress);
         match interrupt.requested() {
             true => ControlFlow::Break(()),
@@ -53,10 +56,10 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     }
     drop(progress);
     // The fit is written whatever becomes of the diagnosis.
-    source::deliver(&report, &args.source.out)?;
-    entry.write_urdf(&best.parameters, &args.source.out)?;
+    source::deliver(&report, &args.source.out, args.json)?;
+    entry.write_back(&best.parameters, &args.source.out)?;
     if let Some(cause) = cause {
-        cause?.deliver(&args.source.out)?;
+        cause?.deliver(&args.source.out, args.json)?;
     }
     Ok(match (report.outcome.verdict, best.status) {
         (_, Status::Interrupted) => 130,

@@ -39,6 +39,7 @@ mod cause;
 mod check;
 mod constrain;
 mod convert;
+mod course;
 mod demo;
 mod described;
 mod diagnose;

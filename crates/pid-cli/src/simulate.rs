@@ -73,7 +73,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<u8, CliError> {
     let mut report = judge(&subject, fit, &|what| progress.step(what))?;
     report.outcome.seconds = started.elapsed().as_secs_f64();
     drop(progress);
-    source::deliver(&report, &args.source.out)?;
+    source::deliver(&report, &args.source.out, false)?;
     output::print(&extended.unwrap_or_default());
     Ok(0)
 }

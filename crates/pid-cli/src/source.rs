@@ -180,7 +180,7 @@ impl Subject {
         make_folder(out)?;
         let file = out.join("identified.urdf");
         write(&file, &written.text)?;
-        output::print(&format!("written: {}\n", file.display()));
+        output::message(&format!("written: {}", file.display()));
         for lost in &written.lost {
             output::message(&format!("  not in it: {lost}"));
         }
@@ -469,19 +469,21 @@ fn with_inputs(mut dataset: Dataset, source: &Source) -> Result<Dataset, CliErro
     Ok(dataset)
 }
 
-/// Writes fit.json and report.html and prints the summary.
-pub(crate) fn deliver(report: &Report, out: &Path) -> Result<(), CliError> {
+/// Writes fit.json and report.html and prints the summary, or the text of fit.json if that is asked for.
+pub(crate) fn deliver(report: &Report, out: &Path, as_json: bool) -> Result<(), CliError> {
     make_folder(out)?;
     let (json, html) = (out.join("fit.json"), out.join("report.html"));
     let text = report.to_json()?;
     write(&json, &text)?;
     write(&html, &report.to_html())?;
-    output::print(&report.to_text());
-    output::print(&format!(
-        "\nwritten: {}, {}\n",
-        html.display(),
-        json.display()
-    ));
+    let written = format!("written: {}, {}", html.display(), json.display());
+    match as_json {
+        true => {
+            output::print(&format!("{}\n", text.trim_end()));
+            output::message(&written);
+        }
+        false => output::print(&format!("{}\n{written}\n", report.to_text())),
+    }
     Ok(())
 }
 

@@ -128,6 +128,9 @@ pub(crate) struct IdentifyArgs {
     /// Parameters to start from: a fit.json, or a TOML file of lines `name = value`.
     #[arg(long, value_name = "FILE")]
     pub(crate) start: Option<PathBuf>,
+    /// Print the text of fit.json in place of a summary.
+    #[arg(long)]
+    pub(crate) json: bool,
     /// Print the iterations.
     #[arg(long, short)]
     pub(crate) verbose: bool,

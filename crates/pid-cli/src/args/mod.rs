@@ -25,12 +25,28 @@ use open::{CheckArgs, ConvertArgs};
 use regress::RegressArgs;
 use source::Source;
 
+/// What the codes say at the end of a command.
+const EXIT_CODES: &str = "Exit codes:
+  0    done; with `diagnose --exit-code`: nothing is missing
+  1    an error in the input; `check`: the records contradict the robot
+  2    a mistake in the arguments
+  3    `identify`: finished, but the result must not be used
+  10   `diagnose --exit-code`: one cause or several are named
+  11   `diagnose --exit-code`: a part of the gap has no name
+  12   `diagnose --exit-code`: something is missing that has no name
+  130  interrupted; what was reached is written";
+
 /// Identify the parameters of a robot from its records, and show where model and robot differ.
 ///
 /// Without arguments, the two-link robot is identified from embedded records of a robot that has
 /// one effect more than its model, and the report is written to `simtrue-report`.
 #[derive(Debug, Parser)]
-#[command(name = "simtrue", version, args_conflicts_with_subcommands = true)]
+#[command(
+    name = "simtrue",
+    version,
+    args_conflicts_with_subcommands = true,
+    after_help = EXIT_CODES
+)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
