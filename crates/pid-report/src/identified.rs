@@ -13,7 +13,7 @@ use pid_page::number;
 use pid_runtime::dynamics::ParamInfo;
 
 use crate::judge::{Fit, JudgeError, Subject, judge};
-use crate::{CheckRow, Report, Setting, StartRow, Verdict};
+use crate::{CheckRow, Correlation, Report, Setting, StartRow, Verdict};
 
 /// The independent check accepts this constraint violation and stationarity.
 const FEASIBLE: f64 = 1e-6;
@@ -61,6 +61,7 @@ pub fn report(
             .collect(),
     };
     let mut report = judge(subject, fit, step)?;
+    report.correlations = correlations(identification, params);
     let more = &mut report.findings;
     more.extend(force_findings(&identification.force_error));
     more.extend(optima(identification));
@@ -76,6 +77,26 @@ pub fn report(
         report.findings.insert(0, sentence);
     }
     Ok(report)
+}
+
+/// Correlations of all pairs of parameters that have deviations.
+fn correlations(found: &Identification, params: &[ParamInfo]) -> Vec<Correlation> {
+    let Some(covariance) = &found.covariance else {
+        return Vec::new();
+    };
+    let known = |i: &usize| found.deviations[covariance.free[*i]].is_some();
+    let known: Vec<usize> = (0..covariance.free.len()).filter(known).collect();
+    let name = |i: usize| params[covariance.free[i]].name.to_string();
+    let mut out = Vec::new();
+    for (at, &k) in known.iter().enumerate() {
+        for &i in &known[..at] {
+            let value = covariance.correlation(i, k);
+            if value.is_finite() {
+                out.push(Correlation(name(i), name(k), value.clamp(-1.0, 1.0)));
+            }
+        }
+    }
+    out
 }
 
 /// Whether the result of a start can be used.

@@ -194,6 +194,7 @@ pub fn judge(subject: &Subject<'_>, fit: Fit, step: &dyn Fn(String)) -> Result<R
         iterations: fit.log,
         findings: findings(&missing, &scores, &parameters),
         parameters,
+        correlations: Vec::new(),
         starts: fit.starts,
         motions,
         free_run: scores,
