@@ -145,15 +145,18 @@ fn parameters(report: &Report) -> Markup {
             h2 { "Parameters" }
             p.about {
                 "Identified values with one standard deviation. “Not determined” means that the data fix this parameter only "
-                "together with others. The rail shows the value between its bounds"
-                @if referenced { ", the tick the reference value" }
-                "."
+                "together with others. "
+                span.roomy {
+                    "The rail shows the value between its bounds"
+                    @if referenced { ", the tick the reference value" }
+                    "."
+                }
             }
             div.scroll { table {
                 thead { tr {
                     th { "Name" } th.num { "Value" } th.num { "± std. dev." } th { "Unit" }
                     @if referenced { th.num { "Reference" } }
-                    th.num { "Start" } th.num { "Lower" } th { "Range" } th.num { "Upper" } th { "Meaning" }
+                    th.num.roomy { "Start" } th.num { "Lower" } th.roomy { "Range" } th.num { "Upper" } th { "Meaning" }
                 } }
                 tbody { @for p in &report.parameters { (parameter(p, referenced)) } }
             } }
@@ -179,9 +182,9 @@ fn parameter(p: &ParameterRow, referenced: bool) -> Markup {
             }
             td.unit { (unit(&p.unit)) }
             @if referenced { td.num.quiet { (p.reference.map(number).unwrap_or_default()) } }
-            td.num.quiet { (number(p.start)) }
+            td.num.quiet.roomy { (number(if rounded_zero(p) { 0.0 } else { p.start })) }
             td.num.quiet { (p.lower.map_or_else(|| "−∞".into(), number)) }
-            td { (rail(p)) }
+            td.roomy { (rail(p)) }
             td.num.quiet { (p.upper.map_or_else(|| "∞".into(), number)) }
             td.quiet {
                 @match p.at_bound {
@@ -193,6 +196,12 @@ fn parameter(p: &ParameterRow, referenced: bool) -> Markup {
             }
         }
     }
+}
+
+/// A start of less than a billionth of its range is the rounding of zero.
+fn rounded_zero(p: &ParameterRow) -> bool {
+    let ends = p.lower.zip(p.upper);
+    ends.is_some_and(|(low, high)| p.start.abs() < 1e-9 * (high - low))
 }
 
 /// Value and reference between the bounds, on a logarithmic rail where the range spans more than a decade.
