@@ -6,7 +6,7 @@
 //! cargo run --release --example 03_own_command -- diagnose FOLDER --model carriage
 //! ```
 
-use pid_models::Entry;
+use simtrue::cli::Entry;
 use simtrue::robot;
 
 robot! {

@@ -7,6 +7,7 @@ use pid_diagnose::diagnosis::{Diagnosis, Verdict};
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
+use pid_page::number::{probability, short};
 
 use crate::error::CliError;
 use crate::source::Subject;
@@ -38,16 +39,20 @@ impl Cause {
         Ok(Self { report, sentence })
     }
 
-    /// Writes its report below `out` and prints the summary.
-    pub(crate) fn deliver(&self, out: &Path) -> Result<(), CliError> {
+    /// Writes its report below `out` and prints the summary, unless JSON is printed.
+    pub(crate) fn deliver(&self, out: &Path, as_json: bool) -> Result<(), CliError> {
         let folder = out.join(FOLDER);
         self.report.write(&folder)?;
-        output::print(&format!(
-            "\nDiagnosis of {}\nwritten: {}, {}\n",
-            diagnose::summary(self.report.diagnosis()),
+        let written = format!(
+            "written: {}, {}",
             folder.join("report.html").display(),
             folder.join("diagnosis.json").display()
-        ));
+        );
+        let summary = diagnose::summary(self.report.diagnosis());
+        match as_json {
+            true => output::message(&written),
+            false => output::print(&format!("\nDiagnosis of {summary}\n{written}\n")),
+        }
         Ok(())
     }
 }
@@ -58,8 +63,10 @@ fn sentence(d: &Diagnosis, dataset: &Dataset) -> String {
         channel.map_or(String::new(), |c| format!(" at joint {}", c.name))
     };
     let gap = format!(
-        "the gap on the test records falls from {:.3} to {:.3} (floor {:.3})",
-        d.gap_before, d.gap_after, d.gap_floor
+        "the gap on the test records falls from {} to {} (floor {})",
+        short(d.gap_before),
+        short(d.gap_after),
+        short(d.gap_floor)
     );
     let named: Vec<String> = d
         .effects
@@ -73,8 +80,8 @@ fn sentence(d: &Diagnosis, dataset: &Dataset) -> String {
         (false, _) => format!("{}; {gap}", named.join(" and ")),
     };
     format!(
-        "Cause, from the nominal values: {what}. Confidence {:.2}; see {FOLDER}/report.html.",
-        d.confidence
+        "Cause, from the nominal values: {what}. Confidence {}; see {FOLDER}/report.html.",
+        probability(d.confidence)
     )
 }
 

@@ -98,6 +98,20 @@ fn words(findings: &[&Finding]) -> String {
     text
 }
 
+/// Says what contradicts the robot and ends a run that follows, unless it is to go on `anyway`.
+pub(crate) fn refuse_wrong(opened: &Opened, anyway: bool) -> Result<(), CliError> {
+    let wrong = wrong(opened);
+    for finding in &wrong {
+        output::message(&finding.to_string());
+    }
+    match wrong.is_empty() || anyway {
+        true => Ok(()),
+        false => Err(CliError::Contradicts {
+            number: wrong.len(),
+        }),
+    }
+}
+
 /// What contradicts the robot or itself, for a run that follows.
 pub(crate) fn wrong(opened: &Opened) -> Vec<Finding> {
     let settings = Settings {

@@ -10,10 +10,12 @@ use pid_diagnose::search::{Listener, Settings, Watch};
 use pid_diagnose::with_effects::{Placed, source};
 use pid_diagnose::words;
 use pid_diagnose::write::remove_stale;
+use pid_page::number::{self, short};
 use pid_runtime::dynamics::Hessian;
 use rayon::prelude::*;
 
 use crate::args::diagnose::DiagnoseArgs;
+use crate::course::Search;
 use crate::error::{CliError, make_folder, write};
 use crate::open::{folders, open, robot_and_logs};
 use crate::progress::{Interrupt, Progress};
@@ -37,6 +39,10 @@ const INTERRUPTED: u8 = 130;
 struct Shown {
     progress: Mutex<Progress>,
     interrupt: Interrupt,
+    /// How far a single search is.
+    search: Search,
+    /// Folders and how many of them are done, where there are several.
+    folders: Mutex<Option<(usize, usize)>>,
 }
 
 impl Shown {
@@ -44,6 +50,26 @@ impl Shown {
         Shown {
             progress: Mutex::new(Progress::start("reading the data")),
             interrupt: Interrupt::listen(),
+            search: Search::default(),
+            folders: Mutex::new(None),
+        }
+    }
+
+    /// Several folders are diagnosed.
+    fn several(&self, number: usize) {
+        if let Ok(mut folders) = self.folders.lock() {
+            *folders = Some((0, number));
+        }
+    }
+
+    /// A folder is done.
+    fn finished(&self) {
+        let (Ok(mut folders), Ok(progress)) = (self.folders.lock(), self.progress.lock()) else {
+            return;
+        };
+        if let Some((done, number)) = folders.as_mut() {
+            *done += 1;
+            progress.done(*done as f64 / *number as f64);
         }
     }
 
@@ -58,8 +84,12 @@ impl Shown {
 
 impl Listener for Shown {
     fn step(&self, what: &str) {
+        let several = self.folders.lock().is_ok_and(|folders| folders.is_some());
         if let Ok(progress) = self.progress.lock() {
             progress.step(what);
+            if !several {
+                progress.done(self.search.begins(what));
+            }
         }
     }
 
@@ -89,6 +119,9 @@ fn diagnosed(args: &DiagnoseArgs, watch: &Arc<Shown>) -> Result<u8, CliError> {
     let paths = folders(&args.paths, &args.open)?;
     let several = paths.len() > 1;
     run.several = several;
+    if several {
+        watch.several(paths.len());
+    }
     let model = match &args.model {
         Some(name) => Some(models::by_name(name)?.model),
         None => None,
@@ -112,7 +145,9 @@ fn diagnosed(args: &DiagnoseArgs, watch: &Arc<Shown>) -> Result<u8, CliError> {
                 }
                 return earlier(&file).map(Some);
             }
-            match one(folder, model, &out, &run) {
+            let outcome = one(folder, model, &out, &run);
+            watch.finished();
+            match outcome {
                 Ok(d) => Ok(d),
                 Err(CliError::Case { source }) => {
                     output::message(&format!("error: {}: {source}", folder.display()));
@@ -221,15 +256,7 @@ fn of_logs(robot: &Path, logs: &[PathBuf], run: &Run<'_>) -> Result<u8, CliError
         return Err(CliError::OptionOfFolders { option });
     }
     let opened = open(robot, logs, &args.open)?;
-    let wrong = check::wrong(&opened);
-    for finding in &wrong {
-        output::message(&finding.to_string());
-    }
-    if !wrong.is_empty() && !args.anyway {
-        return Err(CliError::Contradicts {
-            number: wrong.len(),
-        });
-    }
+    check::refuse_wrong(&opened, args.anyway)?;
     make_folder(&args.out)?;
     opened.write(&args.out.join("data"))?;
     let nominal = pid_diagnose::nominal::Nominal::new(opened.nominal);
@@ -303,17 +330,20 @@ const WORTH: f64 = 0.1;
 /// A few lines for the terminal: verdict, budget of the gap, gap, what else was found.
 pub(crate) fn summary(d: &Diagnosis) -> String {
     let mut text = format!(
-        "{}: {}, confidence {:.2}\n",
+        "{}: {}, confidence {}\n",
         d.case,
         d.outcome().word(),
-        d.confidence
+        number::probability(d.confidence)
     );
     for line in words::budget(d) {
         text.push_str(&format!("  {line}\n"));
     }
     text.push_str(&format!(
-        "  gap {:.4} -> {:.4}, floor {:.4}; {:.1} s\n",
-        d.gap_before, d.gap_after, d.gap_floor, d.seconds
+        "  gap {} -> {}, floor {}; {:.1} s\n",
+        short(d.gap_before),
+        short(d.gap_after),
+        short(d.gap_floor),
+        d.seconds
     ));
     for b in &d.beyond_tolerance {
         text.push_str(&format!("  outside its tolerance: {}\n", b.words()));
@@ -341,11 +371,10 @@ pub(crate) fn summary(d: &Diagnosis) -> String {
         for (what, a) in paths {
             if let Some((a, std)) = a.filter(|a| a.noticeable()).and_then(|a| Some((a, a.std?))) {
                 text.push_str(&format!(
-                    "  signals: {what} {:.1} ± {:.1} ms late at joint {} (stated {:.1} ms)\n",
-                    1e3 * a.delay,
-                    1e3 * std,
+                    "  signals: {what} {} ms late at joint {} (stated {} ms)\n",
+                    number::plus_minus(1e3 * a.delay, 1e3 * std),
                     s.joint,
-                    1e3 * a.stated
+                    short(1e3 * a.stated)
                 ));
             }
         }
@@ -365,10 +394,10 @@ pub(crate) fn summary(d: &Diagnosis) -> String {
 /// A line on where a force lives.
 fn force(what: &str, m: &Share) -> String {
     format!(
-        "  {what}: {:.0} % at joint {}, rms {:.4}; goes with {} ({:.2})\n",
+        "  {what}: {:.0} % at joint {}, rms {}; goes with {} ({:.2})\n",
         100.0 * m.share,
         m.joint,
-        m.rms,
+        short(m.rms),
         m.regime,
         m.explained
     )

@@ -63,6 +63,20 @@ pub(crate) enum CliError {
         "{option} belongs to folders, and a robot file with logs is given\n  help: leave it out; the robot file is the description"
     )]
     OptionOfFolders { option: &'static str },
+    #[error(
+        "{option} belongs to a declared model, and a robot file with logs is given\n  help: leave it out; `simtrue convert ROBOT LOG` makes a data folder for the commands with MODEL FOLDER"
+    )]
+    OptionOfModels { option: &'static str },
+    #[error(
+        "{}: a model and its data folder stand alone, and {number} paths are given\n  help: MODEL FOLDER, or ROBOT LOG… with a robot file (.urdf, .xml, .toml) first; further folders with --also", path.display()
+    )]
+    TooManyPaths { path: PathBuf, number: usize },
+    #[error("{}: the folder is not empty\n  help: choose another name", path.display())]
+    NotEmpty { path: PathBuf },
+    #[error(
+        "`{name}` is no name of a crate\n  help: use letters, digits, `_` and `-`, a letter first, and no keyword of Rust"
+    )]
+    CrateName { name: String },
     #[error("--fix writes one folder, and {number} are given\n  help: mend one folder at a time")]
     FixOfSeveral { number: usize },
     #[error(
@@ -73,6 +87,10 @@ pub(crate) enum CliError {
         "`{model}` is given without a data folder\n  help: give the folder with dataset.toml after it"
     )]
     NoFolder { model: String },
+    #[error(
+        "{}: the folder has no nominal.toml, so no robot is named\n  help: name the robot file or the model before it", path.display()
+    )]
+    NoDescription { path: PathBuf },
     #[error(
         "model `{model}` and a description by --urdf or --nominal are given\n  help: leave one of them out"
     )]

@@ -11,6 +11,7 @@ use pid_runtime::kinematics::ForwardKinematics;
 use serde::Serialize;
 
 use crate::args::excite::{CriterionArg, ExciteArgs};
+use crate::course::Course;
 use crate::error::{CliError, make_folder, write};
 use crate::limits::LimitFile;
 use crate::progress::{Interrupt, Progress};
@@ -48,7 +49,9 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<u8, CliError> {
     let interrupt = Interrupt::listen();
     let progress = Progress::start("looking for an exciting motion");
     let started = std::time::Instant::now();
+    let course = Course::new(settings.solver.tol, 0);
     let found = excite::excite(model, &p, &limits, &settings, &mut |start, i| {
+        progress.done(course.converged((start, settings.starts), i));
         progress.step(format!(
             "start {} of {}: iteration {}, criterion {:.4}",
             start + 1,

@@ -27,11 +27,12 @@ pub(crate) fn run(args: &ExportArgs) -> Result<u8, CliError> {
         TargetArg::Urdf => Target::Urdf,
         TargetArg::IsaacLab => Target::IsaacLab,
         TargetArg::Newton => Target::Newton,
+        TargetArg::Bam => Target::Bam,
     };
     let files = export(&nominal, target, &options)?;
     make_folder(&args.out)?;
     for file in files {
-        let path = args.out.join(file.name);
+        let path = args.out.join(&*file.name);
         write(&path, &file.text)?;
         output::print(&format!("{}\n", path.display()));
     }
@@ -103,6 +104,7 @@ mod tests {
                 "newton",
                 &["robot.urdf", "robot_drives.json", "newton_drives.py"],
             ),
+            ("bam", &[]),
         ] {
             assert_eq!(exported(folder.path(), "cart.urdf", target), Ok(0));
             for name in files.iter().chain(&["not_expressed.md", "ranges.json"]) {

@@ -16,6 +16,7 @@ use crate::args::identify::{
 };
 use crate::args::source::InertiasArg;
 use crate::cause::Cause;
+use crate::course::Course;
 use crate::error::CliError;
 use crate::progress::{Interrupt, Progress};
 use crate::source::Subject;
@@ -31,7 +32,9 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     if args.verbose {
         output::message(Iteration::HEADING);
     }
+    let course = Course::new(args.tol, args.bootstrap);
     let tell = |news: &News<'_>| {
+        progress.done(course.identified(news));
         show(news, model.params(), args, &progress);
         match interrupt.requested() {
             true => ControlFlow::Break(()),
@@ -53,10 +56,10 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
     }
     drop(progress);
     // The fit is written whatever becomes of the diagnosis.
-    source::deliver(&report, &args.source.out)?;
-    entry.write_urdf(&best.parameters, &args.source.out)?;
+    source::deliver(&report, &args.source.out, args.json)?;
+    entry.write_back(&best.parameters, &args.source.out)?;
     if let Some(cause) = cause {
-        cause?.deliver(&args.source.out)?;
+        cause?.deliver(&args.source.out, args.json)?;
     }
     Ok(match (report.outcome.verdict, best.status) {
         (_, Status::Interrupted) => 130,
@@ -68,7 +71,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<u8, CliError> {
 /// What the arguments ask for.
 fn request(args: &IdentifyArgs, entry: &Subject, dataset: &Dataset) -> Result<Request, CliError> {
     let model = entry.model();
-    let mut settings = settings(args, dataset);
+    let mut settings = settings(args, entry, dataset);
     if settings.method == Method::EquationError && !args.source.velocity_lag.is_empty() {
         return Err(CliError::LagOfRegression);
     }
@@ -86,7 +89,7 @@ fn request(args: &IdentifyArgs, entry: &Subject, dataset: &Dataset) -> Result<Re
         settings,
         start,
         choose_horizon: args.horizon == Some(HorizonArg::Auto),
-        consistent_after: consistent(args) == Some(ConsistentArg::After),
+        consistent_after: consistent(args, entry) == Some(ConsistentArg::After),
         draws: args.bootstrap,
         profiled: profiled(model.params(), &args.profile)?,
     })
@@ -132,16 +135,19 @@ fn show(news: &News<'_>, params: &[ParamInfo], args: &IdentifyArgs, progress: &P
     }
 }
 
-/// When links are kept bodies: as asked, and throughout for the free links of a URDF.
-fn consistent(args: &IdentifyArgs) -> Option<ConsistentArg> {
-    let free_links = args.source.urdf.is_some() && args.source.inertias == InertiasArg::Free;
+/// When links are kept bodies: as asked, and throughout for the free links of a robot file.
+fn consistent(args: &IdentifyArgs, entry: &Subject) -> Option<ConsistentArg> {
+    let free_links = match args.source.urdf {
+        Some(_) => args.source.inertias == InertiasArg::Free,
+        None => entry.nominal().is_some(),
+    };
     let by_default =
         free_links && !args.free_parameters && args.method == MethodArg::FullDiscretization;
     args.consistent
         .or(by_default.then_some(ConsistentArg::Throughout))
 }
 
-fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
+fn settings(args: &IdentifyArgs, entry: &Subject, dataset: &Dataset) -> Settings {
     let embedded = args.source.embedded();
     let method = match args.method {
         MethodArg::FullDiscretization => Method::FullDiscretization,
@@ -153,7 +159,7 @@ fn settings(args: &IdentifyArgs, dataset: &Dataset) -> Settings {
         Some(HorizonArg::Auto) | None => by_rule(dataset),
     };
     Settings {
-        consistent: consistent(args) == Some(ConsistentArg::Throughout),
+        consistent: consistent(args, entry) == Some(ConsistentArg::Throughout),
         method,
         scheme: args.scheme,
         substeps: args.substeps,

@@ -3,7 +3,7 @@
 //! A crate with robots of its own gets the same command line for them in one line:
 //!
 //! ```no_run
-//! use pid_models::Entry;
+//! use pid_cli::Entry;
 //! use pid_runtime::robot;
 //!
 //! robot! {
@@ -39,7 +39,9 @@ mod cause;
 mod check;
 mod constrain;
 mod convert;
+mod course;
 mod demo;
+mod described;
 mod diagnose;
 mod dump;
 mod error;
@@ -48,11 +50,14 @@ mod export;
 mod identify;
 mod limits;
 mod models;
+mod new;
 mod open;
 pub mod output;
 mod parameters;
 pub mod progress;
 mod regress;
+#[cfg(test)]
+mod samples;
 mod simulate;
 mod source;
 mod with;
@@ -60,7 +65,7 @@ mod with;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
-use pid_models::Entry;
+pub use pid_models::Entry;
 
 pub use args::parse::loss;
 
@@ -77,6 +82,7 @@ pub fn main(own: &'static [Entry]) -> ExitCode {
     let cli = Cli::parse();
     let outcome = match cli.command {
         None => identify::run(&cli.identify),
+        Some(Command::New(args)) => new::run(&args),
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Diagnose(args)) => diagnose::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),

@@ -27,7 +27,7 @@ pub(crate) fn robot_and_logs(paths: &[PathBuf]) -> Option<(&Path, &[PathBuf])> {
     let (first, rest) = paths.split_first()?;
     let robot = ["urdf", "xml", "mjcf", "toml"];
     let kind = first.extension()?.to_str()?.to_ascii_lowercase();
-    (first.is_file() && robot.contains(&kind.as_str())).then_some((first, rest))
+    (!first.is_dir() && robot.contains(&kind.as_str())).then_some((first, rest))
 }
 
 /// Paths that are no robot file with logs: folders, read as they stand.
@@ -216,40 +216,17 @@ impl Opened {
 
 #[cfg(test)]
 mod tests {
-    use std::fmt::Write;
-
     use super::*;
     use crate::args::open::OpenArgs;
-
-    const ARM: &str = r#"<robot name="arm"><link name="base"/>
-<link name="upper"><inertial><origin xyz="0 0 -0.17"/><mass value="6"/>
-<inertia ixx="0.085" iyy="0.088" izz="0.012" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
-<limit lower="-3" upper="3" effort="40" velocity="3"/><dynamics damping="0.5" friction="0.3"/></joint></robot>"#;
-
-    /// A swing of the arm under no torque but that of its weight, in degrees, its columns in no order.
-    fn swing(of_turn: f64) -> String {
-        let (weight, inertia) = (6.0 * 9.81 * 0.17, 0.088 + 6.0 * 0.17 * 0.17);
-        let (mut q, mut v, h) = (1.0_f64, 0.0_f64, 1e-3);
-        let mut text = String::from("time_ms,shoulder_effort [Nm],shoulder_pos [deg]\n");
-        for k in 0..3000 {
-            let u = 3.0 * (0.004 * f64::from(k)).sin();
-            let t = f64::from(k);
-            writeln!(text, "{t},{u},{}", of_turn * q.to_degrees()).expect("a text");
-            let friction = 0.5 * v + 0.3 * (v / 0.01).tanh();
-            v += h * (u - friction - weight * q.sin()) / inertia;
-            q += h * v;
-        }
-        text
-    }
+    use crate::samples::{ARM, swing};
 
     #[test]
     fn a_urdf_and_a_log_become_a_folder_that_repeats_the_run() {
         let folder = tempfile::tempdir().expect("a folder");
         let at = |name: &str| folder.path().join(name);
         std::fs::write(at("arm.urdf"), ARM).expect("written");
-        std::fs::write(at("a.csv"), swing(1.0)).expect("written");
-        std::fs::write(at("b.csv"), swing(1.0)).expect("written");
+        std::fs::write(at("a.csv"), swing()).expect("written");
+        std::fs::write(at("b.csv"), swing()).expect("written");
         let paths = [at("arm.urdf"), at("a.csv"), at("b.csv")];
         let (robot, logs) = robot_and_logs(&paths).expect("a robot file first");
         let opened = open(robot, logs, &OpenArgs::default()).expect("a robot with records");
@@ -318,7 +295,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let at = |name: &str| folder.path().join(name);
         std::fs::write(at("arm.urdf"), ARM).expect("written");
-        let text = swing(1.0).replace("[deg]", "[rad]");
+        let text = swing().replace("[deg]", "[rad]");
         std::fs::write(at("a.csv"), &text).expect("written");
         std::fs::write(at("b.csv"), text).expect("written");
         let logs = [at("a.csv"), at("b.csv")];

@@ -1,16 +1,16 @@
 //! `simtrue simulate`: a model with given parameters against the records.
 
-use std::path::Path;
 use std::time::Instant;
 
-use pid_data::Dataset;
 use pid_diagnose::extended::free_run_gap;
 use pid_diagnose::nominal::Nominal;
-use pid_interpret::nominal as description;
+use pid_page::number::short;
 use pid_report::{Fit, Setting, Verdict, judge};
 
 use crate::args::SimulateArgs;
+use crate::described::described;
 use crate::error::CliError;
+use crate::open::Opened;
 use crate::progress::Progress;
 use crate::{output, parameters, source};
 
@@ -18,8 +18,16 @@ use crate::{output, parameters, source};
 pub(crate) fn run(args: &SimulateArgs) -> Result<u8, CliError> {
     let started = Instant::now();
     let progress = Progress::start("reading the data");
-    let extended = gap_with_effects(args)?;
-    let (entry, dataset) = match source::load(&args.source) {
+    let described = described(&args.source)?;
+    let extended = match &described {
+        Some(opened) => gap_with_effects(opened)?,
+        None => None,
+    };
+    let loaded = match described {
+        Some(opened) => source::load_described(opened, &args.source),
+        None => source::load(&args.source),
+    };
+    let (entry, dataset) = match loaded {
         // The diagnosis's simulator takes effects that equations of motion do not.
         Err(CliError::Effect(obstacle)) if extended.is_some() => {
             drop(progress);
@@ -65,17 +73,14 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<u8, CliError> {
     let mut report = judge(&subject, fit, &|what| progress.step(what))?;
     report.outcome.seconds = started.elapsed().as_secs_f64();
     drop(progress);
-    source::deliver(&report, &args.source.out)?;
+    source::deliver(&report, &args.source.out, false)?;
     output::print(&extended.unwrap_or_default());
     Ok(0)
 }
 
 /// The free-run gap by the simulator of `simtrue diagnose`, in words, of a nominal description with effects.
-fn gap_with_effects(args: &SimulateArgs) -> Result<Option<String>, CliError> {
-    let (Some(file), Some(folder)) = (&args.source.nominal, &args.source.model) else {
-        return Ok(None);
-    };
-    let nominal = description::Nominal::read(file)?;
+fn gap_with_effects(opened: &Opened) -> Result<Option<String>, CliError> {
+    let nominal = opened.nominal.clone();
     if nominal.effects().is_empty() && nominal.simulated().is_none() {
         return Ok(None);
     }
@@ -84,19 +89,18 @@ fn gap_with_effects(args: &SimulateArgs) -> Result<Option<String>, CliError> {
         .iter()
         .map(|e| e.id.value.clone())
         .collect();
-    let dataset = Dataset::read(Path::new(folder))?;
-    let gap = free_run_gap(Nominal::new(nominal), &dataset)?;
+    let gap = free_run_gap(Nominal::new(nominal), &opened.records.dataset)?;
     let with = match names.is_empty() {
         true => "no effect".to_owned(),
         false => names.join(", "),
     };
     let joints = gap.joints.iter().enumerate().map(|(j, (q, v))| {
-        let velocity = v.map_or(String::new(), |v| format!(", velocity {v:.4}"));
-        format!("  joint {}: position {q:.4}{velocity}\n", j + 1)
+        let velocity = v.map_or(String::new(), |v| format!(", velocity {}", short(v)));
+        format!("  joint {}: position {}{velocity}\n", j + 1, short(*q))
     });
     Ok(Some(format!(
-        "free-run gap by the simulator of the diagnosis, with {with}: {:.4}\n{}",
-        gap.total,
+        "free-run gap by the simulator of the diagnosis, with {with}: {}\n{}",
+        short(gap.total),
         joints.collect::<String>()
     )))
 }

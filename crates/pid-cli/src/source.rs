@@ -11,7 +11,7 @@ use pid_interpret::Model;
 use pid_interpret::nominal::Nominal;
 use pid_report::Report;
 use pid_runtime::control::ClosedLoop;
-use pid_runtime::dynamics::{Dynamics, Hessian};
+use pid_runtime::dynamics::{Dims, Dynamics, Hessian};
 use pid_runtime::extend::Extended;
 use pid_runtime::term::Request;
 use pid_urdf::{Description, Inertias, Options};
@@ -20,7 +20,9 @@ use clap::CommandFactory;
 
 use crate::args::Cli;
 use crate::args::source::{HoldArg, InertiasArg, Source};
+use crate::described::{described, write_identified};
 use crate::error::{CliError, make_folder, write};
+use crate::open::{Opened, robot_and_logs};
 use crate::with::{self, With};
 use crate::{demo, models, output};
 
@@ -105,29 +107,20 @@ impl Subject {
         }
     }
 
-    /// Of a description, without its effects.
-    fn from_nominal(file: &Path) -> Result<Self, CliError> {
-        let nominal = Nominal::read(file)?;
-        let plain = Assembled::without_effects(&nominal)?;
-        Ok(Self::described(nominal, plain))
-    }
-
-    /// The same with the effects of its description; records get the columns that these need.
-    fn with_described(self, dataset: &mut Dataset) -> Result<Self, CliError> {
-        match self.origin {
-            Origin::Nominal(nominal) if !nominal.1.effects().is_empty() => {
-                let with = Assembled::new(&nominal.1, dataset)?;
-                Ok(Self::described(nominal.1, with))
-            }
-            origin => Ok(Self { origin, ..self }),
-        }
+    /// Of a description with its effects; records get the columns that these need.
+    fn of_description(nominal: Nominal, dataset: &mut Dataset) -> Result<Self, CliError> {
+        let with = match nominal.effects() {
+            [] => Assembled::without_effects(&nominal)?,
+            _ => Assembled::new(&nominal, dataset)?,
+        };
+        Ok(Self::described(nominal, with))
     }
 
     fn described(nominal: Nominal, with: Assembled) -> Self {
         let dims = with.model.dims();
         Self {
             name: with.model.name().to_owned(),
-            summary: format!("{} coordinates, {} parameters", dims.nq, dims.np),
+            summary: size(dims),
             source: nominal.file().display().to_string(),
             origin: Origin::Nominal(Box::new((with, nominal))),
         }
@@ -149,7 +142,7 @@ impl Subject {
     fn from_urdf(file: &Path, source: &Source) -> Result<Self, CliError> {
         let description = Description::read(file)?;
         for warning in &description.warnings {
-            output::print(&format!("warning: {warning}\n"));
+            output::message(&format!("warning: {warning}"));
         }
         let mut options = Options::default();
         options.armature = source.armature;
@@ -160,11 +153,7 @@ impl Subject {
         let model = Model::new(&pid_urdf::robot(&description, &options)?)?;
         Ok(Self {
             name: description.name.clone(),
-            summary: format!(
-                "{} coordinates, {} parameters",
-                model.dims().nq,
-                model.dims().np
-            ),
+            summary: size(model.dims()),
             source: file.display().to_string(),
             origin: Origin::Urdf(Box::new(FromUrdf {
                 model,
@@ -174,23 +163,35 @@ impl Subject {
         })
     }
 
-    /// Writes the URDF with these parameters beside the report, for a model that came from one.
-    pub(crate) fn write_urdf(&self, values: &[f64], out: &Path) -> Result<(), CliError> {
-        let Origin::Urdf(urdf) = &self.origin else {
-            return Ok(());
-        };
+    /// Writes the file that the robot came from with these parameters beside the report: a URDF by
+    /// --urdf, or a description.
+    pub(crate) fn write_back(&self, values: &[f64], out: &Path) -> Result<(), CliError> {
+        match &self.origin {
+            Origin::Urdf(urdf) => self.write_urdf(urdf, values, out),
+            Origin::Nominal(own) => write_identified(&own.1, self.model().params(), values, out),
+            _ => Ok(()),
+        }
+    }
+
+    fn write_urdf(&self, urdf: &FromUrdf, values: &[f64], out: &Path) -> Result<(), CliError> {
         let params = urdf.model.params();
         let value = |name: &str| Some(values[params.iter().position(|p| p.name == name)?]);
         let written = pid_urdf::write(&urdf.description, &urdf.options, value);
         make_folder(out)?;
         let file = out.join("identified.urdf");
         write(&file, &written.text)?;
-        output::print(&format!("written: {}\n", file.display()));
+        output::message(&format!("written: {}", file.display()));
         for lost in &written.lost {
-            output::print(&format!("  not in it: {lost}\n"));
+            output::message(&format!("  not in it: {lost}"));
         }
         Ok(())
     }
+}
+
+/// The size of a model in words.
+fn size(dims: Dims) -> String {
+    let plural = if dims.nq == 1 { "" } else { "s" };
+    format!("{} coordinate{plural}, {} parameters", dims.nq, dims.np)
 }
 
 /// Reads a file of controllers.
@@ -209,12 +210,55 @@ pub(crate) fn controllers(file: &Path, joints: usize) -> Result<Controllers, Cli
 /// The model and the data asked for, or the embedded ones; checked against each other. With
 /// controllers the loop is closed.
 pub(crate) fn load(source: &Source) -> Result<(Subject, Dataset), CliError> {
-    load_with(source, source.controller.as_deref(), false)
+    match described(source)? {
+        Some(opened) => load_described(opened, source),
+        None => load_with(source, source.controller.as_deref(), false),
+    }
 }
 
 /// As [`load`], with the recorded inputs whatever controllers there are, and effects in their linear form.
 pub(crate) fn load_open(source: &Source) -> Result<(Subject, Dataset), CliError> {
-    load_with(source, None, true)
+    match described(source)? {
+        Some(opened) => load_described(opened, source),
+        None => load_with(source, None, true),
+    }
+}
+
+/// The model of a description with its effects, and its records.
+pub(crate) fn load_described(
+    opened: Opened,
+    source: &Source,
+) -> Result<(Subject, Dataset), CliError> {
+    let logs = robot_and_logs(&source.paths).is_some();
+    let dataset = match logs {
+        // Gains entered where the logs were read.
+        true => with_inputs(opened.records.dataset, source)?,
+        false => as_stated(opened.records.dataset, source)?,
+    };
+    let mut dataset = dataset.merged(also(source)?)?;
+    let mut subject = Subject::of_description(opened.nominal, &mut dataset)?;
+    if logs {
+        // A description made of a robot file has no file of its own.
+        subject.source = source.paths[0].display().to_string();
+    }
+    checked(subject, dataset)
+}
+
+/// The further records.
+fn also(source: &Source) -> Result<Vec<Dataset>, CliError> {
+    let folders = source.also.iter();
+    folders
+        .map(|folder| as_stated(Dataset::read(folder)?, source))
+        .collect()
+}
+
+/// Model and records that fit each other; warnings are printed.
+fn checked(subject: Subject, dataset: Dataset) -> Result<(Subject, Dataset), CliError> {
+    dataset.check_model(subject.model())?;
+    for warning in &dataset.warnings {
+        output::message(&format!("warning: {warning}"));
+    }
+    Ok((subject, dataset))
 }
 
 fn load_with(
@@ -236,25 +280,16 @@ fn load_with(
         None => demo::dataset()?,
     };
     let dataset = as_stated(dataset, source)?;
-    let also: Vec<Dataset> = source
-        .also
-        .iter()
-        .map(|folder| as_stated(Dataset::read(folder)?, source))
-        .collect::<Result<_, CliError>>()?;
+    let also = also(source)?;
     let (subject, mut dataset) = match controller {
         Some(file) => subject.closed(file, (dataset, also), &terms, &effects)?,
         None => {
-            let mut dataset = dataset.merged(also)?;
-            let described = subject.with_described(&mut dataset)?;
-            (described.with_effects(&effects, &dataset)?, dataset)
+            let dataset = dataset.merged(also)?;
+            (subject.with_effects(&effects, &dataset)?, dataset)
         }
     };
     let subject = subject.wrapped(source, &mut dataset)?;
-    dataset.check_model(subject.model())?;
-    for warning in &dataset.warnings {
-        output::print(&format!("warning: {warning}\n"));
-    }
-    Ok((subject, dataset))
+    checked(subject, dataset)
 }
 
 /// The model without what goes around it, and the folder of its records; `None`: the embedded ones.
@@ -262,33 +297,57 @@ fn bare<'a>(
     source: &'a Source,
     terms: &[Request],
 ) -> Result<(Subject, Option<&'a Path>), CliError> {
-    // With --urdf or --nominal the one positional argument is the folder.
-    let description = source.urdf.as_ref().or(source.nominal.as_ref());
-    match (description, &source.model, &source.folder) {
-        (Some(file), folder, None) => {
-            let subject = match source.nominal {
-                Some(_) => Subject::from_nominal(file)?,
-                None => Subject::from_urdf(file, source)?,
-            };
-            let folder = folder.as_ref().ok_or_else(|| CliError::NoFolder {
-                model: file.display().to_string(),
-            })?;
-            Ok((subject, Some(Path::new(folder))))
+    if let Some(option) = source.open.stated_of_logs() {
+        return Err(CliError::OptionOfLogs { option });
+    }
+    match (&source.urdf, source.paths.as_slice()) {
+        (Some(file), [folder]) => Ok((
+            Subject::from_urdf(file, source)?,
+            Some(data_folder(folder)?),
+        )),
+        (None, []) => Ok((Subject::compiled(demo::MODEL, terms)?, None)),
+        (None, [model, folder]) => {
+            let name = named(model);
+            known(name)?;
+            Ok((Subject::compiled(name, terms)?, Some(data_folder(folder)?)))
         }
-        (Some(_), Some(model), Some(_)) => Err(CliError::TwoModels {
-            model: model.clone(),
+        (None, [folder]) if folder.is_dir() => Err(CliError::NoDescription {
+            path: folder.clone(),
         }),
-        (_, Some(model), None) => {
-            known(model)?;
+        (None, [model]) => {
+            known(named(model))?;
             Err(CliError::NoFolder {
-                model: model.clone(),
+                model: named(model).to_owned(),
             })
         }
-        (_, model, folder) => {
-            let name = model.as_deref().unwrap_or(demo::MODEL);
-            known(name)?;
-            Ok((Subject::compiled(name, terms)?, folder.as_deref()))
+        (Some(file), []) => Err(CliError::NoFolder {
+            model: file.display().to_string(),
+        }),
+        (Some(_), [model, _]) => Err(CliError::TwoModels {
+            model: named(model).to_owned(),
+        }),
+        (_, paths) => {
+            known(named(&paths[0]))?;
+            Err(CliError::TooManyPaths {
+                path: paths[0].clone(),
+                number: paths.len(),
+            })
         }
+    }
+}
+
+/// A path as the name of a model; what is no text names none.
+fn named(path: &Path) -> &str {
+    path.to_str().unwrap_or_default()
+}
+
+/// A data folder; a log in its place is told the way that takes logs.
+fn data_folder(path: &Path) -> Result<&Path, CliError> {
+    match path.is_file() {
+        true => Err(CliError::NoDataFolder {
+            path: path.to_owned(),
+        }),
+        false => Ok(path),
     }
 }
 
@@ -389,7 +448,16 @@ fn boxed(origin: Origin) -> Option<Box<dyn Hessian>> {
 }
 
 /// The data with its inputs as the options say.
-fn as_stated(mut dataset: Dataset, source: &Source) -> Result<Dataset, CliError> {
+fn as_stated(dataset: Dataset, source: &Source) -> Result<Dataset, CliError> {
+    let dataset = with_inputs(dataset, source)?;
+    match source.open.gain.as_slice() {
+        [] => Ok(dataset),
+        gains => Ok(dataset.with_input_gains(gains)?),
+    }
+}
+
+/// The data with kind and origin of its inputs as the options say.
+fn with_inputs(mut dataset: Dataset, source: &Source) -> Result<Dataset, CliError> {
     if source.measured_torque {
         dataset = dataset.with_measured_torques()?;
     }
@@ -398,24 +466,24 @@ fn as_stated(mut dataset: Dataset, source: &Source) -> Result<Dataset, CliError>
         Some(HoldArg::ZeroOrder) => dataset.input_hold = InputHold::ZeroOrder,
         None => {}
     }
-    match source.input_gain.as_slice() {
-        [] => Ok(dataset),
-        gains => Ok(dataset.with_input_gains(gains)?),
-    }
+    Ok(dataset)
 }
 
-/// Writes fit.json and report.html and prints the summary.
-pub(crate) fn deliver(report: &Report, out: &Path) -> Result<(), CliError> {
+/// Writes fit.json and report.html and prints the summary, or the text of fit.json if that is asked for.
+pub(crate) fn deliver(report: &Report, out: &Path, as_json: bool) -> Result<(), CliError> {
     make_folder(out)?;
     let (json, html) = (out.join("fit.json"), out.join("report.html"));
-    write(&json, &report.to_json()?)?;
+    let text = report.to_json()?;
+    write(&json, &text)?;
     write(&html, &report.to_html())?;
-    output::print(&report.to_text());
-    output::print(&format!(
-        "\nwritten: {}, {}\n",
-        html.display(),
-        json.display()
-    ));
+    let written = format!("written: {}, {}", html.display(), json.display());
+    match as_json {
+        true => {
+            output::print(&format!("{}\n", text.trim_end()));
+            output::message(&written);
+        }
+        false => output::print(&format!("{}\n{written}\n", report.to_text())),
+    }
     Ok(())
 }
 

@@ -3,6 +3,7 @@
 //! Nothing here is computed. [`Diagnosis`] is the form of `diagnosis.json`; the search fills it
 //! once, from its evidence.
 
+use pid_page::number;
 use serde::{Deserialize, Serialize};
 
 use crate::channel::Reading;
@@ -296,10 +297,17 @@ pub struct Beyond {
 impl Beyond {
     /// In words: which value, as found and as stated.
     pub fn words(&self) -> String {
-        let std = self.std.map_or(String::new(), |s| format!(" ± {s:.1e}"));
+        let value = match self.std {
+            Some(std) => number::plus_minus(self.value, std),
+            None => number::value(self.value),
+        };
         format!(
-            "{} friction of joint {} {:.4}{std} {} (stated {:.4} ± {:.4})",
-            self.parameter, self.joint, self.value, self.unit, self.stated, self.tolerance
+            "{} friction of joint {} {value} {} (stated {} ± {})",
+            self.parameter,
+            self.joint,
+            number::unit(&self.unit),
+            number::value(self.stated),
+            number::value(self.tolerance)
         )
     }
 }

@@ -1,9 +1,10 @@
 //! The content of the page of a diagnosis; layout and plots are those of `pid_page`.
 
 use maud::{Markup, html};
+use pid_page::number::{self, short};
 use pid_page::{Bar, Footer, Ink, Legend, Page, bars, figure, legend};
 
-use crate::diagnosis::{Ceiling, Diagnosis, Named, Nameless, Remainder};
+use crate::diagnosis::{Ceiling, Diagnosis, Magnitude, Named, Nameless, Outcome, Remainder};
 use crate::effects;
 use crate::free::Form;
 use crate::locate::{Axis, MissingForce, classes};
@@ -23,7 +24,7 @@ pub(crate) fn page(report: &Report) -> String {
         lead: html! {
             p.verdict { (words::headline(d)) }
             ul.budget { @for line in words::budget(d) { li { (line) } } }
-            p { "Confidence " (format!("{:.2}", d.confidence)) ". Where it shows: " (d.regime) "." }
+            p { "Confidence " (number::probability(d.confidence)) ". Where it shows: " (d.regime) "." }
             @if !d.confusion_set.is_empty() {
                 p { "These records do not tell it apart from: " (d.confusion_set.join(", ")) "." }
             }
@@ -91,8 +92,9 @@ fn content(report: &Report) -> Markup {
             h2 { "Which" }
             (ranking(d))
             p class="quiet" {
-                "Mean squared innovation " (format!("{:.3}", d.misfit.0)) " without and "
-                (format!("{:.3}", d.misfit.1)) " with the named effects; 1 where the noise is as stated. "
+                "Mean squared innovation " (short(d.misfit.0))
+                @if !d.effects.is_empty() { " without and " (short(d.misfit.1)) " with the named effects" }
+                "; 1 where the noise is as stated. "
                 (d.refits) " candidates refitted in full, " (format!("{:.1}", d.seconds)) " s."
             }
         }
@@ -121,7 +123,7 @@ fn located(report: &Report) -> Markup {
             @for (j, p) in place.joints.iter().enumerate() {
                 tr {
                     td { (report.evidence.case.nominal.joints[j].name) }
-                    td class="num" { (format!("{:.4} {}", p.rms, unit(report, j))) }
+                    td class="num" { (short(p.rms)) " " (unit(report, j)) }
                     @for x in p.explained { td class="num" { (format!("{x:.2}")) } }
                 }
             }
@@ -170,7 +172,7 @@ fn signals(report: &Report) -> Markup {
                     @match &s.velocity {
                         Some(v) => {
                             td class="num" { (shift(Some(&v.timing), "")) }
-                            td class="num" { (format!("{:.2} ms", 1e3 * v.timing.stated)) }
+                            td class="num" { (short(1e3 * v.timing.stated)) " ms" }
                             td class="num" { (format!("{:.4}", v.scale)) }
                             td class="num" { (format!("{:.2} %", 100.0 * v.timing.left)) }
                         }
@@ -198,7 +200,7 @@ fn shift(found: Option<&Alignment>, absent: &str) -> Markup {
         return html! { (absent) };
     };
     let text = match a.std {
-        Some(std) => format!("{:.2} ± {:.2} ms", 1e3 * a.delay, 1e3 * std),
+        Some(std) => format!("{} ms", number::plus_minus(1e3 * a.delay, 1e3 * std)),
         None => "not determined".to_owned(),
     };
     html! { @if a.noticeable() { b { (text) } } @else { (text) } }
@@ -308,7 +310,7 @@ fn rounds(d: &Diagnosis) -> Markup {
                         td { (c.label) }
                         td class="num" { (format!("{:.1}", c.score)) }
                         td class="num" { (format!("{:.1}", c.held_out)) }
-                        td class="num" { (format!("{:.4}", c.gap)) }
+                        td class="num" { (short(c.gap)) }
                         td { (c.refused.as_deref().unwrap_or("taken")) }
                     }
                 }
@@ -386,7 +388,7 @@ fn remainder(d: &Diagnosis, r: &Remainder) -> Markup {
                 tr {
                     td { (m.joint) }
                     td class="num" { (format!("{:.0} %", 100.0 * m.share)) }
-                    td class="num" { (format!("{:.4}", m.rms)) }
+                    td class="num" { (short(m.rms)) }
                     td { (m.regime) }
                     td class="num" { (format!("{:.2}", m.explained)) }
                 }
@@ -446,9 +448,10 @@ fn effect(d: &Diagnosis, e: &Named) -> Markup {
             thead { tr { th { "parameter" } th.num { "value" } th.num { "standard deviation" } } }
             @for p in &e.parameters {
                 tr {
-                    td { (words::name(p)) @if !matches!(p.unit.as_str(), "" | "1") { ", " (p.unit) } }
-                    td class="num" { (format!("{:.5}", p.value)) }
-                    td class="num" { (p.std.map_or_else(|| "not determined".to_owned(), |s| format!("{s:.2e}"))) }
+                    @let (value, std) = written(p);
+                    td { (words::name(p)) @if !matches!(p.unit.as_str(), "" | "1") { ", " (number::unit(&p.unit)) } }
+                    td class="num" { (value) }
+                    td class="num" { (std) }
                 }
             }
         } }
@@ -461,6 +464,14 @@ fn effect(d: &Diagnosis, e: &Named) -> Markup {
                 p { "In " (simulator) ": " (field) "." }
             }
         }
+    }
+}
+
+/// A magnitude and its standard deviation.
+fn written(p: &Magnitude) -> (String, String) {
+    match p.std {
+        Some(std) => number::with_deviation(p.value, std),
+        None => (number::value(p.value), "not determined".to_owned()),
     }
 }
 
@@ -477,24 +488,21 @@ fn gaps(d: &Diagnosis) -> Markup {
         &[
             bar("before", d.gap_before, with_interval(d.gap_before, before)),
             bar("after", d.gap_after, with_interval(d.gap_after, after)),
-            bar("floor", d.gap_floor, format!("{:.4}", d.gap_floor)),
+            bar("floor", d.gap_floor, short(d.gap_floor)),
         ],
     )
 }
 
-/// A value with its interval; without it where the ends are the same as written: one window has no scatter.
+/// A value with its interval; without it where the interval has no width: one window has no scatter.
 fn with_interval(x: f64, (low, high): (f64, f64)) -> String {
-    let written = (format!("{low:.4}"), format!("{high:.4}"));
-    if low < high && written.0 != written.1 {
-        format!("{x:.4} ({} to {})", written.0, written.1)
-    } else {
-        format!("{x:.4}")
+    match number::interval(low, high) {
+        Some((low, high)) => format!("{} ({low} to {high})", short(x)),
+        None => short(x),
     }
 }
 
 fn joints(d: &Diagnosis) -> Markup {
-    let figure =
-        |v: Option<f64>| v.map_or_else(|| "not recorded".to_owned(), |v| format!("{v:.4}"));
+    let figure = |v: Option<f64>| v.map_or_else(|| "not recorded".to_owned(), short);
     let rows: Vec<_> = d
         .gap_joints_before
         .iter()
@@ -522,16 +530,20 @@ fn joints(d: &Diagnosis) -> Markup {
     }
 }
 
+/// The refitted candidates. Their probabilities weigh them against each other, which says nothing
+/// where none of them is missing.
 fn ranking(d: &Diagnosis) -> Markup {
+    let weighed = d.outcome() != Outcome::Nothing;
     html! {
+        @if !weighed { p { "None of these candidates pays; the first is the best of them." } }
         div.scroll { table {
-            thead { tr { th { "effect" } th { "joint" } th.num { "score" } th.num { "probability" } } }
+            thead { tr { th { "effect" } th { "joint" } th.num { "score" } @if weighed { th.num { "probability" } } } }
             @for r in &d.ranking {
                 tr {
                     td { (r.effect) }
                     td { (r.joint.map_or_else(String::new, |j| j.to_string())) }
                     td class="num" { (format!("{:.0}", r.score)) }
-                    td class="num" { (format!("{:.3}", r.probability)) }
+                    @if weighed { td class="num" { (number::probability(r.probability)) } }
                 }
             }
         } }

@@ -1,5 +1,7 @@
 //! A diagnosis in plain words: what the command prints and what the page begins with.
 
+use pid_page::number;
+
 use crate::diagnosis::{Diagnosis, Magnitude, Named, Outcome, Verdict};
 use crate::effects::by_id;
 
@@ -92,13 +94,10 @@ pub fn size(m: &Magnitude) -> String {
     };
     let value = m.value * factor;
     match m.std.map(|std| std * factor) {
-        Some(std) => {
-            let digits = digits(std, 2);
-            format!("{name} {value:.digits$} ± {std:.digits$}{unit}")
-        }
+        Some(std) => format!("{name} {}{unit}", number::plus_minus(value, std)),
         None => format!(
-            "{name} {value:.digits$}{unit} (not determined)",
-            digits = digits(value, 4)
+            "{name} {}{unit} (not determined)",
+            number::significant(value, 4)
         ),
     }
 }
@@ -115,20 +114,8 @@ fn scaled(value: f64, unit: &str) -> (f64, String) {
     let small = value.abs() < 0.1;
     match unit {
         "s" | "rad" | "m" if small => (1e3, format!("m{unit}")),
-        _ => {
-            let pretty = unit.replace('*', "·");
-            (1.0, pretty.replace("^2", "²"))
-        }
+        _ => (1.0, number::unit(unit)),
     }
-}
-
-/// Decimals that show so many digits of a number, ten at most.
-fn digits(x: f64, shown: i32) -> usize {
-    if x == 0.0 || !x.is_finite() {
-        return 1;
-    }
-    let decimals = shown - 1 - x.abs().log10().floor() as i32;
-    decimals.clamp(0, 10) as usize
 }
 
 #[cfg(test)]
@@ -152,7 +139,7 @@ mod tests {
         let stiffness = of("stiffness", 12_859.8, Some(412.0), "N*m/rad");
         assert_eq!(stiffness, "stiffness 12860 ± 412 N·m/rad");
         let excess = of("load_coefficient", 0.5, None, "1");
-        assert_eq!(excess, "load coefficient 0.5000 (not determined)");
+        assert_eq!(excess, "load coefficient 0.5 (not determined)");
         let slow = of("time_constant_s", 3.456, Some(0.12), "s");
         assert_eq!(slow, "time constant 3.46 ± 0.12 s");
     }

@@ -1,3 +1,5 @@
+use crate::number;
+
 /// What an axis shows: a quantity with its unit, from one end to the other.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
@@ -123,21 +125,8 @@ fn tick_of_step(x: f64, step: f64) -> String {
 
 /// A number as a label: up to six significant digits, a true minus sign.
 pub fn tick(v: f64) -> String {
-    let text = if v == 0.0 || v.abs() < 1e-12 {
-        "0".to_owned()
-    } else if v.abs() >= 1e5 || v.abs() < 1e-4 {
-        let text = format!("{v:.2e}");
-        let (digits, power) = text.split_once('e').unwrap_or((&text, "0"));
-        let digits = digits.trim_end_matches('0').trim_end_matches('.');
-        format!("{digits}e{power}")
-    } else {
-        let digits = (5.0 - v.abs().log10().floor()).clamp(0.0, 9.0) as usize;
-        let text = format!("{v:.digits$}");
-        if text.contains('.') {
-            text.trim_end_matches('0').trim_end_matches('.').to_owned()
-        } else {
-            text
-        }
-    };
-    text.replace('-', "\u{2212}")
+    match v.abs() < 1e-12 {
+        true => "0".to_owned(),
+        false => number::within(v, 6, -4..5),
+    }
 }

@@ -26,6 +26,7 @@
 mod axis;
 mod date;
 mod layout;
+pub mod number;
 mod plot;
 mod range;
 

@@ -3,6 +3,7 @@
 use pid_data::{Horizon, Role};
 use pid_fit::gap::correlation_ratio;
 use pid_fit::gap::metrics::FreeRunScore;
+use pid_page::number::{short, unit};
 
 use crate::{Direction, ForceBin, MissingForce, ParameterRow};
 
@@ -48,30 +49,35 @@ pub(crate) fn findings(
 }
 
 fn missing_force(f: &MissingForce) -> Vec<String> {
-    let unit = f.unit.replace('*', "·");
+    let unit = unit(&f.unit);
     let deviation = f.band_rms.map(|b| 0.5 * b);
     if deviation.is_some_and(|n| f.rms <= 2.0 * n) {
         return vec![format!(
-            "Joint {}: the missing force (RMS {:.3} {unit}) is not clearly different from zero: the records tell it to ±{:.3} {unit} (one standard deviation).",
+            "Joint {}: the missing force (RMS {} {unit}) is not clearly different from zero: the records tell it to ±{} {unit} (one standard deviation).",
             f.joint,
-            f.rms,
-            deviation.unwrap_or_default()
+            short(f.rms),
+            short(deviation.unwrap_or_default())
         )];
     }
     if f.share < SMALL {
         return vec![format!(
-            "Joint {}: the missing force is below 1 % of the whole force ({:.3} of {:.3} {unit} RMS).",
-            f.joint, f.rms, f.total_rms
+            "Joint {}: the missing force is below 1 % of the whole force ({} of {} {unit} RMS).",
+            f.joint,
+            short(f.rms),
+            short(f.total_rms)
         )];
     }
     let mut text = format!(
-        "Joint {}: a force of {:.3} {unit} RMS is missing, {:.1} % of the whole force",
+        "Joint {}: a force of {} {unit} RMS is missing, {:.1} % of the whole force",
         f.joint,
-        f.rms,
+        short(f.rms),
         100.0 * f.share
     );
     if let Some(n) = deviation {
-        text += &format!("; the records tell it to ±{n:.3} {unit} (one standard deviation)");
+        text += &format!(
+            "; the records tell it to ±{} {unit} (one standard deviation)",
+            short(n)
+        );
     }
     text.push('.');
     let mut out = vec![text];
@@ -95,6 +101,12 @@ fn missing_force(f: &MissingForce) -> Vec<String> {
     out
 }
 
+/// A force with its sign, also above zero.
+fn signed(w: f64) -> String {
+    let sign = if w > 0.0 { "+" } else { "" };
+    format!("{sign}{}", short(w))
+}
+
 /// Words on a force that follows the velocity: its means when slow and when fast.
 fn friction(f: &MissingForce, unit: &str) -> String {
     let fastest = f.by_velocity.iter().map(|b| b.at.abs()).fold(0.0, f64::max);
@@ -109,15 +121,14 @@ fn friction(f: &MissingForce, unit: &str) -> String {
         if n > 0.0 { Some(sum / n) } else { None }
     };
     let words = |slow| {
-        let part = |d| mean(d, slow).map_or_else(|| "–".to_owned(), |w| format!("{w:+.2}"));
+        let part = |d| mean(d, slow).map_or_else(|| "–".to_owned(), signed);
         format!(
             "{} forward, {} backward",
             part(Direction::Forward),
             part(Direction::Backward)
         )
-        .replace('-', "−")
     };
-    let limit = format!("{:.2} {}", SLOW * fastest, f.velocity_unit);
+    let limit = format!("{} {}", short(SLOW * fastest), f.velocity_unit);
     format!(
         "mean {unit} below {limit}: {}; above: {}. The friction law of this joint is not complete.",
         words(true),
@@ -158,7 +169,7 @@ fn generalisation(free_run: &[FreeRunScore]) -> Option<String> {
     let parts: Vec<String> = test
         .joints
         .iter()
-        .filter_map(|j| j.q.map(|q| format!("{} {:.3e}", j.joint, q.rms)))
+        .filter_map(|j| j.q.map(|q| format!("{} {}", j.joint, short(q.rms))))
         .collect();
     let ratio = if a > 0.0 { b / a } else { return None };
     let verdict = if ratio > 2.0 {
@@ -220,7 +231,7 @@ mod tests {
         ];
         let text = findings(&[force(friction.clone(), flat.clone(), 0.2)], &[], &[]).join("\n");
         assert!(
-            text.contains("follows the velocity") && text.contains("−3.00 forward, +3.00 backward"),
+            text.contains("follows the velocity") && text.contains("−3 forward, +3 backward"),
             "{text}"
         );
         let text = findings(&[force(flat.clone(), friction, 0.2)], &[], &[]).join("\n");
@@ -263,7 +274,7 @@ mod tests {
         ];
         let text = findings(&[], &scores, &[]).join("\n");
         assert!(
-            text.contains("restarted every 1 s: RMS servo 6.000e-2 (rad or m); 3.0 times"),
+            text.contains("restarted every 1 s: RMS servo 0.06 (rad or m); 3.0 times"),
             "{text}"
         );
     }

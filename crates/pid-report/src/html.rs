@@ -1,6 +1,7 @@
 //! The content of the page; layout and plots are those of `pid_page`.
 
 use maud::{Markup, html};
+use pid_page::number::{short, unit, value as number, with_deviation};
 use pid_page::{Footer, Ink, Legend, Page, figure, legend};
 
 use super::plot::{self, Axes};
@@ -50,43 +51,6 @@ pub(super) fn page(report: &Report) -> String {
         },
     };
     page.html()
-}
-
-/// Five significant digits, without trailing zeros.
-pub(super) fn number(v: f64) -> String {
-    digits(v, 5)
-}
-
-/// Three significant digits, for errors and shares.
-pub(super) fn short(v: f64) -> String {
-    digits(v, 3)
-}
-
-fn digits(v: f64, significant: i32) -> String {
-    if v == 0.0 {
-        return "0".into();
-    }
-    if !v.is_finite() {
-        return "–".into();
-    }
-    let magnitude = v.abs().log10().floor();
-    let text = if (-4.0..6.0).contains(&magnitude) {
-        let decimals = (significant - 1 - magnitude as i32).clamp(0, 9) as usize;
-        let text = format!("{v:.decimals$}");
-        if text.contains('.') {
-            text.trim_end_matches('0').trim_end_matches('.').to_owned()
-        } else {
-            text
-        }
-    } else {
-        format!("{v:.*e}", (significant - 1).min(3) as usize)
-    };
-    text.replace('-', "\u{2212}")
-}
-
-/// Units as people write them.
-pub(super) fn unit(u: &str) -> String {
-    u.replace("^2", "²").replace("^3", "³").replace('*', "·")
 }
 
 fn verdict(v: Verdict) -> (&'static str, &'static str) {
@@ -181,15 +145,18 @@ fn parameters(report: &Report) -> Markup {
             h2 { "Parameters" }
             p.about {
                 "Identified values with one standard deviation. “Not determined” means that the data fix this parameter only "
-                "together with others. The rail shows the value between its bounds"
-                @if referenced { ", the tick the reference value" }
-                "."
+                "together with others. "
+                span.roomy {
+                    "The rail shows the value between its bounds"
+                    @if referenced { ", the tick the reference value" }
+                    "."
+                }
             }
             div.scroll { table {
                 thead { tr {
                     th { "Name" } th.num { "Value" } th.num { "± std. dev." } th { "Unit" }
                     @if referenced { th.num { "Reference" } }
-                    th.num { "Start" } th.num { "Lower" } th { "Range" } th.num { "Upper" } th { "Meaning" }
+                    th.num.roomy { "Start" } th.num { "Lower" } th.roomy { "Range" } th.num { "Upper" } th { "Meaning" }
                 } }
                 tbody { @for p in &report.parameters { (parameter(p, referenced)) } }
             } }
@@ -198,22 +165,26 @@ fn parameters(report: &Report) -> Markup {
 }
 
 fn parameter(p: &ParameterRow, referenced: bool) -> Markup {
+    let (value, deviation) = match p.deviation {
+        Some(d) => with_deviation(p.value, d),
+        None => (number(p.value), String::new()),
+    };
     html! {
         tr {
             td.name { (p.name) }
-            td.num { (number(p.value)) }
+            td.num { (value) }
             td.num {
                 @match p.deviation {
-                    Some(d) => (number(d)),
+                    Some(_) => (deviation),
                     None if p.fixed => span.badge.plain { "held" },
                     None => span.badge.fair { "not determined" },
                 }
             }
             td.unit { (unit(&p.unit)) }
             @if referenced { td.num.quiet { (p.reference.map(number).unwrap_or_default()) } }
-            td.num.quiet { (number(p.start)) }
+            td.num.quiet.roomy { (number(if rounded_zero(p) { 0.0 } else { p.start })) }
             td.num.quiet { (p.lower.map_or_else(|| "−∞".into(), number)) }
-            td { (rail(p)) }
+            td.roomy { (rail(p)) }
             td.num.quiet { (p.upper.map_or_else(|| "∞".into(), number)) }
             td.quiet {
                 @match p.at_bound {
@@ -225,6 +196,12 @@ fn parameter(p: &ParameterRow, referenced: bool) -> Markup {
             }
         }
     }
+}
+
+/// A start of less than a billionth of its range is the rounding of zero.
+fn rounded_zero(p: &ParameterRow) -> bool {
+    let ends = p.lower.zip(p.upper);
+    ends.is_some_and(|(low, high)| p.start.abs() < 1e-9 * (high - low))
 }
 
 /// Value and reference between the bounds, on a logarithmic rail where the range spans more than a decade.

@@ -9,10 +9,11 @@ use pid_fit::ident::{
 use pid_fit::identify::{Consistency, HorizonChoice, Identified};
 use pid_fit::transcribe::Curvature;
 use pid_nlp::solver::{Algorithm, Status};
+use pid_page::number;
 use pid_runtime::dynamics::ParamInfo;
 
 use crate::judge::{Fit, JudgeError, Subject, judge};
-use crate::{CheckRow, Report, Setting, StartRow, Verdict};
+use crate::{CheckRow, Correlation, Report, Setting, StartRow, Verdict};
 
 /// The independent check accepts this constraint violation and stationarity.
 const FEASIBLE: f64 = 1e-6;
@@ -60,6 +61,7 @@ pub fn report(
             .collect(),
     };
     let mut report = judge(subject, fit, step)?;
+    report.correlations = correlations(identification, params);
     let more = &mut report.findings;
     more.extend(force_findings(&identification.force_error));
     more.extend(optima(identification));
@@ -75,6 +77,26 @@ pub fn report(
         report.findings.insert(0, sentence);
     }
     Ok(report)
+}
+
+/// Correlations of all pairs of parameters that have deviations.
+fn correlations(found: &Identification, params: &[ParamInfo]) -> Vec<Correlation> {
+    let Some(covariance) = &found.covariance else {
+        return Vec::new();
+    };
+    let known = |i: &usize| found.deviations[covariance.free[*i]].is_some();
+    let known: Vec<usize> = (0..covariance.free.len()).filter(known).collect();
+    let name = |i: usize| params[covariance.free[i]].name.to_string();
+    let mut out = Vec::new();
+    for (at, &k) in known.iter().enumerate() {
+        for &i in &known[..at] {
+            let value = covariance.correlation(i, k);
+            if value.is_finite() {
+                out.push(Correlation(name(i), name(k), value.clamp(-1.0, 1.0)));
+            }
+        }
+    }
+    out
 }
 
 /// Whether the result of a start can be used.
@@ -233,10 +255,10 @@ fn horizon_note(choice: &HorizonChoice) -> String {
 /// What positive densities cost and bring.
 fn consistency_finding(c: &Consistency) -> String {
     let mut sentence = format!(
-        "Physical consistency: {} in log-Cholesky coordinates; J = {:.6e}, {:.6e} without. Random poses with an indefinite mass matrix: {:.2} % of {}, {:.2} % without.",
+        "Physical consistency: {} in log-Cholesky coordinates; J = {}, {} without. Random poses with an indefinite mass matrix: {:.2} % of {}, {:.2} % without.",
         c.links.join(", "),
-        c.objective.0,
-        c.objective.1,
+        number::value(c.objective.0),
+        number::value(c.objective.1),
         100.0 * c.indefinite.0,
         c.poses,
         100.0 * c.indefinite.1
@@ -258,9 +280,12 @@ fn bootstrap_findings(params: &[ParamInfo], drawn: &Bootstrap) -> Vec<String> {
     let found = params.iter().zip(&drawn.intervals).zip(&drawn.deviations);
     lines.extend(found.filter_map(|((info, interval), deviation)| {
         let ((low, high), deviation) = ((*interval)?, (*deviation)?);
+        let (low, high) = number::interval(low, high)?;
         Some(format!(
-            "Bootstrap of {}: 95 % interval {low:.5} … {high:.5} {}, standard deviation {deviation:.2e}.",
-            info.name, info.unit
+            "Bootstrap of {}: 95 % interval {low} … {high} {}, standard deviation {}.",
+            info.name,
+            info.unit,
+            number::short(deviation)
         ))
     }));
     lines
@@ -268,7 +293,7 @@ fn bootstrap_findings(params: &[ParamInfo], drawn: &Bootstrap) -> Vec<String> {
 
 fn profile_finding(info: &ParamInfo, found: &Profile) -> String {
     let side = |end: Option<f64>, word: &str| {
-        end.map_or_else(|| format!("its {word} bound"), |x| format!("{x:.5}"))
+        end.map_or_else(|| format!("its {word} bound"), number::value)
     };
     format!(
         "Profile likelihood of {}: 95 % interval {} … {} {} ({} fits).",
@@ -291,9 +316,9 @@ fn noise_finding(found: &Identification, settings: &Settings, data: &Dataset) ->
         .filter_map(|(c, level)| {
             let letter = if c < nq { "q" } else { "dq" };
             Some(format!(
-                "{} {letter} {:.3e}",
+                "{} {letter} {}",
                 data.joints[c % nq].name,
-                (*level)?
+                number::short((*level)?)
             ))
         })
         .collect();
@@ -372,7 +397,13 @@ fn optima(found: &Identification) -> Option<String> {
         .optima
         .iter()
         .take(5)
-        .map(|o| format!("J = {:.4e} ({:.0} %)", o.objective, 100.0 * o.share))
+        .map(|o| {
+            format!(
+                "J = {} ({:.0} %)",
+                number::value(o.objective),
+                100.0 * o.share
+            )
+        })
         .collect();
     let more = found.optima.len().saturating_sub(5);
     Some(format!(
@@ -398,13 +429,13 @@ fn force_findings(errors: &[ForceError]) -> Vec<String> {
                 |r| format!("{:.2} % of the drive's force", 100.0 * r),
             );
             format!(
-                "Force error of joint {} on the {} records: {:.4} RMS, {share}.",
+                "Force error of joint {} on the {} records: {} RMS, {share}.",
                 e.joint,
                 match e.role {
                     Role::Train => "training",
                     Role::Test => "test",
                 },
-                e.rms
+                number::short(e.rms)
             )
         })
         .collect()
@@ -423,9 +454,10 @@ fn hidden_error(settings: &Settings, best: &Run, report: &Report) -> Option<Stri
         .objective?;
     (accurate > 3.0 * best.objective).then(|| {
         format!(
-            "The {} hides its own error in the parameters: it fits the training record with J = {:.4e}, but an accurate simulation with these parameters misses it by J = {accurate:.4e}. Use a scheme of higher order or a smaller step before trusting the values.",
+            "The {} hides its own error in the parameters: it fits the training record with J = {}, but an accurate simulation with these parameters misses it by J = {}. Use a scheme of higher order or a smaller step before trusting the values.",
             settings.scheme.label(),
-            best.objective
+            number::value(best.objective),
+            number::value(accurate)
         )
     })
 }

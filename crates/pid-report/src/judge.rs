@@ -7,6 +7,7 @@ use pid_fit::gap::metrics::{
     FreeRunError, FreeRunScore, FreeRunSettings, StartVelocity, free_run, free_run_table,
 };
 use pid_nlp::solver::Iteration;
+use pid_page::number::short;
 use pid_runtime::dynamics::Hessian;
 
 use crate::findings::findings;
@@ -193,6 +194,7 @@ pub fn judge(subject: &Subject<'_>, fit: Fit, step: &dyn Fn(String)) -> Result<R
         iterations: fit.log,
         findings: findings(&missing, &scores, &parameters),
         parameters,
+        correlations: Vec::new(),
         starts: fit.starts,
         motions,
         free_run: scores,
@@ -279,10 +281,10 @@ fn noise_in_words(dataset: &Dataset, experiment: &str, force: &MissingForceEstim
         .zip(force.noise.position.iter().zip(&force.noise.velocity))
         .map(|(joint, (q, v))| {
             let velocity = match v.is_finite() {
-                true => format!(", {v:.2e} {}", joint.velocity_unit()),
+                true => format!(", {} {}", short(*v), joint.velocity_unit()),
                 false => String::new(),
             };
-            format!("{} {q:.2e} {}{velocity}", joint.name, joint.unit())
+            format!("{} {} {}{velocity}", joint.name, short(*q), joint.unit())
         })
         .collect();
     let open = if force.settled { "" } else { " (not settled)" };

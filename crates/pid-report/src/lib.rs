@@ -20,9 +20,9 @@ pub use build::{ForceRecord, TraceBudget, missing_force, motion, trace};
 pub use identified::{report, verdict};
 pub use judge::{Fit, JudgeError, Subject, judge};
 pub use value::{
-    Bound, CheckRow, DataSection, Direction, ExperimentRow, ForceBin, ForceTrace, MissingForce,
-    ModelSection, Motion, MotionJoint, OutcomeSection, ParameterRow, Report, SCHEMA_VERSION,
-    Setting, StartRow, Trace, Verdict,
+    Bound, CheckRow, Correlation, DataSection, Direction, ExperimentRow, ForceBin, ForceTrace,
+    MissingForce, ModelSection, Motion, MotionJoint, OutcomeSection, ParameterRow, Report,
+    SCHEMA_VERSION, Setting, StartRow, Trace, Verdict,
 };
 
 /// A report that cannot be read.

@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use super::html::{number, short, unit};
+use pid_page::number::{short, unit, value as number, with_deviation};
+
 use super::{Bound, Report, Verdict};
 
 /// Width of the text.
@@ -69,10 +70,10 @@ fn write_summary(r: &Report, out: &mut String) -> std::fmt::Result {
         "name", "value", "std. dev.", "reference", "unit"
     )?;
     for p in &r.parameters {
-        let deviation = match p.deviation {
-            Some(d) => number(d),
-            None if p.fixed => "held".into(),
-            None => "not determined".into(),
+        let (value, deviation) = match p.deviation {
+            Some(d) => with_deviation(p.value, d),
+            None if p.fixed => (number(p.value), "held".into()),
+            None => (number(p.value), "not determined".into()),
         };
         let bound = match p.at_bound {
             Some(Bound::Lower) => "at lower bound",
@@ -82,7 +83,7 @@ fn write_summary(r: &Report, out: &mut String) -> std::fmt::Result {
         let line = format!(
             "  {:width$}  {:>12}  {:>14}  {:>12}  {:<10} {}",
             p.name,
-            number(p.value),
+            value,
             deviation,
             p.reference.map(number).unwrap_or_default(),
             unit(&p.unit),

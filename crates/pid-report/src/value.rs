@@ -30,6 +30,9 @@ pub struct Report {
     pub iterations: Vec<Iteration>,
     /// Parameters, in the model's order.
     pub parameters: Vec<ParameterRow>,
+    /// Correlations of the estimates, a pair of parameters each: all pairs that have deviations.
+    #[serde(default)]
+    pub correlations: Vec<Correlation>,
     /// All starts, if there were several.
     pub starts: Vec<StartRow>,
     /// What was found, in sentences, the most important first.
@@ -239,6 +242,17 @@ pub struct ParameterRow {
     /// Published or nominal value to compare with.
     pub reference: Option<f64>,
 }
+
+/// Correlation of the estimates of two parameters; in JSON `[first, second, value]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Correlation(
+    /// Name of the first.
+    pub String,
+    /// Name of the second.
+    pub String,
+    /// Its value, −1 to 1.
+    pub f64,
+);
 
 /// A bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -6,7 +6,8 @@
 //!   `not_expressed.md`, which says for each effect what carries it;
 //! - [`Target::Urdf`]: `robot.urdf`, and `not_expressed.md`;
 //! - [`Target::IsaacLab`], [`Target::Newton`]: `robot.urdf`, the drives as data, a module in Python that
-//!   hands them to the engine, and `not_expressed.md`.
+//!   hands them to the engine, and `not_expressed.md`;
+//! - [`Target::Bam`]: the parameters of each joint, and `not_expressed.md`.
 //!
 //! Each has `ranges.json` beside it: ranges to randomise over.
 //!
@@ -25,6 +26,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod bam;
 mod drives;
 mod error;
 mod machine;
@@ -32,6 +34,8 @@ pub mod mujoco;
 mod ranges;
 mod urdf;
 mod xml;
+
+use std::borrow::Cow;
 
 use pid_interpret::nominal::Nominal;
 
@@ -53,6 +57,8 @@ pub enum Target {
     IsaacLab,
     /// Newton 1.8: a URDF and its drives.
     Newton,
+    /// Better Actuator Models: friction and motor of each turning joint.
+    Bam,
 }
 
 /// How files are written.
@@ -82,15 +88,15 @@ impl Default for Options<'_> {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct File {
     /// Its name.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Its text.
     pub text: String,
 }
 
 impl File {
-    fn new(name: &'static str, text: impl Into<String>) -> Self {
+    fn new(name: impl Into<Cow<'static, str>>, text: impl Into<String>) -> Self {
         Self {
-            name,
+            name: name.into(),
             text: text.into(),
         }
     }
@@ -121,6 +127,7 @@ pub fn export(
         Target::Urdf => urdf::files(&machine)?,
         Target::IsaacLab => drives::files(&machine, Engine::IsaacLab)?,
         Target::Newton => drives::files(&machine, Engine::Newton)?,
+        Target::Bam => bam::files(&machine)?,
     };
     files.push(ranges::file(
         nominal,

@@ -26,7 +26,7 @@ pub struct Results<'a> {
 struct Ranges {
     note: &'static str,
     parameters: Vec<Range>,
-    /// Pairs of parameters and the correlation of their estimates; no file of results states any.
+    /// Pairs of parameters and the correlation of their estimates, as a fit states them.
     correlations: Vec<(String, String, f64)>,
 }
 
@@ -44,6 +44,7 @@ struct Range {
 
 const NOTE: &str = "SI units. `tolerance`: the description's range of the value, without a distribution. \
 `interval`: 95 % interval of the diagnosis, std is its half width over 1.96. `fit`: standard deviation of the identification. \
+`correlations`: of the estimates of a fit, by name; what is not listed is not correlated. \
 Draw a normal value where std is given and keep it within lower and upper; draw evenly between them otherwise.";
 
 /// The file `ranges.json`.
@@ -125,7 +126,7 @@ pub(crate) fn file(
     let ranges = Ranges {
         note: NOTE,
         parameters,
-        correlations: Vec::new(),
+        correlations: fit.map(correlations).transpose()?.unwrap_or_default(),
     };
     let text = serde_json::to_string_pretty(&ranges).map_err(|error| ExportError::Text {
         name: "ranges.json",
@@ -192,6 +193,15 @@ fn shown(results: Results<'_>) -> Result<Vec<Shown>, ExportError> {
         }
     }
     Ok(out)
+}
+
+/// Correlations of a fit; empty for one of an earlier version, which states none.
+fn correlations(results: Results<'_>) -> Result<Vec<(String, String, f64)>, ExportError> {
+    let root = json(results, true)?;
+    let stated = root.get("correlations").cloned();
+    let stated = stated.unwrap_or(Value::Array(Vec::new()));
+    serde_json::from_value(stated)
+        .map_err(|e| fault(results, format!("its list `correlations`: {e}"), true))
 }
 
 /// Values and standard deviations of a fit, by name.

@@ -50,6 +50,55 @@ fn drives_have_the_values_of_their_effects() {
     }
 }
 
+/// Values by hand: gain 3 N m/A, Coulomb 0.8, viscous 0.5, rotor 0.1.
+#[test]
+fn joints_become_models_of_bam() {
+    let text = [
+        effect(
+            "stribeck",
+            Some("j2"),
+            &[("excess", 0.5), ("stribeck_velocity", 0.03)],
+        ),
+        effect(
+            "load_dependent_friction",
+            Some("j2"),
+            &[("load_coefficient", 0.2)],
+        ),
+        effect(
+            "load_dependent_friction",
+            Some("j1"),
+            &[("load_coefficient", 0.1)],
+        ),
+    ]
+    .concat();
+    let files = export(&described(&text), Target::Bam, &Options::default()).expect("files");
+    let of = |joint: &str| -> serde_json::Value {
+        let name = format!("bam_{joint}.json");
+        let file = files.iter().find(|f| f.name == name).expect("a joint");
+        serde_json::from_str(&file.text).expect("JSON")
+    };
+    let two = of("j2");
+    for (name, expected) in [
+        ("kt", 3.0),
+        ("armature", 0.1),
+        ("friction_base", 0.8),
+        ("friction_stribeck", 0.4),
+        ("load_friction_base", 0.1),
+        ("load_friction_stribeck", 0.05),
+        ("dtheta_stribeck", 0.03),
+        ("alpha", 2.0),
+        ("friction_viscous", 0.5),
+    ] {
+        let value = two[name].as_f64().expect(name);
+        assert!((value - expected).abs() < 1e-12, "{name} {value}");
+    }
+    assert_eq!(
+        (&two["model"], &of("j1")["model"]),
+        (&"m4".into(), &"m3".into())
+    );
+    assert!(of("j1").get("alpha").is_none());
+}
+
 /// No effect of the library is dropped without a word.
 #[test]
 fn every_effect_is_listed() {
@@ -69,7 +118,7 @@ fn every_effect_is_listed() {
             .collect();
         let joint = info.has_joint.then_some("j2");
         let nominal = described(&effect(info.id, joint, &values));
-        for target in [Target::Urdf, Target::IsaacLab, Target::Newton] {
+        for target in [Target::Urdf, Target::IsaacLab, Target::Newton, Target::Bam] {
             let files = export(&nominal, target, &Options::default()).expect("files");
             let list = &files
                 .iter()

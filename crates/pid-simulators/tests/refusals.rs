@@ -22,6 +22,10 @@ fn a_file_of_results_of_another_form_is_told() {
             r#"{"parameters": [{"name": "mass_j1"}]}"#,
             "no name or no value",
         ),
+        (
+            r#"{"parameters": [], "correlations": [["a", "b"]]}"#,
+            "its list `correlations`",
+        ),
     ] {
         let mut options = Options::default();
         options.fit = Some(Results {
@@ -61,7 +65,8 @@ fn ranges_have_values_and_deviations() {
     let stribeck = "[[effect]]\nid = \"stribeck\"\njoint = \"j2\"\n[effect.parameters]\n\
         excess = { value = 0.5, interval = [0.402, 0.598] }\nstribeck_velocity = { value = 0.03 }\n";
     let mut options = Options::default();
-    let fit = r#"{"parameters": [{"name": "mass_j1", "value": 2.02, "deviation": 0.01}, {"name": "excess_j2", "value": 0.4, "deviation": null}]}"#;
+    let fit = r#"{"parameters": [{"name": "mass_j1", "value": 2.02, "deviation": 0.01}, {"name": "excess_j2", "value": 0.4, "deviation": null}],
+        "correlations": [["mass_j1", "mass_j2", -0.75]]}"#;
     options.fit = Some(Results {
         name: "fit.json",
         text: fit,
@@ -83,6 +88,11 @@ fn ranges_have_values_and_deviations() {
     assert_eq!(
         (&of("mass_j1")["value"], &of("mass_j1")["std"]),
         (&2.02.into(), &0.01.into())
+    );
+    let pair = &ranges["correlations"][0];
+    assert_eq!(
+        (&pair[0], &pair[1], &pair[2]),
+        (&"mass_j1".into(), &"mass_j2".into(), &(-0.75).into())
     );
     let (lower, upper) = (
         of("mass_j2")["lower"].as_f64(),

@@ -158,6 +158,7 @@ pub fn run(args: &CoverageArgs) -> Result<u8, Failure> {
     let progress = Progress::start("the first set");
     let news = |done: usize| {
         progress.step(format!("{done} of {} sets", args.sets));
+        progress.done(done as f64 / args.sets as f64);
         match interrupt.requested() {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),

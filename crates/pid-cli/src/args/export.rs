@@ -67,4 +67,6 @@ pub(crate) enum TargetArg {
     IsaacLab,
     /// Newton: robot.urdf and its drives.
     Newton,
+    /// Better Actuator Models: a file of friction and motor for each turning joint.
+    Bam,
 }

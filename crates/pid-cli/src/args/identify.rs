@@ -86,10 +86,10 @@ pub(crate) struct IdentifyArgs {
     /// determine stay near the start.
     #[arg(long, value_name = "WHEN", num_args = 0..=1, require_equals = true, default_missing_value = "after")]
     pub(crate) consistent: Option<ConsistentArg>,
-    /// With --urdf: the parameters of a link need not be those of a body. By default a robot from a
-    /// URDF is fitted as by `--consistent=throughout`, since records hardly ever determine all ten
+    /// With a robot file: the parameters of a link need not be those of a body. By default such a
+    /// robot is fitted as by `--consistent=throughout`, since records hardly ever determine all ten
     /// parameters of every link.
-    #[arg(long, requires = "urdf", conflicts_with = "consistent")]
+    #[arg(long, conflicts_with = "consistent")]
     pub(crate) free_parameters: bool,
     /// Look for the effect that the model lacks as well, with the nominal values and ranges of its
     /// declaration, as `simtrue diagnose --model` does; its report goes to the folder `diagnosis`
@@ -128,6 +128,9 @@ pub(crate) struct IdentifyArgs {
     /// Parameters to start from: a fit.json, or a TOML file of lines `name = value`.
     #[arg(long, value_name = "FILE")]
     pub(crate) start: Option<PathBuf>,
+    /// Print the text of fit.json in place of a summary.
+    #[arg(long)]
+    pub(crate) json: bool,
     /// Print the iterations.
     #[arg(long, short)]
     pub(crate) verbose: bool,

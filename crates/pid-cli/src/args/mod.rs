@@ -4,6 +4,7 @@ pub(crate) mod diagnose;
 pub(crate) mod excite;
 pub(crate) mod export;
 pub(crate) mod identify;
+pub(crate) mod new;
 pub(crate) mod open;
 pub(crate) mod parse;
 pub(crate) mod regress;
@@ -19,16 +20,33 @@ use diagnose::DiagnoseArgs;
 use excite::ExciteArgs;
 use export::ExportArgs;
 use identify::IdentifyArgs;
+use new::NewArgs;
 use open::{CheckArgs, ConvertArgs};
 use regress::RegressArgs;
 use source::Source;
+
+/// What the codes say at the end of a command.
+const EXIT_CODES: &str = "Exit codes:
+  0    done; with `diagnose --exit-code`: nothing is missing
+  1    an error in the input; `check`: the records contradict the robot
+  2    a mistake in the arguments
+  3    `identify`: finished, but the result must not be used
+  10   `diagnose --exit-code`: one cause or several are named
+  11   `diagnose --exit-code`: a part of the gap has no name
+  12   `diagnose --exit-code`: something is missing that has no name
+  130  interrupted; what was reached is written";
 
 /// Identify the parameters of a robot from its records, and show where model and robot differ.
 ///
 /// Without arguments, the two-link robot is identified from embedded records of a robot that has
 /// one effect more than its model, and the report is written to `simtrue-report`.
 #[derive(Debug, Parser)]
-#[command(name = "simtrue", version, args_conflicts_with_subcommands = true)]
+#[command(
+    name = "simtrue",
+    version,
+    args_conflicts_with_subcommands = true,
+    after_help = EXIT_CODES
+)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
@@ -39,16 +57,18 @@ pub(crate) struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Identify a model on a data folder and write fit.json and report.html.
+    /// Make a crate with a declared robot, or with --from a data folder from a robot file and its logs.
+    New(NewArgs),
+    /// Identify a robot file on its logs, or a model on a data folder; write fit.json and report.html.
     Identify(IdentifyArgs),
-    /// Compare a model that has given parameters with a data folder; nothing is identified.
+    /// Compare a robot with given parameters with its logs or a data folder; nothing is identified.
     Simulate(SimulateArgs),
     /// Regress the equations of motion on records filtered without phase shift: base parameters
     /// with deviations, friction laws beyond the model, checks on test records, physically
     /// consistent values.
     Regress(RegressArgs),
-    /// Name the physical effect that the model in a data folder lacks, its joint, and how far it
-    /// shrinks the gap.
+    /// Name the physical effect that the model of a robot lacks, its joint, and how far it shrinks the
+    /// gap.
     Diagnose(DiagnoseArgs),
     /// Check records against a robot before anything is fitted: order and sign of the joints, units,
     /// gravity, clocks, channels that stand still, what the motion can tell.

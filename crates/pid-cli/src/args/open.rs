@@ -23,7 +23,7 @@ pub(crate) struct OpenArgs {
     pub(crate) input: Option<InputArg>,
     /// Factors from the inputs to the torque or force at the joints, one per joint (N·m/A for
     /// currents); the inputs then count as torques or forces.
-    #[arg(long, value_name = "K1,K2,…", value_delimiter = ',', value_parser = finite)]
+    #[arg(long, visible_alias = "input-gain", value_name = "K1,K2,…", value_delimiter = ',', value_parser = finite)]
     pub(crate) gain: Vec<f64>,
     /// No joint is driven: the inputs are zero.
     #[arg(long)]
@@ -52,11 +52,16 @@ pub(crate) struct OpenArgs {
 impl OpenArgs {
     /// The first option that is stated; all of them say how a robot file or logs are read.
     pub(crate) fn stated(&self) -> Option<&'static str> {
+        let gain = (!self.gain.is_empty()).then_some("--gain");
+        self.stated_of_logs().or(gain)
+    }
+
+    /// The same without the gains, which inputs of data folders have too.
+    pub(crate) fn stated_of_logs(&self) -> Option<&'static str> {
         let all = [
             ("--map", !self.map.is_empty()),
             ("--map-file", self.map_file.is_some()),
             ("--input", self.input.is_some()),
-            ("--gain", !self.gain.is_empty()),
             ("--passive", self.passive),
             ("--test", !self.test.is_empty()),
             ("--sample-time", self.sample_time.is_some()),

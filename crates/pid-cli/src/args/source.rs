@@ -4,18 +4,25 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::parse::finite;
+use super::open::OpenArgs;
 use crate::with::With;
 
 /// Model, data and place of the results.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct Source {
-    /// Model, as `simtrue models` lists them; left out with --urdf.
-    pub(crate) model: Option<String>,
-    /// Folder with dataset.toml and CSV files (docs/data-format.md).
-    pub(crate) folder: Option<PathBuf>,
-    /// Robot from a URDF instead of a model: joints and links of the file, input torque or force at
-    /// each joint. Identified values are written back to identified.urdf.
+    /// Robot file (URDF, MJCF or nominal.toml) and its logs (docs/logs.md): its tolerances are bounds
+    /// and priors. Or a folder with dataset.toml and nominal.toml. Or a model, as `simtrue models` lists
+    /// them, and a folder with dataset.toml (docs/data-format.md).
+    #[arg(value_name = "ROBOT LOG|FOLDER|MODEL FOLDER")]
+    pub(crate) paths: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) open: OpenArgs,
+    /// Go on although the logs contradict the robot (`simtrue check` says how).
+    #[arg(long)]
+    pub(crate) anyway: bool,
+    /// Robot from a URDF with free masses and inertias, and a data folder: joints and links of the
+    /// file, input torque or force at each joint. Identified values are written back to
+    /// identified.urdf.
     #[arg(long, value_name = "FILE")]
     pub(crate) urdf: Option<PathBuf>,
     /// Robot from a nominal description (docs/nominal-format.md) instead of a model; in
@@ -37,16 +44,12 @@ pub(crate) struct Source {
     /// regressions only).
     #[arg(long = "with", value_name = "TERM", conflicts_with_all = ["urdf", "nominal"])]
     pub(crate) terms: Vec<With>,
-    /// Factors from the input columns to the torque or force at the joints (N·m/A for currents),
-    /// one per joint, separated by commas; the columns then count as torques or forces.
-    #[arg(long, value_name = "K1,K2,…", value_delimiter = ',', value_parser = finite)]
-    pub(crate) input_gain: Vec<f64>,
     /// Kind of the input columns, whatever the data set says: readings at the sample times
     /// (linear), or commands held from one sample to the next (zero-order).
     #[arg(long, value_enum, value_name = "HOLD")]
     pub(crate) input_hold: Option<HoldArg>,
     /// The measured torques of the records (columns tau1 …) are the inputs instead of the commands.
-    #[arg(long, conflicts_with_all = ["input_gain", "controller"])]
+    #[arg(long, conflicts_with_all = ["gain", "controller"])]
     pub(crate) measured_torque: bool,
     /// Controllers of the records (docs/controller-format.md): the commanded positions are the
     /// input, and the loop is part of the model.
@@ -72,10 +75,21 @@ pub(crate) struct Source {
 impl Source {
     /// Whether no model and no data are named: the embedded ones are used.
     pub(crate) fn embedded(&self) -> bool {
-        self.model.is_none()
-            && self.folder.is_none()
-            && self.urdf.is_none()
-            && self.nominal.is_none()
+        self.paths.is_empty() && self.urdf.is_none() && self.nominal.is_none()
+    }
+
+    /// The first option that asks for a declared model or a URDF by --urdf; a robot file with logs has
+    /// none of them.
+    pub(crate) fn of_models(&self) -> Option<&'static str> {
+        let all = [
+            ("--urdf", self.urdf.is_some()),
+            ("--nominal", self.nominal.is_some()),
+            ("--with", !self.terms.is_empty()),
+            ("--controller", self.controller.is_some()),
+            ("--private", !self.private.is_empty()),
+            ("--velocity-lag", !self.velocity_lag.is_empty()),
+        ];
+        all.iter().find(|(_, is)| *is).map(|(option, _)| *option)
     }
 }
 

@@ -15,8 +15,22 @@ fn the_definition_is_consistent() {
 fn no_arguments_mean_identification_of_the_embedded_data() {
     let cli = Cli::try_parse_from(["simtrue"]).unwrap();
     assert!(cli.command.is_none());
-    assert!(cli.identify.source.model.is_none() && cli.identify.source.folder.is_none());
+    assert!(cli.identify.source.embedded());
     assert_eq!(cli.identify.horizon, None);
+}
+
+/// The factors have one option for logs and for data folders, under both of its names.
+#[test]
+fn gains_are_those_of_the_inputs() {
+    for option in ["--gain", "--input-gain"] {
+        let line = format!("simtrue simulate emps data {option} 2,3");
+        let cli = Cli::try_parse_from(line.split(' ')).unwrap();
+        let Some(Command::Simulate(args)) = cli.command else {
+            panic!("{cli:?}")
+        };
+        assert_eq!(args.source.open.gain, [2.0, 3.0]);
+        assert_eq!(args.source.open.stated_of_logs(), None);
+    }
 }
 
 #[test]

@@ -129,6 +129,7 @@ fn report() -> Report {
             parameter("b", (None, Some(2.0)), Some(Bound::Upper)),
             parameter("c", (Some(2.0), Some(2.0)), Some(Bound::Lower)),
         ],
+        correlations: Vec::new(),
         starts: vec![start(0), start(1)],
         findings: vec!["a < b".to_owned()],
         motions: vec![motion_with_a_gap()],

@@ -53,6 +53,7 @@ pub fn run(args: &WithheldArgs) -> Result<u8, Failure> {
     let progress = Progress::start("drawing cases");
     let outcomes = diagnose_all(&plan, &Settings::default(), &args.out, &|done, of| {
         progress.step(format!("{done} of {of} cases"));
+        progress.done(done as f64 / of as f64);
     })?;
     drop(progress);
     let figures = summary(&outcomes);
