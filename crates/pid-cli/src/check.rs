@@ -99,7 +99,7 @@ fn words(findings: &[&Finding]) -> String {
 }
 
 /// What contradicts the robot or itself, for a run that follows.
-pub(crate) fn wrong(opened: &Opened) -> Vec<Finding> {
+pub fn wrong(opened: &Opened) -> Vec<Finding> {
     let settings = Settings {
         determinable: false,
         ..Settings::default()
