@@ -66,6 +66,7 @@ use pid_models::Entry;
 pub use args::parse::loss;
 pub use assume::from_nominal;
 pub use diagnose::summary;
+pub use models::by_name;
 
 use args::{Cli, Command, DemoArgs};
 use error::CliError;

@@ -20,11 +20,11 @@ const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 /// A robot or a log that cannot be read; the message has place, value and mend.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
-pub struct OpenError(CliError);
+pub struct OpenError(Box<CliError>);
 
 impl From<CliError> for OpenError {
     fn from(error: CliError) -> Self {
-        Self(error)
+        Self(Box::new(error))
     }
 }
 

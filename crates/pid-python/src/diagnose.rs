@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use pid_cli::open::{Opened, wrong};
-use pid_diagnose::nominal::Nominal;
-use pid_diagnose::report;
-use pid_diagnose::search::{Settings, Watch};
 use pyo3::prelude::*;
+use simtrue::cli::open::{Opened, wrong};
+use simtrue::diagnosis::nominal::Nominal;
+use simtrue::diagnosis::report;
+use simtrue::diagnosis::search::{Settings, Watch};
 
 use crate::error::raised;
 use crate::records::{Records, positive};
@@ -19,8 +19,8 @@ use crate::work::{Stops, run};
 pub(crate) fn check(py: Python<'_>, robot: &Robot, records: &Records) -> PyResult<String> {
     let opened = opened(robot, records);
     let work = move |_: &_| {
-        let settings = pid_preflight::Settings::default();
-        let found = pid_preflight::check(&opened.records.dataset, &opened.nominal, &settings);
+        let settings = simtrue::preflight::Settings::default();
+        let found = simtrue::preflight::check(&opened.records.dataset, &opened.nominal, &settings);
         serde_json::to_string(&found)
     };
     Ok(run(py, Stops::Never, None, work)?.0)
@@ -94,7 +94,7 @@ impl Report {
 
     /// What the command prints.
     fn summary(&self) -> String {
-        pid_cli::summary(&self.report.diagnosis)
+        simtrue::cli::summary(&self.report.diagnosis)
     }
 
     /// `extended.toml`: the robot with the effects found; `None` if no file can state it.

@@ -4,16 +4,16 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use pid_data::{Dataset, Horizon};
-use pid_diagnose::search::Listener;
-use pid_diagnose::with_effects::Assembled;
-use pid_diagnose::write::write_whole;
-use pid_fit::ident::Settings;
-use pid_fit::identify::{News, Request, by_rule, identify as identified};
-use pid_interpret::nominal::Nominal;
-use pid_report::Subject;
-use pid_runtime::dynamics::Hessian;
 use pyo3::prelude::*;
+use simtrue::data::{Dataset, Horizon};
+use simtrue::diagnosis::search::Listener;
+use simtrue::diagnosis::with_effects::Assembled;
+use simtrue::diagnosis::write::write_whole;
+use simtrue::dynamics::Hessian;
+use simtrue::fit::ident::Settings;
+use simtrue::fit::identify::{News, Request, by_rule, identify as identified};
+use simtrue::interpret::nominal::Nominal;
+use simtrue::report::Subject;
 
 use crate::error::raised;
 use crate::records::Records;
@@ -23,7 +23,7 @@ use crate::work::{Stops, Watch, run};
 /// The report on an identification.
 #[pyclass(frozen, module = "simtrue._simtrue")]
 pub(crate) struct Fit {
-    report: Arc<pid_report::Report>,
+    report: Arc<simtrue::report::Report>,
 }
 
 /// What an identification is asked for beside its records.
@@ -79,7 +79,7 @@ fn described(
     mut dataset: Dataset,
     asked: &Asked,
     watch: &Arc<Watch>,
-) -> Result<pid_report::Report, String> {
+) -> Result<simtrue::report::Report, String> {
     let with = match nominal.effects() {
         [] => Assembled::without_effects(nominal),
         _ => Assembled::new(nominal, &mut dataset),
@@ -100,7 +100,7 @@ fn fitted(
     dataset: &Dataset,
     asked: &Asked,
     watch: &Arc<Watch>,
-) -> Result<pid_report::Report, String> {
+) -> Result<simtrue::report::Report, String> {
     dataset.check_model(model).map_err(|e| e.to_string())?;
     let position = |name: &String| {
         let mut params = model.params().iter();
@@ -116,7 +116,7 @@ fn fitted(
         settings: Settings {
             horizon: asked.horizon.unwrap_or_else(|| by_rule(dataset)),
             hold: asked.hold.iter().map(position).collect::<Result<_, _>>()?,
-            likelihood: nominal.map(|(nominal, with)| pid_cli::from_nominal(nominal, with)),
+            likelihood: nominal.map(|(nominal, with)| simtrue::cli::from_nominal(nominal, with)),
             starts: asked.starts,
             seed: asked.seed,
             ..Settings::default()
@@ -148,7 +148,7 @@ fn fitted(
         model,
         judged: (model, dataset, &best.parameters),
     };
-    pid_report::report(&subject, dataset, &found, &|what| watch.step(&what))
+    simtrue::report::report(&subject, dataset, &found, &|what| watch.step(&what))
         .map_err(|e| e.to_string())
 }
 

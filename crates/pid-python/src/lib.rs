@@ -7,6 +7,7 @@ use std::ffi::OsString;
 
 use pyo3::prelude::*;
 
+mod arrays;
 mod diagnose;
 mod error;
 mod identify;
@@ -33,5 +34,5 @@ mod _simtrue {
 /// Runs the command line with these words, the program's name first; the exit code.
 #[pyfunction]
 fn command(py: Python<'_>, words: Vec<OsString>) -> u8 {
-    py.detach(|| pid_cli::run(&[], words))
+    py.detach(|| simtrue::cli::run(&[], words))
 }

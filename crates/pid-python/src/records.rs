@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
-use pid_cli::open::{self, InputArg, OpenArgs};
-use pid_data::{Experiment, Role};
-use pid_logs::{Channel, Clock, Entry, Found, Joint, Kind, Log};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use simtrue::cli::open::{self, InputArg, OpenArgs};
+use simtrue::data::{Experiment, Role};
+use simtrue::logs::{Channel, Clock, Entry, Found, Joint, Kind, Log};
 
+use crate::arrays::{array, integers, reals};
 use crate::error::raised;
 use crate::robot::Robot;
 use crate::work::{Stops, run};
@@ -20,33 +20,26 @@ pub(crate) struct Records {
     pub(crate) found: Arc<Found>,
 }
 
-/// Values of a column.
-#[derive(FromPyObject)]
-enum Values<'py> {
-    Integers(PyReadonlyArray1<'py, i64>),
-    Reals(PyReadonlyArray1<'py, f64>),
-}
+/// Columns of a table: names, units where the table says them, numbers, and whether these are whole.
+type Columns = Vec<(String, Option<String>, Vec<u8>, bool)>;
 
-/// Columns of a table: names, units where the table says them, values.
-type Columns<'py> = Vec<(String, Option<String>, Values<'py>)>;
-
-/// Arrays by the word of their column: `t` of one dimension, the others with one column per joint.
+/// A record by arrays: times, and channels by the word of their column, one column per joint.
 #[derive(FromPyObject)]
-struct Arrays<'py> {
+pub(crate) struct Arrays {
     #[pyo3(item)]
     name: String,
     #[pyo3(item)]
-    t: PyReadonlyArray1<'py, f64>,
+    t: Vec<u8>,
     #[pyo3(item)]
-    channels: Vec<(String, PyReadonlyArray2<'py, f64>)>,
+    channels: Vec<(String, Vec<u8>)>,
 }
 
 /// Where records come from.
 #[derive(FromPyObject)]
-enum Source<'py> {
+pub(crate) enum Source {
     File(PathBuf),
-    Table((String, Columns<'py>)),
-    Arrays(Arrays<'py>),
+    Table((String, Columns)),
+    Arrays(Arrays),
 }
 
 /// Sources as logs, with entries of a map for those that need no names.
@@ -59,7 +52,7 @@ struct Logs {
 }
 
 impl Logs {
-    fn add(&mut self, source: Source<'_>, joints: &[Joint]) -> PyResult<()> {
+    fn add(&mut self, source: Source, joints: &[Joint]) -> PyResult<()> {
         match source {
             Source::File(path) => self.files.push(path),
             Source::Table((name, columns)) => {
@@ -74,8 +67,9 @@ impl Logs {
     }
 
     /// Columns in the order of the joints.
-    fn arrays(&mut self, arrays: &Arrays<'_>, joints: &[Joint]) -> PyResult<Log> {
-        let t = arrays.t.as_array().to_vec();
+    fn arrays(&mut self, arrays: &Arrays, joints: &[Joint]) -> PyResult<Log> {
+        let t = reals(&arrays.t);
+        let rows = t.len().max(1);
         let mut log = Log::new(&arrays.name);
         log.clocks = vec![Clock {
             rows: t.len(),
@@ -83,13 +77,13 @@ impl Logs {
             ..Clock::default()
         }];
         for (word, values) in &arrays.channels {
-            let values = values.as_array();
-            if values.ncols() != joints.len() {
+            let values = reals(values);
+            let columns = values.len() / rows;
+            if columns != joints.len() {
                 let names: Vec<&str> = joints.iter().map(|j| j.name.as_str()).collect();
                 return Err(raised(format!(
-                    "{}: `{word}` has {} columns, the robot {} joints: {}\n  help: give one column per joint, base to tip",
+                    "{}: `{word}` has {columns} columns, the robot {} joints: {}\n  help: give one column per joint, base to tip",
                     arrays.name,
-                    values.ncols(),
                     joints.len(),
                     names.join(", ")
                 )));
@@ -101,7 +95,7 @@ impl Logs {
                 "qref" => Kind::Target,
                 _ => Kind::Input,
             };
-            for (joint, column) in joints.iter().zip(values.columns()) {
+            for (j, joint) in joints.iter().enumerate() {
                 let name = format!("{word} of {}", joint.name);
                 // `u` is what the description says; `tau` is at the joint.
                 let unit = match (word.as_str(), joint.prismatic) {
@@ -119,36 +113,36 @@ impl Logs {
                 if !self.map.iter().any(|e| e.column == name) {
                     self.map.push(entry);
                 }
-                log.channels.push(Channel::new(name, 0, column.to_vec()));
+                let column = values.iter().skip(j).step_by(columns).copied().collect();
+                log.channels.push(Channel::new(name, 0, column));
             }
         }
         Ok(log)
     }
 
     /// Reads the files and puts the logs in their order.
-    fn read(self) -> Result<Vec<Log>, pid_logs::LogError> {
+    fn read(self) -> Result<Vec<Log>, simtrue::logs::LogError> {
         let mut all = Vec::new();
         let mut logs = self.logs.into_iter().peekable();
         for (k, file) in self.files.iter().enumerate() {
             while let Some((_, log)) = logs.next_if(|(before, _)| *before <= k) {
                 all.push(log);
             }
-            all.extend(pid_logs::open(file)?);
+            all.extend(simtrue::logs::open(file)?);
         }
         all.extend(logs.map(|(_, log)| log));
         Ok(all)
     }
 }
 
-fn table(name: &str, columns: Columns<'_>) -> Log {
+fn table(name: &str, columns: Columns) -> Log {
     let mut log = Log::new(name);
     let mut rows = 0;
-    for (name, unit, values) in columns {
-        let mut channel = match values {
-            Values::Reals(values) => Channel::new(name, 0, values.as_array().to_vec()),
-            Values::Integers(values) => {
-                let values: Vec<Option<i64>> =
-                    values.as_array().iter().copied().map(Some).collect();
+    for (name, unit, values, whole) in columns {
+        let mut channel = match whole {
+            false => Channel::new(name, 0, reals(&values)),
+            true => {
+                let values: Vec<Option<i64>> = integers(&values).into_iter().map(Some).collect();
                 Channel::of_integers(name, 0, &values)
             }
         };
@@ -170,7 +164,7 @@ fn table(name: &str, columns: Columns<'_>) -> Log {
 pub(crate) fn read(
     py: Python<'_>,
     robot: &Robot,
-    sources: Vec<Source<'_>>,
+    sources: Vec<Source>,
     map: Option<Vec<String>>,
     map_file: Option<PathBuf>,
     input: Option<&str>,
@@ -268,7 +262,7 @@ impl Records {
     #[staticmethod]
     fn example() -> PyResult<Self> {
         let found = Found {
-            dataset: pid_cli::demo::dataset().map_err(raised)?,
+            dataset: simtrue::cli::demo::dataset().map_err(raised)?,
             assumptions: Vec::new(),
             warnings: Vec::new(),
         };
@@ -321,16 +315,13 @@ impl Records {
     fn arrays<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
         let e = self.experiment(name)?;
         let out = PyDict::new(py);
-        out.set_item("t", PyArray1::from_slice(py, &e.t))?;
-        let of = |values: &[f64], columns: usize| -> PyResult<Bound<'py, PyArray2<f64>>> {
-            PyArray1::from_slice(py, values).reshape([e.len(), columns])
-        };
-        out.set_item("q", of(&e.q, e.nq)?)?;
-        out.set_item("u", of(&e.u, e.nu())?)?;
+        out.set_item("t", array(py, &e.t, None)?)?;
+        out.set_item("q", array(py, &e.q, Some(e.nq))?)?;
+        out.set_item("u", array(py, &e.u, Some(e.nu()))?)?;
         let more = [("v", &e.v), ("tau_sensor", &e.tau), ("qref", &e.qref)];
         for (word, values) in more {
             if let Some(values) = values {
-                out.set_item(word, of(values, e.nq)?)?;
+                out.set_item(word, array(py, values, Some(e.nq))?)?;
             }
         }
         Ok(out)

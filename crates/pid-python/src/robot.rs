@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use pid_cli::open::{self, ClassArg, OpenArgs};
-use pid_interpret::nominal::Nominal;
-use pid_runtime::dynamics::Hessian;
 use pyo3::prelude::*;
+use simtrue::cli::open::{self, ClassArg, OpenArgs};
+use simtrue::dynamics::Hessian;
+use simtrue::interpret::nominal::Nominal;
 
 use crate::error::raised;
 
@@ -146,9 +146,7 @@ impl Robot {
     /// A robot that is declared in the program.
     #[staticmethod]
     fn from_model(name: &str) -> PyResult<Self> {
-        let model = pid_models::find(&pid_models::all(), name)
-            .map_err(raised)?
-            .model;
+        let model = simtrue::cli::by_name(name).map_err(raised)?.model;
         let nominal = Nominal::of_declared(model, None).map_err(raised)?;
         Ok(Self {
             read: Arc::new(open::Robot::described(nominal)),

@@ -1,22 +1,21 @@
 //! Simulation.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
-use pid_cli::open;
-use pid_data::{
+use pyo3::prelude::*;
+use simtrue::cli::open;
+use simtrue::data::{
     Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
 };
-use pid_diagnose::with_effects::Assembled;
-use pid_fit::integrate::{Drive, Settings, simulate as simulated};
-use pid_logs::Joint;
-use pid_runtime::dynamics::{Dynamics, Hessian};
-use pyo3::prelude::*;
+use simtrue::diagnosis::with_effects::Assembled;
+use simtrue::dynamics::Hessian;
+use simtrue::fit::integrate::{Drive, Settings, simulate as simulated};
+use simtrue::logs::Joint;
 
-use crate::error::raised;
+use crate::arrays::{array, reals};
 use crate::robot::Robot;
 use crate::work::{Stops, run};
 
 /// Positions and velocities, one row per time.
-type Motion<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+type Motion<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
 
 /// A motion to compute.
 struct Asked {
@@ -37,18 +36,18 @@ struct Asked {
 pub(crate) fn simulate<'py>(
     py: Python<'py>,
     robot: &Robot,
-    t: PyReadonlyArray1<'py, f64>,
-    u: PyReadonlyArray2<'py, f64>,
-    q0: PyReadonlyArray1<'py, f64>,
-    v0: PyReadonlyArray1<'py, f64>,
+    t: &[u8],
+    u: &[u8],
+    q0: &[u8],
+    v0: &[u8],
     linear: bool,
     values: Vec<(String, f64)>,
 ) -> PyResult<Motion<'py>> {
     let asked = Asked {
-        t: t.as_array().to_vec(),
-        u: u.as_array().iter().copied().collect(),
-        q0: q0.as_array().to_vec(),
-        v0: v0.as_array().to_vec(),
+        t: reals(t),
+        u: reals(u),
+        q0: reals(q0),
+        v0: reals(v0),
         hold: match linear {
             true => InputHold::Linear,
             false => InputHold::ZeroOrder,
@@ -56,14 +55,13 @@ pub(crate) fn simulate<'py>(
         values,
     };
     let (read, declared) = (robot.read.clone(), robot.declared);
-    let (rows, joints) = (asked.t.len(), asked.q0.len());
+    let joints = asked.q0.len();
     let work = move |_: &_| match declared {
         Some(model) => motion(model, &asked),
         None => of_description(&read, asked),
     };
     let ((q, v), _) = run(py, Stops::Never, None, work)?;
-    let array = |values: &[f64]| PyArray1::from_slice(py, values).reshape([rows, joints]);
-    Ok((array(&q)?, array(&v)?))
+    Ok((array(py, &q, Some(joints))?, array(py, &v, Some(joints))?))
 }
 
 /// With effects, states that no sensor reads start at rest, and inputs get the columns that these need.

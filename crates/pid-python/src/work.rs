@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
-use pid_diagnose::search::Listener;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
+use simtrue::diagnosis::search::Listener;
 
 use crate::error::raised;
 

@@ -163,8 +163,8 @@ def _source(log: object, named: str, otherwise: str) -> Source:
         return os.fspath(log)
     if isinstance(log, Record):
         name = named or log.name or otherwise
-        channels = [(word, values) for word, values in log.channels.items()]
-        return Arrays(name=name, t=log.t, channels=channels)
+        channels = [(word, values.tobytes()) for word, values in log.channels.items()]
+        return Arrays(name=name, t=log.t.tobytes(), channels=channels)
     if _is_frame(log):
         return (named or otherwise, _columns(log, named or otherwise))
     raise _no_log(log, named or otherwise)
@@ -208,7 +208,7 @@ def _column(name: str, values: "npt.NDArray[Any]", place: str) -> Table:
             row = int(np.flatnonzero(np.isnat(values))[0]) + 1
             raise SimtrueError(f"{place}: `{name}`, row {row}: no time\n  help: drop the row")
         of_ns = values.astype(f"{values.dtype.str[1:2]}8[ns]")
-        return [(name, "ns", of_ns.astype(np.int64))]
+        return [(name, "ns", of_ns.astype(np.int64).tobytes(), True)]
     if kind == "O" and len(values) and isinstance(values[0], (list, tuple, np.ndarray)):
         if len({len(row) for row in values}) == 1:
             values = np.array([list(row) for row in values], dtype=np.float64)
@@ -222,10 +222,10 @@ def _column(name: str, values: "npt.NDArray[Any]", place: str) -> Table:
     elif kind not in "fiub":
         return []
     if values.ndim == 2:
-        parts = [np.ascontiguousarray(part, dtype=np.float64) for part in values.T]
-        return [(f"{name}[{k}]", None, part) for k, part in enumerate(parts)]
-    to = np.int64 if kind in "i" else np.float64
-    return [(name, None, np.ascontiguousarray(values, dtype=to))]
+        parts = [part.astype(np.float64).tobytes() for part in values.T]
+        return [(f"{name}[{k}]", None, part, False) for k, part in enumerate(parts)]
+    whole = kind == "i"
+    return [(name, None, values.astype(np.int64 if whole else np.float64).tobytes(), whole)]
 
 
 def numbers(place: str, word: str, values: npt.ArrayLike) -> Values:

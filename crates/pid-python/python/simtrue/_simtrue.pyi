@@ -151,10 +151,10 @@ def identify(
 ) -> tuple[Fit, bool]: ...
 def simulate(
     robot: Robot,
-    t: Values,
-    u: Values,
-    q0: Values,
-    v0: Values,
+    t: bytes,
+    u: bytes,
+    q0: bytes,
+    v0: bytes,
     *,
     linear: bool = False,
     values: Sequence[tuple[str, float]] = (),

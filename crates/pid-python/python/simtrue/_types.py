@@ -1,7 +1,7 @@
 """Types that the compiled part takes."""
 
 import os
-from typing import Any, Optional, TypedDict, Union
+from typing import Optional, TypedDict, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -10,16 +10,16 @@ Path = Union[str, "os.PathLike[str]"]
 
 Values = npt.NDArray[np.float64]
 
-Table = list[tuple[str, Optional[str], npt.NDArray[Any]]]
-"""Columns: name, unit where the table says it, values (whole numbers or reals)."""
+Table = list[tuple[str, Optional[str], bytes, bool]]
+"""Columns: name, unit where the table says it, numbers, whether these are whole."""
 
 
 class Arrays(TypedDict):
     """A record by arrays."""
 
     name: str
-    t: Values
-    channels: list[tuple[str, Values]]
+    t: bytes
+    channels: list[tuple[str, bytes]]
 
 
 Source = Union[str, tuple[str, Table], Arrays]

@@ -231,7 +231,13 @@ def simulate(
     start = [_state(place, w, x, joints) for w, x in (("q0", q0), ("v0", v0))]
     own = [(name, float(value)) for name, value in (parameters or {}).items()]
     q, v = _simtrue.simulate(
-        robot, at, inputs, start[0], start[1], linear=hold == "linear", values=own
+        robot,
+        at.tobytes(),
+        inputs.tobytes(),
+        start[0].tobytes(),
+        start[1].tobytes(),
+        linear=hold == "linear",
+        values=own,
     )
     return Motion(at, q, v)
 
