@@ -10,6 +10,7 @@ use simtrue::dynamics::Hessian;
 use simtrue::interpret::nominal::Nominal;
 
 use crate::error::raised;
+use crate::work::{Stops, run};
 
 /// A robot: its nominal description, and what reading its file told.
 #[pyclass(frozen, module = "simtrue")]
@@ -50,7 +51,7 @@ impl Form {
 }
 
 /// Reads a robot; `wanted`: the form it must have.
-fn of_file(path: PathBuf, wanted: Option<Form>, args: &OpenArgs) -> PyResult<Robot> {
+fn of_file(py: Python<'_>, path: PathBuf, wanted: Option<Form>, args: OpenArgs) -> PyResult<Robot> {
     let file = match path.join("nominal.toml") {
         inside if inside.is_file() => inside,
         _ => path,
@@ -66,22 +67,39 @@ fn of_file(path: PathBuf, wanted: Option<Form>, args: &OpenArgs) -> PyResult<Rob
             wanted.words().0
         )));
     }
+    let (read, _) = run(py, Stops::Never, None, move |_| {
+        open::Robot::read(&file, &args)
+    })?;
     Ok(Robot {
-        read: Arc::new(open::Robot::read(&file, args).map_err(raised)?),
+        read: Arc::new(read),
         declared: None,
     })
 }
 
-/// How far masses of a robot file are trusted.
-fn class(word: &str) -> PyResult<ClassArg> {
-    match word {
-        "cad" => Ok(ClassArg::Cad),
-        "data-sheet" => Ok(ClassArg::DataSheet),
-        "guessed" => Ok(ClassArg::Guessed),
-        other => Err(raised(format!(
-            "trust: `{other}` says nothing of where masses come from\n  help: use 'cad', 'data-sheet' or 'guessed'"
-        ))),
-    }
+/// How a robot file is read; `trust`: how far its masses are.
+fn reading(
+    trust: &str,
+    joints: Option<Vec<String>>,
+    guess_inertias: bool,
+    strict: bool,
+) -> PyResult<OpenArgs> {
+    let class = match trust {
+        "cad" => ClassArg::Cad,
+        "data-sheet" => ClassArg::DataSheet,
+        "guessed" => ClassArg::Guessed,
+        other => {
+            return Err(raised(format!(
+                "trust: `{other}` says nothing of where masses come from\n  help: use 'cad', 'data-sheet' or 'guessed'"
+            )));
+        }
+    };
+    Ok(OpenArgs {
+        class,
+        joints: joints.unwrap_or_default(),
+        guess_inertias,
+        strict,
+        ..OpenArgs::default()
+    })
 }
 
 #[pymethods]
@@ -90,57 +108,48 @@ impl Robot {
     #[staticmethod]
     #[pyo3(signature = (path, *, trust="cad", joints=None, guess_inertias=false, strict=false))]
     fn load(
+        py: Python<'_>,
         path: PathBuf,
         trust: &str,
         joints: Option<Vec<String>>,
         guess_inertias: bool,
         strict: bool,
     ) -> PyResult<Self> {
-        let args = OpenArgs {
-            class: class(trust)?,
-            joints: joints.unwrap_or_default(),
-            guess_inertias,
-            strict,
-            ..OpenArgs::default()
-        };
-        of_file(path, None, &args)
+        let args = reading(trust, joints, guess_inertias, strict)?;
+        of_file(py, path, None, args)
     }
 
     /// Reads a URDF.
     #[staticmethod]
     #[pyo3(signature = (path, *, trust="cad", joints=None, guess_inertias=false, strict=false))]
     fn from_urdf(
+        py: Python<'_>,
         path: PathBuf,
         trust: &str,
         joints: Option<Vec<String>>,
         guess_inertias: bool,
         strict: bool,
     ) -> PyResult<Self> {
-        let args = OpenArgs {
-            class: class(trust)?,
-            joints: joints.unwrap_or_default(),
-            guess_inertias,
-            strict,
-            ..OpenArgs::default()
-        };
-        of_file(path, Some(Form::Urdf), &args)
+        let args = reading(trust, joints, guess_inertias, strict)?;
+        of_file(py, path, Some(Form::Urdf), args)
     }
 
     /// Reads an MJCF.
     #[staticmethod]
     #[pyo3(signature = (path, *, trust="cad"))]
-    fn from_mjcf(path: PathBuf, trust: &str) -> PyResult<Self> {
-        let args = OpenArgs {
-            class: class(trust)?,
-            ..OpenArgs::default()
-        };
-        of_file(path, Some(Form::Mjcf), &args)
+    fn from_mjcf(py: Python<'_>, path: PathBuf, trust: &str) -> PyResult<Self> {
+        of_file(
+            py,
+            path,
+            Some(Form::Mjcf),
+            reading(trust, None, false, false)?,
+        )
     }
 
     /// Reads a nominal description, or that of a folder.
     #[staticmethod]
-    fn from_description(path: PathBuf) -> PyResult<Self> {
-        of_file(path, Some(Form::Description), &OpenArgs::default())
+    fn from_description(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        of_file(py, path, Some(Form::Description), OpenArgs::default())
     }
 
     /// A robot that is declared in the program.

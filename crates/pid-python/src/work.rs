@@ -112,6 +112,8 @@ pub(crate) fn run<T: Send + 'static, E: std::fmt::Display + Send + 'static>(
     }
     match py.detach(|| thread.join()) {
         Ok(Ok(result)) => Ok((result, cut)),
+        // Too early for a result.
+        Ok(Err(_)) if cut => Err(PyKeyboardInterrupt::new_err(())),
         Ok(Err(error)) => Err(raised(error)),
         Err(panic) => {
             let text = panic.downcast_ref::<String>().map(String::as_str);
