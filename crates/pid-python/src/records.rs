@@ -6,7 +6,7 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use simtrue::cli::open::{self, InputArg, OpenArgs};
-use simtrue::data::{Experiment, Role};
+use simtrue::data::{Experiment, InputQuantity, Role};
 use simtrue::logs::{Channel, Clock, Entry, Found, Joint, Kind, Log};
 
 use crate::arrays::{array, integers, reals};
@@ -52,14 +52,14 @@ struct Logs {
 }
 
 impl Logs {
-    fn add(&mut self, source: Source, joints: &[Joint]) -> PyResult<()> {
+    fn add(&mut self, source: Source, joints: &[Joint], input: Option<InputArg>) -> PyResult<()> {
         match source {
             Source::File(path) => self.files.push(path),
             Source::Table((name, columns)) => {
                 self.logs.push((self.files.len(), table(&name, columns)))
             }
             Source::Arrays(arrays) => {
-                let log = self.arrays(&arrays, joints)?;
+                let log = self.arrays(&arrays, joints, input)?;
                 self.logs.push((self.files.len(), log));
             }
         }
@@ -67,7 +67,12 @@ impl Logs {
     }
 
     /// Columns in the order of the joints.
-    fn arrays(&mut self, arrays: &Arrays, joints: &[Joint]) -> PyResult<Log> {
+    fn arrays(
+        &mut self,
+        arrays: &Arrays,
+        joints: &[Joint],
+        input: Option<InputArg>,
+    ) -> PyResult<Log> {
         let t = reals(&arrays.t);
         let rows = t.len().max(1);
         let mut log = Log::new(&arrays.name);
@@ -97,17 +102,11 @@ impl Logs {
             };
             for (j, joint) in joints.iter().enumerate() {
                 let name = format!("{word} of {}", joint.name);
-                // `u` is what the description says; `tau` is at the joint.
-                let unit = match (word.as_str(), joint.prismatic) {
-                    ("tau", true) => Some("N"),
-                    ("tau", false) => Some("N*m"),
-                    _ => None,
-                };
                 let entry = Entry {
                     kind,
                     joint: Some(joint.name.clone()),
                     column: name.clone(),
-                    unit: unit.map(str::to_owned),
+                    unit: Some(unit(word, joint, input).to_owned()),
                     place: format!("{}: `{word}`", arrays.name),
                 };
                 if !self.map.iter().any(|e| e.column == name) {
@@ -132,6 +131,27 @@ impl Logs {
         }
         all.extend(logs.map(|(_, log)| log));
         Ok(all)
+    }
+}
+
+/// The unit of a column of arrays; `u` is what the call or the description says, or acts at the joint.
+fn unit(word: &str, joint: &Joint, input: Option<InputArg>) -> &'static str {
+    let force = match joint.prismatic {
+        true => InputQuantity::Force,
+        false => InputQuantity::Torque,
+    };
+    match (word, joint.prismatic) {
+        ("q" | "qref", true) => "m",
+        ("q" | "qref", false) => "rad",
+        ("v", true) => "m/s",
+        ("v", false) => "rad/s",
+        ("u", _) => match input {
+            Some(InputArg::Torque) => force.unit(),
+            Some(InputArg::Current) => InputQuantity::Current.unit(),
+            Some(InputArg::Voltage) => InputQuantity::Voltage.unit(),
+            None => joint.input.unwrap_or(force).unit(),
+        },
+        _ => force.unit(),
     }
 }
 
@@ -175,9 +195,10 @@ pub(crate) fn read(
 ) -> PyResult<Records> {
     let robot = robot.read.clone();
     let joints = robot.joints();
+    let input = input.map(quantity).transpose()?;
     let mut logs = Logs::default();
     for source in sources {
-        logs.add(source, &joints)?;
+        logs.add(source, &joints, input)?;
     }
     let stated = map.unwrap_or_default();
     let mut map = stated
@@ -188,7 +209,7 @@ pub(crate) fn read(
     let args = OpenArgs {
         map,
         map_file,
-        input: input.map(quantity).transpose()?,
+        input,
         gain: finite("gain", gain.unwrap_or_default())?,
         passive,
         test: test.unwrap_or_default(),

@@ -13,16 +13,16 @@ import simtrue
 from conftest import Command, Swing
 
 
+WITHOUT = {"viscous_shoulder": 0.0, "coulomb_shoulder": 0.0, "rotor_shoulder": 0.0}
+"""Friction and rotor, which the equation of a pendulum does not have."""
+
+
 def test_a_swing_against_the_equation(arm: simtrue.Robot) -> None:
     """A small swing without friction: T = 2π sqrt(I / (m g l))."""
-    viscous = next(n for n in arm.parameters if "viscous" in n or "damping" in n)
-    dry = next(n for n in arm.parameters if "coulomb" in n or "dry" in n)
     inertia, weight = 0.088 + 6 * 0.17**2, 6 * 9.81 * 0.17
     period = 2 * np.pi * np.sqrt(inertia / weight)
     t = np.linspace(0.0, period, 101)
-    found = simtrue.simulate(
-        arm, t, np.zeros(101), [1e-3], parameters={viscous: 0.0, dry: 0.0}
-    )
+    found = simtrue.simulate(arm, t, np.zeros(101), [1e-3], parameters=WITHOUT)
     assert found.q.shape == found.v.shape == (101, 1)
     assert found.q[50, 0] == pytest.approx(-1e-3, rel=1e-5)
     assert found.q[100, 0] == pytest.approx(1e-3, rel=1e-5)
@@ -32,15 +32,14 @@ def test_a_swing_against_the_equation(arm: simtrue.Robot) -> None:
 def test_an_effect_of_the_description_is_simulated(arm: simtrue.Robot, tmp_path: Path) -> None:
     """A spring K turns the equation into (K + m g l) q."""
     text = arm.to_toml() + '\n[[effect]]\nid = "spring"\njoint = "shoulder"\n'
-    text += "[effect.parameters]\nstiffness = 30.0\nrest = 0.0\n"
+    text += "[effect.parameters]\nstiffness = { value = 10.0, unit = \"N*m/rad\" }\npreload = { value = 0.0, unit = \"N*m\" }\n"
     file = tmp_path / "nominal.toml"
     file.write_text(text)
     robot = simtrue.load_robot(file)
-    values = {n: 0.0 for n in robot.parameters if "viscous" in n or "coulomb" in n}
-    inertia, stiffness = 0.088 + 6 * 0.17**2, 30.0 + 6 * 9.81 * 0.17
+    inertia, stiffness = 0.088 + 6 * 0.17**2, 10.0 + 6 * 9.81 * 0.17
     period = 2 * np.pi * np.sqrt(inertia / stiffness)
     t = np.linspace(0.0, period, 51)
-    found = simtrue.simulate(robot, t, np.zeros(51), [1e-3], parameters=values)
+    found = simtrue.simulate(robot, t, np.zeros(51), [1e-3], parameters=WITHOUT)
     assert found.q[-1, 0] == pytest.approx(1e-3, rel=1e-5)
 
 

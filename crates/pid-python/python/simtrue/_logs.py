@@ -185,8 +185,12 @@ def _columns(frame: Any, place: str) -> Table:
     """Numeric columns of a frame, and a named or timed index of pandas."""
     columns: Table = []
     index = getattr(frame, "index", None)
-    if index is not None and (index.name is not None or index.dtype.kind in "Mm"):
-        columns += _column(str(index.name or "time"), index.to_numpy(), place)
+    if index is not None and index.dtype.kind in "Mm":
+        # Stamps and durations are times, whatever their name.
+        name = "time" if index.name is None else f"{index.name} time"
+        columns += _column(name, np.asarray(index.values), place)
+    elif index is not None and index.name is not None:
+        columns += _column(str(index.name), index.to_numpy(), place)
     for name in frame.columns:
         words = ".".join(str(part) for part in name) if isinstance(name, tuple) else str(name)
         values = frame[name]
