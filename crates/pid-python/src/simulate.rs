@@ -31,7 +31,7 @@ struct Asked {
 /// Simulates a robot with its effects. Shapes are those that the Python side has checked: `t` N, `u` N × n,
 /// `q0` and `v0` n.
 #[pyfunction]
-#[pyo3(signature = (robot, t, u, q0, v0, *, linear=false, values=Vec::new()))]
+#[pyo3(signature = (robot, t, u, q0, v0, *, linear, values))]
 #[allow(clippy::too_many_arguments)] // keyword arguments of Python
 pub(crate) fn simulate<'py>(
     py: Python<'py>,

@@ -40,11 +40,15 @@ def test_a_pandas_frame(arm: simtrue.Robot, swing: Swing) -> None:
     dated.index = pd.Timestamp("2024-05-06T07:08:09Z") + pd.to_timedelta(swing.t, unit="s")
     dated.index.name = "stamp"
     assert_swing(simtrue.read(arm, dated), swing)
+    assert_swing(simtrue.read(arm, dated.reset_index(), map="t=stamp"), swing)
 
 
 def test_a_polars_frame(arm: simtrue.Robot, swing: Swing) -> None:
     frame = pl.DataFrame(swing.columns()).with_columns(note=pl.lit("text"))
     assert_swing(simtrue.read(arm, frame), swing)
+    lengths = pl.Series((swing.t * 1e9).round().astype(int)).cast(pl.Duration("ns"))
+    timed = frame.with_columns(time=lengths)
+    assert_swing(simtrue.read(arm, timed.drop("time_ms")), swing)
     listed = pl.DataFrame({"t": swing.t, "q": swing.q[:, None], "tau": swing.tau[:, None]})
     records = simtrue.read(arm, listed, map=["q=q", "u=tau"], input="torque")
     assert "v" not in records.arrays(records.names[0])

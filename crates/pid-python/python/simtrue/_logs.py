@@ -188,9 +188,9 @@ def _columns(frame: Any, place: str) -> Table:
     if index is not None and index.dtype.kind in "Mm":
         # Stamps and durations are times, whatever their name.
         name = "time" if index.name is None else f"{index.name} time"
-        columns += _column(name, np.asarray(index.values), place)
+        columns += _column(name, _array(index), place)
     elif index is not None and index.name is not None:
-        columns += _column(str(index.name), index.to_numpy(), place)
+        columns += _column(str(index.name), _array(index), place)
     for name in frame.columns:
         words = ".".join(str(part) for part in name) if isinstance(name, tuple) else str(name)
         values = frame[name]
@@ -198,10 +198,17 @@ def _columns(frame: Any, place: str) -> Table:
             raise SimtrueError(
                 f"{place}: several columns are called `{words}`\n  help: rename all but one of them"
             )
-        columns += _column(words, values.to_numpy(), place)
+        columns += _column(words, _array(values), place)
     if not columns:
         raise SimtrueError(f"{place}: no column holds numbers\n  help: give columns of t, q and u")
     return columns
+
+
+def _array(values: Any) -> "npt.NDArray[Any]":
+    """A column or an index as an array; stamps of pandas with a time zone in UTC."""
+    if getattr(values.dtype, "tz", None) is not None:
+        values = getattr(values, "dt", values).tz_convert(None)
+    return np.asarray(values.to_numpy())
 
 
 def _column(name: str, values: "npt.NDArray[Any]", place: str) -> Table:

@@ -5,6 +5,20 @@ from typing import Optional, final
 
 from ._types import Path, Source, Values
 
+__all__ = [
+    "Fit",
+    "Records",
+    "Report",
+    "Robot",
+    "SimtrueError",
+    "check",
+    "command",
+    "diagnose",
+    "identify",
+    "read",
+    "simulate",
+]
+
 class SimtrueError(ValueError):
     """An error in the input. The message says the place, the value, and how to mend it."""
 
@@ -156,7 +170,7 @@ def simulate(
     q0: bytes,
     v0: bytes,
     *,
-    linear: bool = False,
-    values: Sequence[tuple[str, float]] = (),
+    linear: bool,
+    values: Sequence[tuple[str, float]],
 ) -> tuple[Values, Values]: ...
 def command(words: list[str]) -> int: ...
