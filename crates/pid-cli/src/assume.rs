@@ -69,8 +69,9 @@ pub(crate) fn read(
     Ok(Assumptions::parse(&file, &text, model, dataset)?)
 }
 
-/// Priors from tolerances (uniform within ± tolerance: a deviation of tolerance/√3), stated noise of sensors.
-fn from_nominal(nominal: &Nominal, with: &Assembled) -> Likelihood {
+/// The likelihood of a description: priors from tolerances (uniform within ± tolerance: a deviation of
+/// tolerance/√3), stated noise of sensors.
+pub fn from_nominal(nominal: &Nominal, with: &Assembled) -> Likelihood {
     Likelihood {
         noise: with.noise.clone(),
         loss: Loss::Square,

@@ -113,7 +113,7 @@ pub(crate) fn refuse_wrong(opened: &Opened, anyway: bool) -> Result<(), CliError
 }
 
 /// What contradicts the robot or itself, for a run that follows.
-pub(crate) fn wrong(opened: &Opened) -> Vec<Finding> {
+pub fn wrong(opened: &Opened) -> Vec<Finding> {
     let settings = Settings {
         determinable: false,
         ..Settings::default()

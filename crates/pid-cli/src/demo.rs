@@ -22,7 +22,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Name of the model that belongs to the data.
-pub(crate) const MODEL: &str = "two_link";
+pub const MODEL: &str = "two_link";
 
 /// The embedded files.
 pub(crate) const FILES: [(&str, &str); 4] = [
@@ -42,7 +42,10 @@ pub(crate) const FILES: [(&str, &str); 4] = [
 ];
 
 /// The embedded data set.
-pub(crate) fn dataset() -> Result<Dataset, pid_data::DataError> {
+///
+/// # Errors
+/// Cannot fail on these data; passes on the error of the reader.
+pub fn dataset() -> Result<Dataset, pid_data::DataError> {
     Dataset::from_embedded(&FILES)
 }
 

@@ -328,7 +328,7 @@ fn write_items(model: &dyn Hessian, report: &Report, out: &Path) -> Result<(), C
 const WORTH: f64 = 0.1;
 
 /// A few lines for the terminal: verdict, budget of the gap, gap, what else was found.
-pub(crate) fn summary(d: &Diagnosis) -> String {
+pub fn summary(d: &Diagnosis) -> String {
     let mut text = format!(
         "{}: {}, confidence {}\n",
         d.case,

@@ -16,7 +16,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<u8, CliError> {
             path: args.robot.clone(),
         });
     }
-    let nominal = read_robot(&args.robot, &args.open())?;
+    let nominal = read_robot(&args.robot, &args.open())?.nominal;
     let (diagnosis, fit) = (read(args.diagnosis.as_ref())?, read(args.fit.as_ref())?);
     let mut options = Options::default();
     options.timestep = args.timestep;

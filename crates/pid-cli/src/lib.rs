@@ -40,7 +40,7 @@ mod check;
 mod constrain;
 mod convert;
 mod course;
-mod demo;
+pub mod demo;
 mod described;
 mod diagnose;
 mod dump;
@@ -51,7 +51,7 @@ mod identify;
 mod limits;
 mod models;
 mod new;
-mod open;
+pub mod open;
 pub mod output;
 mod parameters;
 pub mod progress;
@@ -62,12 +62,16 @@ mod simulate;
 mod source;
 mod with;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 pub use pid_models::Entry;
 
 pub use args::parse::loss;
+pub use assume::from_nominal;
+pub use diagnose::summary;
+pub use models::by_name;
 
 use args::{Cli, Command, DemoArgs};
 use error::CliError;
@@ -78,8 +82,20 @@ const STUDIES: &str = "studies run from the source tree: cargo run --release -p 
 /// Runs the command line of this process; `own` are models beside those of `simtrue models`, and
 /// come first where names are equal.
 pub fn main(own: &'static [Entry]) -> ExitCode {
+    ExitCode::from(run(own, std::env::args_os()))
+}
+
+/// As [`main`] with the words of a command line, the program's name first; the exit code.
+pub fn run(own: &'static [Entry], words: impl IntoIterator<Item = OsString>) -> u8 {
     models::add(own);
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse_from(words) {
+        Ok(cli) => cli,
+        // Help and version are among these, with code 0.
+        Err(told) => {
+            let _ = told.print();
+            return u8::try_from(told.exit_code()).unwrap_or(MISTAKE);
+        }
+    };
     let outcome = match cli.command {
         None => identify::run(&cli.identify),
         Some(Command::New(args)) => new::run(&args),
@@ -107,13 +123,18 @@ pub fn main(own: &'static [Entry]) -> ExitCode {
         }
     };
     match outcome {
-        Ok(code) => ExitCode::from(code),
+        Ok(code) => code,
         Err(e) => {
             output::message(&format!("error: {e}"));
-            ExitCode::FAILURE
+            FAILED
         }
     }
 }
+
+/// Exit code of an error in the input.
+const FAILED: u8 = 1;
+/// Exit code of a mistake in the arguments.
+const MISTAKE: u8 = 2;
 
 /// Prints what a shell completes words of this command with.
 fn completions(shell: clap_complete::Shell) {

@@ -17,7 +17,10 @@ pub(crate) fn all() -> Vec<Entry> {
     own.iter().copied().chain(pid_models::all()).collect()
 }
 
-/// The one with this name.
-pub(crate) fn by_name(name: &str) -> Result<Entry, UnknownModel> {
+/// The model with this name, of the program's own or of those that `simtrue models` lists.
+///
+/// # Errors
+/// If there is none; the message names those that are nearest.
+pub fn by_name(name: &str) -> Result<Entry, UnknownModel> {
     pid_models::find(&all(), name)
 }

@@ -1,25 +1,53 @@
-//! A robot file and its logs as a description and a data set.
+//! A robot file and its logs as a description and a data set, for the commands and for other front ends.
 
 use std::path::{Path, PathBuf};
 
 use pid_data::{Dataset, InputQuantity, VelocityKind};
 use pid_derive::model::JointKind;
 use pid_interpret::nominal::{Nominal, Velocity};
-use pid_logs::{Found, Joint, Settings};
+use pid_logs::{Found, Joint, Log, Settings};
 use pid_mjcf::Mjcf;
 use pid_urdf::{Description, Guess, Missing, Reading};
 
-use crate::args::open::{InputArg, OpenArgs};
+pub use crate::args::open::{ClassArg, InputArg, OpenArgs};
+pub use crate::check::wrong;
 use crate::error::{CliError, make_folder, write};
 use crate::output;
 
 /// Standard gravity, m/s²; a URDF does not state it.
 const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 
+/// A robot or a log that cannot be read; the message has place, value and mend.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub struct OpenError(Box<CliError>);
+
+impl From<CliError> for OpenError {
+    fn from(error: CliError) -> Self {
+        Self(Box::new(error))
+    }
+}
+
+/// A robot of a file, and what reading it told.
+#[derive(Debug, Clone)]
+pub struct Robot {
+    /// Its description.
+    pub nominal: Nominal,
+    /// Whether the file says what the inputs are and how velocities come about; a URDF or an MJCF
+    /// does not.
+    pub stated: bool,
+    /// What is odd in the file.
+    pub warnings: Vec<String>,
+    /// What the file does not say, and the rule by which it was decided.
+    pub assumptions: Vec<String>,
+}
+
 /// A robot with its records and what was assumed of them.
-pub(crate) struct Opened {
-    pub(crate) nominal: Nominal,
-    pub(crate) records: Found,
+pub struct Opened {
+    /// The description.
+    pub nominal: Nominal,
+    /// The records.
+    pub records: Found,
 }
 
 /// Paths of a command line as a robot file and its logs, or as folders that hold both.
@@ -55,26 +83,22 @@ pub(crate) fn open(robot: &Path, logs: &[PathBuf], args: &OpenArgs) -> Result<Op
             robot: robot.to_owned(),
         });
     }
-    let nominal = read_robot(robot, args)?;
-    let mut records = match logs {
-        [folder] if folder.join("dataset.toml").is_file() => as_stated(Dataset::read(folder)?),
-        _ => from_logs(&nominal, is_description(robot), logs, args)?,
+    let robot = read_robot(robot, args)?;
+    let records = match logs {
+        [folder] if folder.join("dataset.toml").is_file() => {
+            with_gains(as_stated(Dataset::read(folder)?), args)?
+        }
+        _ => {
+            let mut read = Vec::new();
+            for path in logs {
+                read.extend(pid_logs::open(path)?);
+            }
+            let found = from_logs(&robot, &read, args)?;
+            tell(&found);
+            found
+        }
     };
-    if !args.gain.is_empty() {
-        records.dataset = records.dataset.with_input_gains(&args.gain)?;
-    }
-    let velocities: Vec<Velocity> = (records.dataset)
-        .joints
-        .iter()
-        .map(|j| velocity(j.velocity))
-        .collect();
-    Ok(Opened {
-        nominal: match is_description(robot) {
-            true => nominal,
-            false => nominal.with_velocities(&velocities),
-        },
-        records,
-    })
+    Ok(robot.with(records))
 }
 
 /// A data set that states everything itself.
@@ -100,17 +124,28 @@ fn is_description(robot: &Path) -> bool {
         .is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 
-/// A URDF, an MJCF or a nominal description.
-pub(crate) fn read_robot(robot: &Path, args: &OpenArgs) -> Result<Nominal, CliError> {
-    if is_description(robot) {
-        return Ok(Nominal::read(robot)?);
+/// A URDF, an MJCF or a nominal description; says what was assumed.
+pub(crate) fn read_robot(file: &Path, args: &OpenArgs) -> Result<Robot, CliError> {
+    let robot = robot_of(file, args)?;
+    for warning in &robot.warnings {
+        output::message(&format!("warning: {warning}"));
     }
-    let text = std::fs::read_to_string(robot).map_err(|error| CliError::Read {
-        path: robot.to_owned(),
+    for assumption in &robot.assumptions {
+        output::message(&format!("assumed: {assumption}"));
+    }
+    Ok(robot)
+}
+
+fn robot_of(file: &Path, args: &OpenArgs) -> Result<Robot, CliError> {
+    if is_description(file) {
+        return Ok(Robot::described(Nominal::read(file)?));
+    }
+    let text = std::fs::read_to_string(file).map_err(|error| CliError::Read {
+        path: file.to_owned(),
         error,
     })?;
     let (mechanism, warnings) = if text.contains("<mujoco") {
-        let model = Mjcf::parse(robot, &text)?;
+        let model = Mjcf::parse(file, &text)?;
         (model.mechanism, model.warnings)
     } else {
         let mut reading = Reading::default();
@@ -121,17 +156,101 @@ pub(crate) fn read_robot(robot: &Path, args: &OpenArgs) -> Result<Nominal, CliEr
         if !args.joints.is_empty() {
             reading.moving = Some(args.joints.clone());
         }
-        let description = Description::parse_with(robot, &text, &reading)?;
+        let description = Description::parse_with(file, &text, &reading)?;
         (description.mechanism(GRAVITY), description.warnings)
     };
     let described = Nominal::of_mechanism(&mechanism, args.class.into())?;
-    for warning in &warnings {
-        output::message(&format!("warning: {warning}"));
+    Ok(Robot {
+        nominal: described.nominal,
+        stated: false,
+        warnings: warnings.iter().map(ToString::to_string).collect(),
+        assumptions: (described.assumptions.iter())
+            .map(ToString::to_string)
+            .collect(),
+    })
+}
+
+impl Robot {
+    /// Reads a URDF, an MJCF or a nominal description, by the ending `.toml` and by content.
+    ///
+    /// # Errors
+    /// [`OpenError`]: a file that cannot be read, or that is no robot.
+    pub fn read(file: &Path, args: &OpenArgs) -> Result<Self, OpenError> {
+        Ok(robot_of(file, args)?)
     }
-    for assumption in &described.assumptions {
-        output::message(&format!("assumed: {assumption}"));
+
+    /// Of a description.
+    pub fn described(nominal: Nominal) -> Self {
+        Self {
+            nominal,
+            stated: true,
+            warnings: Vec::new(),
+            assumptions: Vec::new(),
+        }
     }
-    Ok(described.nominal)
+
+    /// Its joints, base to tip, as logs name them.
+    pub fn joints(&self) -> Vec<Joint> {
+        let robot = self.nominal.robot();
+        let of_name = |name: &str| robot.joints.iter().find(|j| j.name == name);
+        let slides = |name: &str| {
+            of_name(name)
+                .is_some_and(|j| matches!(j.kind, JointKind::Prismatic(_) | JointKind::Length))
+        };
+        let channels = self.nominal.measurement().channels.iter().enumerate();
+        channels
+            .map(|(k, channel)| Joint {
+                name: channel.name.clone(),
+                prismatic: slides(&channel.name),
+                // A robot file with unit gains does not say what its logs hold.
+                input: match self.stated {
+                    true => robot.inputs.get(k).and_then(|input| quantity(&input.unit)),
+                    false => None,
+                },
+            })
+            .collect()
+    }
+
+    /// Logs as records of its joints.
+    ///
+    /// # Errors
+    /// [`OpenError`]: the first thing that is wrong or may mean two things.
+    pub fn records(&self, logs: &[Log], args: &OpenArgs) -> Result<Found, OpenError> {
+        Ok(from_logs(self, logs, args)?)
+    }
+
+    /// A folder with `dataset.toml` as records of its joints.
+    ///
+    /// # Errors
+    /// [`OpenError`]: the first thing that is wrong.
+    pub fn folder(&self, folder: &Path, args: &OpenArgs) -> Result<Found, OpenError> {
+        let dataset = Dataset::read(folder).map_err(CliError::from)?;
+        Ok(with_gains(as_stated(dataset), args)?)
+    }
+
+    /// With its records; a robot file takes from them how velocities come about.
+    pub fn with(self, records: Found) -> Opened {
+        let velocities: Vec<Velocity> = (records.dataset)
+            .joints
+            .iter()
+            .map(|j| velocity(j.velocity))
+            .collect();
+        Opened {
+            nominal: match self.stated {
+                true => self.nominal,
+                false => self.nominal.with_velocities(&velocities),
+            },
+            records,
+        }
+    }
+}
+
+/// Records with their inputs as torques or forces, where gains are given.
+fn with_gains(mut records: Found, args: &OpenArgs) -> Result<Found, CliError> {
+    if !args.gain.is_empty() {
+        records.dataset = records.dataset.with_input_gains(&args.gain)?;
+    }
+    Ok(records)
 }
 
 /// The quantity of an input of this unit.
@@ -145,32 +264,8 @@ fn quantity(unit: &str) -> Option<InputQuantity> {
     }
 }
 
-/// Logs as records of the joints of a robot; `stated`: the description says what the inputs are.
-fn from_logs(
-    nominal: &Nominal,
-    stated: bool,
-    logs: &[PathBuf],
-    args: &OpenArgs,
-) -> Result<Found, CliError> {
-    let robot = nominal.robot();
-    let of_name = |name: &str| robot.joints.iter().find(|j| j.name == name);
-    let slides = |name: &str| {
-        of_name(name).is_some_and(|j| matches!(j.kind, JointKind::Prismatic(_) | JointKind::Length))
-    };
-    let channels = &nominal.measurement().channels;
-    let joints: Vec<Joint> = channels
-        .iter()
-        .enumerate()
-        .map(|(k, channel)| Joint {
-            name: channel.name.clone(),
-            prismatic: slides(&channel.name),
-            // A robot file with unit gains does not say what its logs hold.
-            input: match stated {
-                true => robot.inputs.get(k).and_then(|input| quantity(&input.unit)),
-                false => None,
-            },
-        })
-        .collect();
+/// Logs as records of the joints of a robot.
+fn from_logs(robot: &Robot, logs: &[Log], args: &OpenArgs) -> Result<Found, CliError> {
     let mut map = match &args.map_file {
         Some(file) => pid_logs::read_map(file)?,
         None => Vec::new(),
@@ -188,29 +283,48 @@ fn from_logs(
         test: args.test.clone(),
         ..Settings::default()
     };
-    let found = pid_logs::read(logs, &joints, &settings)?;
+    with_gains(pid_logs::from_logs(logs, &robot.joints(), &settings)?, args)
+}
+
+/// Says what was assumed of logs.
+fn tell(found: &Found) {
     for assumption in &found.assumptions {
         output::message(&format!("assumed: {assumption}"));
     }
     for warning in &found.warnings {
         output::message(&format!("warning: {warning}"));
     }
-    Ok(found)
 }
 
 impl Opened {
     /// Writes dataset.toml, nominal.toml and the records; the folder repeats the run.
     pub(crate) fn write(&self, folder: &Path) -> Result<(), CliError> {
-        make_folder(folder)?;
-        pid_logs::write_folder(&self.records, folder)?;
-        match self.nominal.to_toml() {
-            Some(text) => write(&folder.join("nominal.toml"), &text)?,
-            None => output::message(
+        if !self.put(folder)? {
+            output::message(
                 "no nominal.toml: it cannot state joints that follow others; name the robot file again",
-            ),
+            );
         }
         output::message(&format!("written: {}", folder.display()));
         Ok(())
+    }
+
+    /// Writes dataset.toml, nominal.toml and the records. Whether nominal.toml is there: it cannot
+    /// state joints that follow others.
+    ///
+    /// # Errors
+    /// [`OpenError`]: a file that cannot be written.
+    pub fn save(&self, folder: &Path) -> Result<bool, OpenError> {
+        Ok(self.put(folder)?)
+    }
+
+    fn put(&self, folder: &Path) -> Result<bool, CliError> {
+        make_folder(folder)?;
+        pid_logs::write_folder(&self.records, folder)?;
+        let text = self.nominal.to_toml();
+        if let Some(text) = &text {
+            write(&folder.join("nominal.toml"), text)?;
+        }
+        Ok(text.is_some())
     }
 }
 

@@ -6,6 +6,11 @@ use crate::page::page;
 use crate::report::{Report, WriteError};
 
 impl Report {
+    /// The page `report.html`, with its plots and without other files.
+    pub fn to_html(&self) -> String {
+        page(self)
+    }
+
     /// Writes `report.html`, `next_experiment.csv` if there is one, `extended.toml` if a file can
     /// state the robot, and last `diagnosis.json`, so that a folder is complete when that is there.
     ///
@@ -26,7 +31,7 @@ impl Report {
             let path = out.join(name);
             remove_stale(&path).map_err(at(&path))?;
         }
-        put("report.html", &page(self))?;
+        put("report.html", &self.to_html())?;
         if let Some(next) = &self.next {
             put("next_experiment.csv", &next.to_csv())?;
         }

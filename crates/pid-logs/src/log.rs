@@ -84,7 +84,7 @@ pub enum Hint {
 
 impl Log {
     /// A log with the experiment's name from that of the file.
-    pub(crate) fn new(file: &str) -> Self {
+    pub fn new(file: &str) -> Self {
         let path = std::path::Path::new(file);
         let stem = path.file_stem().and_then(std::ffi::OsStr::to_str);
         Self {
@@ -96,8 +96,8 @@ impl Log {
 }
 
 impl Channel {
-    /// A channel of finite or missing values; the first infinite one is noted.
-    pub(crate) fn new(name: String, clock: usize, values: Vec<f64>) -> Self {
+    /// A channel of finite or missing (NaN) values; the first infinite one is noted.
+    pub fn new(name: String, clock: usize, values: Vec<f64>) -> Self {
         let bad = values.iter().position(|v| v.is_infinite());
         Self {
             bad: bad.map(|row| (row, values[row].to_string())),
@@ -123,7 +123,7 @@ impl Channel {
     }
 
     /// A channel of whole numbers, without loss of their differences.
-    pub(crate) fn of_integers(name: String, clock: usize, values: &[Option<i64>]) -> Self {
+    pub fn of_integers(name: String, clock: usize, values: &[Option<i64>]) -> Self {
         /// Whole numbers up to this are exact as f64.
         const EXACT: u64 = 1 << 53;
         let large = |v: &Option<i64>| v.is_some_and(|v| v.unsigned_abs() > EXACT);

@@ -10,43 +10,43 @@ use super::parse::{finite, positive};
 
 /// How a robot file and logs are read.
 #[derive(Debug, Clone, Default, Args)]
-pub(crate) struct OpenArgs {
+pub struct OpenArgs {
     /// Column of the log by hand: KIND:JOINT=COLUMN[UNIT], such as `q:elbow=/js/elbow/pos[deg]`,
     /// `q=[deg]` for a unit alone; may be repeated (docs/logs.md).
     #[arg(long, value_name = "ENTRY", value_parser = entry)]
-    pub(crate) map: Vec<Entry>,
+    pub map: Vec<Entry>,
     /// TOML file of such entries.
     #[arg(long, value_name = "FILE")]
-    pub(crate) map_file: Option<PathBuf>,
+    pub map_file: Option<PathBuf>,
     /// What the inputs of the log are, where their names and units do not say it.
     #[arg(long, value_enum, value_name = "QUANTITY")]
-    pub(crate) input: Option<InputArg>,
+    pub input: Option<InputArg>,
     /// Factors from the inputs to the torque or force at the joints, one per joint (N·m/A for
     /// currents); the inputs then count as torques or forces.
     #[arg(long, visible_alias = "input-gain", value_name = "K1,K2,…", value_delimiter = ',', value_parser = finite)]
-    pub(crate) gain: Vec<f64>,
+    pub gain: Vec<f64>,
     /// No joint is driven: the inputs are zero.
     #[arg(long)]
-    pub(crate) passive: bool,
+    pub passive: bool,
     /// Log to judge with; may be repeated. By default the last quarter of several logs, or the last
     /// third of a single one.
     #[arg(long, value_name = "NAME")]
-    pub(crate) test: Vec<String>,
+    pub test: Vec<String>,
     /// Step of logs without times, s.
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
-    pub(crate) sample_time: Option<f64>,
+    pub sample_time: Option<f64>,
     /// Where masses and inertias of the robot file come from; says how far they are trusted.
     #[arg(long, value_enum, default_value_t, value_name = "CLASS")]
-    pub(crate) class: ClassArg,
+    pub class: ClassArg,
     /// Joints of the robot file that move; the others are held at zero. By default all.
     #[arg(long, value_name = "J1,J2,…", value_delimiter = ',')]
-    pub(crate) joints: Vec<String>,
+    pub joints: Vec<String>,
     /// Masses and inertias that a URDF lacks are guessed from its geometry.
     #[arg(long)]
-    pub(crate) guess_inertias: bool,
+    pub guess_inertias: bool,
     /// Inertias that no body can have end the run instead of being mended.
     #[arg(long)]
-    pub(crate) strict: bool,
+    pub strict: bool,
 }
 
 impl OpenArgs {
@@ -80,7 +80,7 @@ fn entry(text: &str) -> Result<Entry, String> {
 
 /// Quantities of inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum InputArg {
+pub enum InputArg {
     /// Torque at the joint, N·m; force where it slides.
     Torque,
     /// Current, A.
@@ -91,7 +91,7 @@ pub(crate) enum InputArg {
 
 /// Origins of masses and inertias.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub(crate) enum ClassArg {
+pub enum ClassArg {
     /// A CAD model: mass within 5 %.
     #[default]
     Cad,
