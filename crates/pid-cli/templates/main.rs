@@ -36,6 +36,8 @@ robot! {
             force = torque - viscous*v - dry*tanh(100 s/rad * v);
         }
         emit { second_derivatives }
+        // Mass, distance and inertia enter through two combinations. Drop the line with links of your own.
+        expect rank 4;
     }
 }
 
