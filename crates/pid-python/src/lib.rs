@@ -1,7 +1,7 @@
 //! The compiled part of the Python package `simtrue`; what users call is in `python/simtrue`.
 //!
 //! Work runs on a thread of its own while the calling thread has released Python and looks for
-//! Ctrl-C ([`work`]). Every error is a `SimtrueError`, a `ValueError` with place, value and mend.
+//! Ctrl-C (module `work`). Every error is a `SimtrueError`, a `ValueError` with place, value and mend.
 
 use std::ffi::OsString;
 

@@ -2,17 +2,16 @@
 //!
 //! For each joint and class of cause a flexible law ([`laws`]) is fitted with the nominal parameters and
 //! all effects at hand free, to slow predictions (see [`levels`](crate::levels)): first over a part of
-//! the horizon, where its shape is found, then over all of it. Its heights are drawn to zero as far as the
-//! records ask for it (see [`shrunk`]). It is judged by free runs on records that
-//! were never fitted,
+//! the horizon, where its shape is found, then over all of it. Its heights are drawn to zero as far as
+//! the records ask for it (see [`shrunk`]). It is judged by free runs on records that were never fitted,
 //!
 //! ```text
 //! share = (G₀² − G₁²) / (G₀² − F²)
 //! ```
 //!
-//! with the gap G₀ of the model at hand, G₁ with the law, and the floor F. Where an effect of the library
-//! that belongs to the class removes more, that is its ceiling. Intervals come from drawing
-//! the windows of the free runs anew, the same ones for both gaps (B. Efron, R. J. Tibshirani, An
+//! with the gap G₀ of the model at hand, G₁ with the law, and the floor F. Where an effect of the
+//! library that belongs to the class removes more, that is its ceiling. Intervals come from drawing the
+//! windows of the free runs anew, the same ones for both gaps (B. Efron, R. J. Tibshirani, An
 //! Introduction to the Bootstrap, 1993, chapter 8).
 
 mod laws;
@@ -73,13 +72,15 @@ pub(crate) fn ceilings(about: &About<'_>) -> Vec<Ceiling> {
     };
     let plain = short.errors(&short.fit.hypothesis, &short.fit.point);
     let models = [short, whole];
-    let jobs: Vec<(usize, Class)> = (0..about.case.n())
-        .flat_map(|j| Class::ALL.map(|class| (j, class)))
-        .collect();
+    let mut jobs = Vec::new();
+    for (j, class) in (0..about.case.n()).flat_map(|j| Class::ALL.map(|class| (j, class))) {
+        let heights = heights(about.case, &models[0].fit, class, j);
+        jobs.extend(heights.map(|h| (j, class, h)));
+    }
     let mut found: Vec<(Ceiling, Vec<f64>)> = jobs
         .into_par_iter()
-        .map(|(j, class)| {
-            let left = left(about, &models, class, j);
+        .map(|(j, class, heights)| {
+            let left = left(&models, heights);
             let [share, low, high] = left.as_ref().map_or([0.0; 3], |l| shares(about, &l.gap));
             let ceiling = Ceiling {
                 joint: j + 1,
@@ -126,15 +127,9 @@ struct Left {
     errors: Vec<f64>,
 }
 
-/// The law of a class fitted over a part of the horizon and from its shape over all of it; `None` where
-/// the class has nothing at the joint or the records do not ask for it.
-fn left(
-    about: &About<'_>,
-    [short, whole]: &[Answering; 2],
-    class: Class,
-    j: usize,
-) -> Option<Left> {
-    let mut heights = heights(about.case, &short.fit, class, j)?;
+/// A law fitted over a part of the horizon and from its shape over all of it; `None` where the records
+/// do not ask for it.
+fn left([short, whole]: &[Answering; 2], mut heights: Heights) -> Option<Left> {
     let gap = |model: &Answering, point: &Point| {
         let (theta, e) = (&point.theta, &point.e);
         gap(&model.case, &heights.hypothesis, theta, e, Role::Test)
@@ -160,7 +155,7 @@ fn left(
 }
 
 /// The law of a class at a joint beside a model: hats, a delay or a lag of the library, or inertia
-/// beyond its tolerance.
+/// beyond its tolerance; `None` where the class has nothing there.
 fn heights(case: &Case, at: &Fit, class: Class, j: usize) -> Option<Heights> {
     let (effect, unit): (Arc<dyn Effect>, f64) = match class {
         Class::Inertia => {
