@@ -16,7 +16,7 @@ use crate::locate::{MissingForce, locate, residual_force};
 use crate::next::{Experiment, separate};
 use crate::nominal::Nominal;
 use crate::numerics;
-use crate::search::{Evidence, Settings, Surroundings, search, share};
+use crate::search::{Evidence, Settings, Surroundings, Watch, search, share};
 
 /// A file of a report cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -131,7 +131,7 @@ impl Report {
             .map(|_| shares(&residual_force(&evidence.case, &evidence.fit)));
         let ceilings = match stopped {
             true => [Vec::new(), Vec::new()],
-            false => ceilings_of(&case, &evidence),
+            false => ceilings_of(&case, &evidence, &settings.watch),
         };
         let diagnosis = evidence.diagnosis(Surroundings {
             ceilings,
@@ -171,7 +171,8 @@ const STOPPED: &str = "the search was stopped before its end: causes may be miss
 
 /// What any cause of a class can remove at most: of the gap before, and of what the named effects leave,
 /// if they leave something; `case` has the levels of the sensors.
-fn ceilings_of(case: &Case, found: &Evidence) -> [Vec<Ceiling>; 2] {
+fn ceilings_of(case: &Case, found: &Evidence, watch: &Watch) -> [Vec<Ceiling>; 2] {
+    watch.step("what any cause can remove at most");
     let mut records = found.case.clone();
     records.noise = case.noise.clone();
     let about = |fit, gap| {
@@ -181,6 +182,7 @@ fn ceilings_of(case: &Case, found: &Evidence) -> [Vec<Ceiling>; 2] {
             fit,
             gap,
             floor,
+            watch,
         })
     };
     let left = found.remainder.is_some() && !found.effects.is_empty();

@@ -35,7 +35,7 @@ use crate::effects;
 use crate::fit::{Basis, Effort, Fit, Point, fit};
 use crate::gap::{Gap, gap};
 use crate::levels::{SHORT, WHOLE, follow_slowly, settle};
-use crate::search::directions;
+use crate::search::{Watch, directions};
 use laws::ClassLaw;
 use shrunk::{Answering, Enter, Heights, fitted};
 
@@ -60,6 +60,8 @@ pub(crate) struct About<'a> {
     /// Its gap, and the gap that noise alone leaves.
     pub(crate) gap: &'a Gap,
     pub(crate) floor: f64,
+    /// What may ask it to stop.
+    pub(crate) watch: &'a Watch,
 }
 
 /// Ceilings of all classes at all joints, the largest first; none where the gap is that of noise.
@@ -79,6 +81,7 @@ pub(crate) fn ceilings(about: &About<'_>) -> Vec<Ceiling> {
     }
     let mut found: Vec<(Ceiling, Vec<f64>)> = jobs
         .into_par_iter()
+        .filter(|_| !about.watch.stopped())
         .map(|(j, class, heights)| {
             let left = left(&models, heights);
             let [share, low, high] = left.as_ref().map_or([0.0; 3], |l| shares(about, &l.gap));
@@ -139,13 +142,11 @@ fn left([short, whole]: &[Answering; 2], mut heights: Heights) -> Option<Left> {
         .as_ref()
         .map(|f| short.errors(&heights.hypothesis, &f.point));
     let mut gaps: Vec<Gap> = first.iter().map(|f| gap(short, &f.point)).collect();
-    let last = fitted(whole, &whole.fit.point, &heights);
-    gaps.extend(last.iter().map(|f| gap(whole, &f.point)));
     if let Some(first) = first {
         heights.c = first.c;
-        let from = fitted(whole, &whole.fit.point, &heights);
-        gaps.extend(from.iter().map(|f| gap(whole, &f.point)));
     }
+    let last = fitted(whole, &whole.fit.point, &heights);
+    gaps.extend(last.iter().map(|f| gap(whole, &f.point)));
     Some(Left {
         gap: gaps
             .into_iter()

@@ -20,11 +20,13 @@ use crate::hypothesis::Hypothesis;
 use crate::observer::Gain;
 
 /// Steps at most.
-const STEPS: usize = 6;
+const STEPS: usize = 4;
 /// Halvings of a step that does not pay.
 const HALVINGS: usize = 3;
 /// Decrease of the objective at which a fit has come to rest, relative.
 const REST: f64 = 1e-3;
+/// Least decrease that the first step of a law must promise, as a share of what is left at one joint.
+const LEAST: f64 = 0.03;
 /// Deviations of heights that are tried, in their own units: in steps of a factor of two from a thousandth.
 const DEVIATIONS: i32 = 12;
 const SMALLEST: f64 = 1e-3;
@@ -168,9 +170,12 @@ pub(super) fn fitted(model: &Answering, from: &Point, heights: &Heights) -> Opti
     };
     let mut moved = false;
     for _ in 0..STEPS {
-        let Some((s, dz, dc)) = step(model, heights, &at, &c) else {
+        let Some(Step { s, dz, dc, promise }) = step(model, heights, &at, &c) else {
             break;
         };
+        if c.norm() == 0.0 && promise < LEAST / model.case.n() as f64 {
+            return None;
+        }
         let now = objective(&at, &c, s);
         let better = (0..=HALVINGS).find_map(|i| {
             let part = 0.5_f64.powi(i as i32);
@@ -199,13 +204,18 @@ pub(super) struct Fitted {
     pub(super) point: Point,
 }
 
-/// The deviation of the heights, and the step of model and heights; `None` where no deviation pays.
-fn step(
-    model: &Answering,
-    heights: &Heights,
-    at: &Point,
-    c: &DVector<f64>,
-) -> Option<(f64, DVector<f64>, DVector<f64>)> {
+/// A step of model and heights.
+struct Step {
+    /// Deviation of the heights.
+    s: f64,
+    dz: DVector<f64>,
+    dc: DVector<f64>,
+    /// Decrease that the heights bring in the linear model, as a share of the squared errors.
+    promise: f64,
+}
+
+/// The step of the linear model; `None` where no deviation of the heights pays.
+fn step(model: &Answering, heights: &Heights, at: &Point, c: &DVector<f64>) -> Option<Step> {
     let there = heights.point(at, c);
     let (r, slopes) = heights.slopes(model, &there, &model.fit.gains);
     if r.len() != model.slopes.nrows() {
@@ -240,11 +250,11 @@ fn step(
         .filter(|s| evidence(*s) > 0.0)?;
     let solved = pairs().map(|(l, g)| g / (l + 1.0 / (s * s)));
     let next = &eigen.eigenvectors * DVector::from_iterator(c.len(), solved);
+    let promise = pull.dot(&next) / left.norm_squared().max(1e-300);
     let dc = next - c;
     let dz = first - answer * &dc;
-    (dc.iter().chain(dz.iter()))
-        .all(|x| x.is_finite())
-        .then_some((s, dz, dc))
+    let finite = dc.iter().chain(dz.iter()).all(|x| x.is_finite());
+    finite.then_some(Step { s, dz, dc, promise })
 }
 
 /// The model moved along its directions; parameters of effects stay within their ranges.

@@ -11,6 +11,7 @@ use crate::effect::{Class, Commands, Forces, Friction, Law, Model, Site};
 use crate::fit::{Effort, Fit, Point, basis, fit};
 use crate::gap::{Gap, gap};
 use crate::hypothesis::Hypothesis;
+use crate::search::Watch;
 
 /// The nominal structure fitted to a pendulum under a cause, and its gap.
 fn nominal(case: &Case) -> (Fit, Gap) {
@@ -32,6 +33,7 @@ fn of(cause: &str, e: &[f64]) -> Vec<Ceiling> {
         fit: &fit,
         gap: &gap,
         floor: 1e-3,
+        watch: &Watch::default(),
     };
     ceilings(&about)
 }
@@ -64,6 +66,7 @@ fn a_gap_of_noise_has_no_ceilings() {
         fit: &fit,
         gap: &gap,
         floor: gap.total,
+        watch: &Watch::default(),
     };
     assert!(ceilings(&about).is_empty());
 }
