@@ -79,8 +79,8 @@ fn content(report: &Report) -> Markup {
             section {
                 h2 { "What any cause can remove at most" }
                 p class="quiet" {
-                    "A flexible law of each class was fitted at each joint, with the nominal parameters free, and judged on motions "
-                    "that were not fitted. Share of the squared gap beyond the floor, with its interval of 95 %. Causes of "
+                    "A flexible law of each class was fitted at each joint, with no other effect and the nominal parameters free, and judged on "
+                    "motions that were not fitted. Share of the squared gap beyond the floor, with its interval of 95 %. Causes of "
                     "different classes can explain the same: the shares do not add up."
                 }
                 (ceilings(&d.ceilings))
@@ -439,7 +439,7 @@ fn effect(d: &Diagnosis, e: &Named) -> Markup {
             p { (info.title) ": " span class="equation" { (info.equation) } ". " (info.source) "." }
             @if let Some(c) = d.ceilings.iter().find(|c| Some(c.joint) == e.joint && c.class == info.class && c.share > 0.0) {
                 p {
-                    "Any cause that is a function of " (c.class.words()) " at this joint removes at most "
+                    "With nothing else beside it, a cause that is a function of " (c.class.words()) " at this joint removes at most "
                     (format!("{:.0} %", 100.0 * c.share)) " of the gap."
                 }
             }
