@@ -11,7 +11,7 @@ use super::parse::{finite, positive};
 /// How a robot file and logs are read.
 #[derive(Debug, Clone, Default, Args)]
 pub struct OpenArgs {
-    /// Column of the log by hand: KIND:JOINT=COLUMN[UNIT], such as `q:elbow=/js/elbow/pos[deg]`,
+    /// Column of the log by hand: `KIND:JOINT=COLUMN[UNIT]`, such as `q:elbow=/js/elbow/pos[deg]`,
     /// `q=[deg]` for a unit alone; may be repeated (docs/logs.md).
     #[arg(long, value_name = "ENTRY", value_parser = entry)]
     pub map: Vec<Entry>,
