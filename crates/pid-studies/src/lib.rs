@@ -16,6 +16,7 @@ pub mod paper;
 pub mod scaling;
 pub mod seed_study;
 pub mod shooting_study;
+pub mod untidy;
 pub mod withheld;
 
 use std::path::Path;

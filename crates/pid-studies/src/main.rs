@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use pid_studies::{
     Failure, build_budget, constrained, coverage, dynamics_speed, hock_schittkowski, net, paper,
-    scaling, seed_study, shooting_study, withheld,
+    scaling, seed_study, shooting_study, untidy, withheld,
 };
 
 /// Studies of the project; none is needed to use it.
@@ -21,6 +21,8 @@ struct Cli {
 enum Command {
     /// Measure the diagnosis on drawn cases whose effect is withheld.
     Withheld(withheld::WithheldArgs),
+    /// Measure the diagnosis on drawn cases with several effects and untidy records.
+    Untidy(untidy::UntidyArgs),
     /// Measure what the statistics of the diagnosis are where nothing is missing.
     Null(Words),
     /// Reproduce the study of the paper on the idealised two-link robot: tables, figures, and its
@@ -61,6 +63,7 @@ fn main() -> ExitCode {
     let done = |outcome: Result<(), Failure>| outcome.map(|()| 0);
     let outcome = match Cli::parse().command {
         Command::Withheld(args) => withheld::run(&args),
+        Command::Untidy(args) => untidy::run(&args),
         Command::Null(args) => done(withheld::null::run(&args.words)),
         Command::Paper(args) => paper::run(&args),
         Command::Coverage(args) => coverage::run(&args),

@@ -239,6 +239,39 @@ impl Kind {
         })
     }
 
+    /// Parameters under the names and in the units of reports: [`Kind::magnitude`] first, then those
+    /// that have the same meaning there.
+    pub fn parameters(&self) -> Vec<(&'static str, f64)> {
+        let mut all: Vec<(&'static str, f64)> = self.magnitude().into_iter().collect();
+        match *self {
+            Kind::Stribeck { speed, .. } => all.push(("stribeck_velocity", speed)),
+            Kind::Cogging { wave, .. } => all.push(("periods_per_unit", wave)),
+            Kind::FrictionDrift { time, .. } => all.push(("time_constant_s", time)),
+            Kind::JointElasticity { damping, .. } => all.push(("damping", damping)),
+            Kind::JointCoupling { ratio, rest, .. } => {
+                all.extend([("ratio", ratio), ("rest", rest)]);
+            }
+            Kind::Spring { rest, .. } => all.push(("rest", rest)),
+            Kind::ExternalForce { force, .. } => {
+                all.extend([
+                    ("force_x", force[0]),
+                    ("force_y", force[1]),
+                    ("force_z", force[2]),
+                ]);
+            }
+            _ => {}
+        }
+        all
+    }
+
+    /// Whether it acts between the command and the current of a drive.
+    pub(crate) fn before_current(&self) -> bool {
+        matches!(
+            self,
+            Kind::InputDelay { .. } | Kind::ActuatorLag { .. } | Kind::DroppedCommands { .. }
+        )
+    }
+
     /// Draws the magnitudes of the `index`-th cause at a strength around 1.
     pub(crate) fn draw(
         index: usize,

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::motion::{LENGTH, Room};
 use crate::plant::{PER_JOINT, Plant};
-use crate::robot::{Joint, Robot};
+use crate::robot::{Joint, Robot, Tolerance};
 use crate::text;
 
 /// Range of the drive noise, share of the largest usual torque.
@@ -39,6 +39,8 @@ pub(crate) fn draw(
         drive_noise: random
             .random_range(DRIVE_NOISE.0.ln()..DRIVE_NOISE.1.ln())
             .exp(),
+        length: LENGTH,
+        tolerance: Tolerance::TIGHT,
     };
     size_drives(&mut robot, random)?;
     Ok(robot)
@@ -116,7 +118,7 @@ fn joint(
 /// Rotors, friction and torques in proportion to what the joint moves.
 fn size_drives(robot: &mut Robot, random: &mut ChaCha8Rng) -> Result<(), NominalError> {
     let n = robot.joints.len();
-    let bare = Nominal::parse("nominal.toml", &text::nominal(robot, false, "derived"))?;
+    let bare = Nominal::parse("nominal.toml", &text::nominal(robot, None, "derived"))?;
     let plant = Plant::<f64>::new(&bare, &vec![0.0; n * PER_JOINT]);
     let q: Vec<f64> = robot.joints.iter().map(|j| j.room.centre).collect();
     let (m, _) = plant.mass_and_bias(&q, &vec![0.0; n]);

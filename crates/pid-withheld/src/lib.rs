@@ -3,20 +3,27 @@
 //!
 //! The physics is written here a second time and shares nothing with the mechanics by which records
 //! are judged: rigid bodies ([`linkage`]), integration (symplectic Euler at 0.1 ms), friction
-//! (impulses), gears, channels and every cause. A test of `pid-diagnose` holds both mechanics
+//! (impulses), gears, channels and every cause. [`Plan`] draws one cause on clean records,
+//! [`UntidyPlan`] several on untidy ones, with the share that each has of the gap. A test of `pid-diagnose` holds both mechanics
 //! against each other. A case is `cases/ID/{dataset.toml, nominal.toml, *.csv}`, its cause
 //! `truth/ID.json`. What is there already is not made again.
 
 mod causes;
+mod controller;
 mod family;
+mod like;
 pub mod linkage;
+mod mess;
 mod motion;
 mod plan;
 pub mod plant;
 mod record;
+mod replay;
 pub mod rigid;
 mod robot;
+mod sensors;
 mod text;
+mod untidy;
 mod world;
 
 use std::path::{Path, PathBuf};
@@ -24,7 +31,31 @@ use std::path::{Path, PathBuf};
 use pid_interpret::nominal::NominalError;
 
 pub use causes::{Cause, Kind};
+pub use mess::{Current, Mess};
 pub use plan::{Plan, Truth};
+pub use replay::{Gaps, Part};
+pub use untidy::{Recording, UntidyPlan, UntidyTruth};
+
+/// File names and contents.
+pub type Files = Vec<(String, String)>;
+
+/// Cases that are drawn from a seed.
+pub trait Study: Sync {
+    /// What is hidden in a case.
+    type Truth: serde::Serialize + serde::de::DeserializeOwned + Send;
+
+    /// Name of the `i`-th case.
+    fn id(&self, i: usize) -> String;
+
+    /// Number of cases.
+    fn cases(&self) -> usize;
+
+    /// Description and records of the `i`-th case, and what is hidden in it.
+    ///
+    /// # Errors
+    /// If the drawn robot is not one; none is known.
+    fn make(&self, i: usize) -> Result<(Files, Self::Truth), NominalError>;
+}
 
 /// A case that cannot be laid out.
 #[derive(Debug, thiserror::Error)]
@@ -102,11 +133,11 @@ pub fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>, Wi
 ///
 /// # Errors
 /// If a file cannot be written, or the cause is not of this program's making.
-pub fn lay_out(plan: &Plan, i: usize, out: &Path) -> Result<PathBuf, WithheldError> {
+pub fn lay_out<S: Study>(plan: &S, i: usize, out: &Path) -> Result<PathBuf, WithheldError> {
     let id = plan.id(i);
     let here = out.join("cases").join(&id);
     let truth_path = folder(out.join("truth"))?.join(format!("{id}.json"));
-    if read::<Truth>(&truth_path)?.is_none() {
+    if read::<S::Truth>(&truth_path)?.is_none() {
         let (files, truth) = plan.make(i).map_err(|e| WithheldError::Robot {
             id,
             source: Box::new(e),

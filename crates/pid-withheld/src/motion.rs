@@ -3,15 +3,64 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// The records: name, role, motion.
-pub(crate) const RECORDS: [(&str, &str, Motion); 5] = [
+/// A record to be made.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Planned {
+    /// Its file.
+    pub(crate) name: String,
+    /// `train` or `test`.
+    pub(crate) role: &'static str,
+    /// What the robot is to do.
+    pub(crate) motion: Motion,
+}
+
+/// Names, roles and motions of the tidy records.
+const TIDY: [(&str, &str, Motion); 5] = [
     ("train_sines.csv", "train", Motion::Sines(100, 60)),
     ("train_fast.csv", "train", Motion::Sines(85, 100)),
     ("train_ramps.csv", "train", Motion::Ramps),
     ("test_moves.csv", "test", Motion::Moves),
     ("test_sines.csv", "test", Motion::Sines(90, 90)),
 ];
-/// Length of a record, s.
+
+/// The records of a tidy case.
+pub(crate) fn tidy() -> Vec<Planned> {
+    let planned = |(name, role, motion): (&str, &'static str, Motion)| Planned {
+        name: name.to_owned(),
+        role,
+        motion,
+    };
+    TIDY.map(planned).to_vec()
+}
+
+/// A number of untidy records, 3 to 6: at least two to fit, and one or two to test.
+pub(crate) fn untidy(count: usize, random: &mut ChaCha8Rng) -> Vec<Planned> {
+    let tests = if count > 4 { 2 } else { 1 };
+    let train = [
+        Motion::Sines(100, 60),
+        Motion::Ramps,
+        Motion::Sines(85, 100),
+        Motion::Moves,
+    ];
+    let mut test = [Motion::Moves, Motion::Sines(90, 90)];
+    if random.random_bool(0.5) {
+        test.reverse();
+    }
+    let planned = |role: &'static str, motions: &[Motion]| -> Vec<Planned> {
+        (motions.iter().enumerate())
+            .map(|(k, &motion)| Planned {
+                name: format!("{role}_{}.csv", k + 1),
+                role,
+                motion,
+            })
+            .collect()
+    };
+    let mut all = planned("train", &train[..count.saturating_sub(tests).clamp(2, 4)]);
+    all.extend(planned("test", &test[..tests]));
+    all
+}
+
+/// Length of a tidy record, s.
 pub(crate) const LENGTH: f64 = 7.0;
 
 /// What a joint may do.

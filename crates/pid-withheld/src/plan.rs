@@ -6,11 +6,12 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::causes::{COUPLING, Cause, Kind, LISTED, OUTSIDE, Sizes, VELOCITY_LAG};
-use crate::motion::RECORDS;
+use crate::mess::Mess;
+use crate::motion::{LENGTH, tidy};
 use crate::plant::{PER_JOINT, Plant};
-use crate::record::{Setup, record};
+use crate::record::{Setup, run, text as rows_text};
 use crate::robot::Robot;
-use crate::{family, text};
+use crate::{Files, Study, family, text};
 
 /// What a study consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,9 +41,6 @@ pub struct Truth {
     pub velocity: String,
 }
 
-/// File names and contents.
-pub(crate) type Files = Vec<(String, String)>;
-
 /// A case before its records.
 struct Drawn {
     truth: Truth,
@@ -69,7 +67,7 @@ impl Plan {
         let n = robot.joints.len();
         let noise_stated = random.random_range(0..3) > 0;
         let velocity = ["measured", "derived", "absent"][random.random_range(0..3usize)].to_owned();
-        let stated = text::nominal(&robot, true, &velocity);
+        let stated = text::nominal(&robot, Some(robot.drive_noise), &velocity);
         let nominal = Nominal::parse("nominal.toml", &stated)?;
         let theta: Vec<f64> = (0..n * PER_JOINT)
             .map(|_| random.random_range(-0.9..0.9))
@@ -96,40 +94,6 @@ impl Plan {
     /// If the drawn robot is not one; none is known.
     pub fn truth(&self, i: usize) -> Result<Truth, NominalError> {
         Ok(self.drawn(i)?.0.truth)
-    }
-
-    /// Records and cause of the `i`-th case.
-    pub(crate) fn make(&self, i: usize) -> Result<(Files, Truth), NominalError> {
-        let (drawn, mut random) = self.drawn(i)?;
-        let Drawn {
-            truth,
-            robot,
-            nominal,
-            theta,
-        } = drawn;
-        let plant = Plant::<f64>::new(&nominal, &theta);
-        let velocity = &truth.velocity;
-        let mut files: Files = vec![
-            (
-                "nominal.toml".to_owned(),
-                text::nominal(&robot, truth.noise_stated, velocity),
-            ),
-            (
-                "dataset.toml".to_owned(),
-                text::dataset(&self.id(i), &robot, velocity),
-            ),
-        ];
-        let setup = Setup {
-            robot: &robot,
-            nominal: &nominal,
-            plant: &plant,
-            causes: &truth.causes,
-            velocity,
-        };
-        for (name, _, motion) in RECORDS {
-            files.push((name.to_owned(), record(&setup, motion, &mut random)));
-        }
-        Ok((files, truth))
     }
 
     /// One case in six is without a cause, one in twelve outside the list, one in twelve of two causes.
@@ -181,8 +145,60 @@ impl Plan {
     }
 }
 
+impl Study for Plan {
+    type Truth = Truth;
+
+    fn id(&self, i: usize) -> String {
+        self.id(i)
+    }
+
+    fn cases(&self) -> usize {
+        self.cases
+    }
+
+    fn make(&self, i: usize) -> Result<(Files, Truth), NominalError> {
+        let (drawn, mut random) = self.drawn(i)?;
+        let Drawn {
+            truth,
+            robot,
+            nominal,
+            theta,
+        } = drawn;
+        let plant = Plant::<f64>::new(&nominal, &theta);
+        let velocity = &truth.velocity;
+        let records = tidy();
+        let samples = (LENGTH * robot.rate) as usize + 1;
+        let noise = truth.noise_stated.then_some(robot.drive_noise);
+        let mut files: Files = vec![
+            (
+                "nominal.toml".to_owned(),
+                text::nominal(&robot, noise, velocity),
+            ),
+            (
+                "dataset.toml".to_owned(),
+                text::dataset(&self.id(i), &robot, velocity, &records, Some(samples)),
+            ),
+        ];
+        let setup = Setup {
+            robot: &robot,
+            nominal: &nominal,
+            plant: &plant,
+            causes: &truth.causes,
+            velocity,
+            mess: &Mess::default(),
+        };
+        // Nothing untidy is drawn.
+        let mut none = random.clone();
+        for record in records {
+            let run = run(&setup, record.motion, samples, &mut random, &mut none);
+            files.push((record.name, rows_text(&run.rows, velocity)));
+        }
+        Ok((files, truth))
+    }
+}
+
 /// What magnitudes at the joint `j` are drawn relative to.
-fn sizes(robot: &Robot, inertia: &[f64], j: usize) -> Sizes {
+pub(crate) fn sizes(robot: &Robot, inertia: &[f64], j: usize) -> Sizes {
     let x = &robot.joints[j];
     let n = robot.joints.len();
     let norm = |a: [f64; 3]| (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
@@ -206,7 +222,7 @@ fn sizes(robot: &Robot, inertia: &[f64], j: usize) -> Sizes {
 }
 
 /// Two gears, or two changes of one input, at the same joint would be one cause.
-fn same_place(a: &Cause, kind: &Kind, joint: usize) -> bool {
+pub(crate) fn same_place(a: &Cause, kind: &Kind, joint: usize) -> bool {
     let gear = |k: &Kind| matches!(k, Kind::JointElasticity { .. } | Kind::Backlash { .. });
     a.joint == joint && gear(&a.kind) && gear(kind)
 }

@@ -51,6 +51,44 @@ pub(crate) struct Robot {
     pub(crate) horizon: f64,
     /// Noise of the drive, share of the largest usual torque.
     pub(crate) drive_noise: f64,
+    /// Length of a record, s.
+    pub(crate) length: f64,
+    /// How far the stated values may be off.
+    pub(crate) tolerance: Tolerance,
+}
+
+/// Half widths of the stated values; all but that of the centre of mass are shares.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tolerance {
+    pub(crate) mass: f64,
+    /// Centre of mass, m.
+    pub(crate) com: f64,
+    /// Share of the largest moment.
+    pub(crate) inertia: f64,
+    pub(crate) rotor: f64,
+    pub(crate) gain: f64,
+    pub(crate) friction: f64,
+}
+
+impl Tolerance {
+    /// Of a robot that was measured part by part.
+    pub(crate) const TIGHT: Self = Self {
+        mass: 0.05,
+        com: 0.003,
+        inertia: 0.05,
+        rotor: 0.05,
+        gain: 0.01,
+        friction: 0.4,
+    };
+    /// Of a robot known from drawings: friction is within a factor of two.
+    pub(crate) const LOOSE: Self = Self {
+        mass: 0.2,
+        com: 0.01,
+        inertia: 0.3,
+        rotor: 0.2,
+        gain: 0.03,
+        friction: 1.0,
+    };
 }
 
 impl Robot {

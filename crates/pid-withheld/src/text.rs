@@ -2,15 +2,16 @@
 
 use std::fmt::Write as _;
 
-use crate::motion::{LENGTH, RECORDS};
+use crate::motion::Planned;
 use crate::robot::{Robot, VELOCITY_HZ};
 
 fn list(x: [f64; 3]) -> String {
     format!("[{:?}, {:?}, {:?}]", x[0], x[1], x[2])
 }
 
-/// `nominal.toml`, with or without the noise figures.
-pub(crate) fn nominal(robot: &Robot, noise: bool, velocity: &str) -> String {
+/// `nominal.toml`; with the input noise, a share of the largest usual torque, come the other noise
+/// figures.
+pub(crate) fn nominal(robot: &Robot, noise: Option<f64>, velocity: &str) -> String {
     let mut s = String::new();
     // Writing to a string cannot fail.
     let _ = write!(
@@ -19,14 +20,17 @@ pub(crate) fn nominal(robot: &Robot, noise: bool, velocity: &str) -> String {
         list(robot.tool),
         robot.horizon
     );
-    if noise {
-        let _ = writeln!(s, "input_noise = {:?}", robot.drive_noise);
+    if let Some(input) = noise {
+        let _ = writeln!(s, "input_noise = {input:?}");
     }
     if velocity == "derived" {
         let _ = writeln!(s, "velocity_filter_hz = {VELOCITY_HZ:?}");
     }
-    s.push_str(
-        "\n[tolerance]\nmass_rel = 0.05\ncom_abs_m = 0.003\ninertia_rel = 0.05\nrotor_inertia_rel = 0.05\nmotor_gain_rel = 0.01\nfriction_rel = 0.4\n",
+    let t = &robot.tolerance;
+    let _ = write!(
+        s,
+        "\n[tolerance]\nmass_rel = {:?}\ncom_abs_m = {:?}\ninertia_rel = {:?}\nrotor_inertia_rel = {:?}\nmotor_gain_rel = {:?}\nfriction_rel = {:?}\n",
+        t.mass, t.com, t.inertia, t.rotor, t.gain, t.friction
     );
     for (k, j) in robot.joints.iter().enumerate() {
         let kind = if j.prismatic { "prismatic" } else { "revolute" };
@@ -47,7 +51,7 @@ pub(crate) fn nominal(robot: &Robot, noise: bool, velocity: &str) -> String {
         if j.torque > 0.0 {
             let _ = writeln!(s, "torque_peak = {:?}", j.torque);
         }
-        if noise {
+        if noise.is_some() {
             let v = if velocity == "measured" {
                 j.v_noise
             } else {
@@ -63,8 +67,14 @@ pub(crate) fn nominal(robot: &Robot, noise: bool, velocity: &str) -> String {
     s
 }
 
-/// `dataset.toml`.
-pub(crate) fn dataset(id: &str, robot: &Robot, velocity: &str) -> String {
+/// `dataset.toml`; `samples`: how many each record has, where none gets lost.
+pub(crate) fn dataset(
+    id: &str,
+    robot: &Robot,
+    velocity: &str,
+    records: &[Planned],
+    samples: Option<usize>,
+) -> String {
     let mut s = format!(
         "name = \"{id}\"\ntitle = \"drawn case\"\nsource = \"simtrue study\"\nlicense = \"as this program\"\nkind = \"simulated\"\ninput_hold = \"zero-order\"\n"
     );
@@ -76,13 +86,16 @@ pub(crate) fn dataset(id: &str, robot: &Robot, velocity: &str) -> String {
             k + 1
         );
     }
-    for (name, role, _) in RECORDS {
+    for Planned { name, role, .. } in records {
         let _ = write!(
             s,
-            "\n[[experiment]]\nfile = \"{name}\"\nrole = \"{role}\"\nsample_time_s = {:?}\nsamples = {}\nnote = \"\"\n",
+            "\n[[experiment]]\nfile = \"{name}\"\nrole = \"{role}\"\nsample_time_s = {:?}\n",
             1.0 / robot.rate,
-            (LENGTH * robot.rate) as usize + 1
         );
+        if let Some(samples) = samples {
+            let _ = writeln!(s, "samples = {samples}");
+        }
+        s.push_str("note = \"\"\n");
     }
     s
 }

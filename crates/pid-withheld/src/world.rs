@@ -50,6 +50,19 @@ pub(crate) struct World<'a> {
     bias: Vec<f64>,
 }
 
+/// A robot at one moment, joint by joint: what a run with other causes goes on from.
+#[derive(Debug, Clone)]
+pub(crate) struct Moment {
+    /// Position and velocity of the links.
+    link: Vec<(f64, f64)>,
+    /// The same of the rotors.
+    rotor: Vec<(f64, f64)>,
+    applied: Vec<f64>,
+    last: Vec<f64>,
+    bristle: Vec<f64>,
+    load: Vec<f64>,
+}
+
 impl<'a> World<'a> {
     /// At rest at `q` under the inputs that hold it.
     pub(crate) fn new(mut plant: Plant<f64>, causes: &'a [Cause], q: &[f64]) -> Self {
@@ -106,6 +119,34 @@ impl<'a> World<'a> {
     pub(crate) fn encoder(&self, j: usize) -> (f64, f64) {
         let r = self.rotor[j];
         (self.q[r], self.v[r] + 0.5 * STEP * self.acceleration[r])
+    }
+
+    /// The present moment.
+    pub(crate) fn moment(&self) -> Moment {
+        let row = |r: usize| (self.q[r], self.v[r]);
+        Moment {
+            link: (0..self.n).map(row).collect(),
+            rotor: self.rotor.iter().map(|&r| row(r)).collect(),
+            applied: self.applied.clone(),
+            last: self.last.clone(),
+            bristle: self.bristle.clone(),
+            load: self.load.clone(),
+        }
+    }
+
+    /// Goes on from a moment of a robot with more causes, each joint moved by a position and a
+    /// velocity. A joint that is rigid here is where its rotor is.
+    pub(crate) fn resume(&mut self, moment: &Moment, moved: &[(f64, f64)]) {
+        for (j, moved) in moved.iter().enumerate() {
+            for (r, from) in [(j, moment.link[j]), (self.rotor[j], moment.rotor[j])] {
+                self.q[r] = from.0 + moved.0;
+                self.v[r] = from.1 + moved.1;
+            }
+        }
+        self.applied.copy_from_slice(&moment.applied);
+        self.last.copy_from_slice(&moment.last);
+        self.bristle.copy_from_slice(&moment.bristle);
+        self.load.copy_from_slice(&moment.load);
     }
 
     fn around(&mut self, push: Option<[f64; 3]>) {

@@ -2,7 +2,7 @@
 
 pub mod null;
 mod page;
-mod score;
+pub(crate) mod score;
 mod study;
 
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ use pid_withheld::Plan;
 
 pub use page::to_html;
 pub use score::{Bin, Interval, Outcome, Share, Summary, summary};
-pub use study::diagnose_all;
+pub use study::{diagnose_all, diagnose_some};
 
 use crate::{Failure, write};
 

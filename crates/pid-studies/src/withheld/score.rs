@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 
 /// One case with its cause and its diagnosis.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Outcome {
+pub struct Outcome<T = Truth> {
     /// The case.
     pub id: String,
     /// What was hidden.
-    pub truth: Truth,
+    pub truth: T,
     /// What was said.
     pub diagnosis: Diagnosis,
 }
@@ -29,7 +29,7 @@ pub struct Share {
 }
 
 impl Share {
-    fn add(&mut self, hit: bool) {
+    pub(crate) fn add(&mut self, hit: bool) {
         self.of += 1;
         self.hits += usize::from(hit);
     }
@@ -124,7 +124,7 @@ fn caused(truth: &Truth, effect: &str, joint: Option<usize>) -> bool {
 }
 
 /// Causes and effects whose records are the same, by [`Info::equal_to`](crate::effect::Info::equal_to).
-fn same_map(truth: &Truth, cause: &Cause, effect: &str, joint: Option<usize>) -> bool {
+pub(crate) fn same_map(truth: &Truth, cause: &Cause, effect: &str, joint: Option<usize>) -> bool {
     let (Some(own), Some(other)) = (effects::by_id(cause.kind.id()), effects::by_id(effect)) else {
         return false;
     };
@@ -173,7 +173,8 @@ pub(super) fn tier(o: &Outcome) -> &'static str {
     }
 }
 
-fn middle(mut x: Vec<f64>) -> Option<(f64, f64)> {
+/// Median and largest of the finite numbers.
+pub(crate) fn middle(mut x: Vec<f64>) -> Option<(f64, f64)> {
     x.retain(|x| x.is_finite());
     x.sort_by(f64::total_cmp);
     Some((*x.get(x.len() / 2)?, *x.last()?))

@@ -10,29 +10,30 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use pid_diagnose::case::Case;
 use pid_diagnose::diagnosis::Diagnosis;
 use pid_diagnose::search::{Settings, diagnose};
-use pid_withheld::{Plan, folder, lay_out, read};
+use pid_withheld::{Study, folder, lay_out, read};
 use rayon::prelude::*;
 
 use super::score::Outcome;
 use crate::{Failure, write};
 
-/// Makes the cases of a plan, diagnoses them and opens the causes; `progress` is told how many are
-/// done, of how many.
+/// Makes the cases of a plan that are `wanted`, diagnoses them and opens the causes; `progress` is told
+/// how many are done, of how many.
 ///
 /// # Errors
 /// If a file cannot be written, or one of an earlier run cannot be read.
-pub fn diagnose_all(
-    plan: &Plan,
+pub fn diagnose_some<S: Study>(
+    plan: &S,
+    wanted: &[usize],
     settings: &Settings,
     out: &Path,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Vec<Outcome>, Failure> {
+) -> Result<Vec<Outcome<S::Truth>>, Failure> {
     let truths = out.join("truth");
     let results = folder(out.join("results"))?;
     let done = AtomicUsize::new(0);
-    let mut outcomes: Vec<Outcome> = (0..plan.cases)
-        .into_par_iter()
-        .map(|i| {
+    let mut outcomes: Vec<Outcome<S::Truth>> = wanted
+        .par_iter()
+        .map(|&i| {
             let id = plan.id(i);
             let result_path = results.join(format!("{id}.json"));
             let here = lay_out(plan, i, out)?;
@@ -40,7 +41,7 @@ pub fn diagnose_all(
                 let case = Case::read(&here).map_err(|error| format!("case {id}: {error}"))?;
                 write(&result_path, &diagnose(&case, settings).to_json())?;
             }
-            progress(done.fetch_add(1, Ordering::Relaxed) + 1, plan.cases);
+            progress(done.fetch_add(1, Ordering::Relaxed) + 1, wanted.len());
             Ok(id)
         })
         .collect::<Result<Vec<String>, Failure>>()?
@@ -57,7 +58,21 @@ pub fn diagnose_all(
                 id,
             })
         })
-        .collect::<Result<Vec<Outcome>, Failure>>()?;
+        .collect::<Result<Vec<_>, Failure>>()?;
     outcomes.sort_by(|a, b| a.id.cmp(&b.id));
     Ok(outcomes)
+}
+
+/// The same for all cases of a plan.
+///
+/// # Errors
+/// As those of [`diagnose_some`].
+pub fn diagnose_all<S: Study>(
+    plan: &S,
+    settings: &Settings,
+    out: &Path,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Vec<Outcome<S::Truth>>, Failure> {
+    let all: Vec<usize> = (0..plan.cases()).collect();
+    diagnose_some(plan, &all, settings, out, progress)
 }

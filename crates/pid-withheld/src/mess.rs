@@ -1,0 +1,128 @@
+//! What is untidy about records: clocks, losses, outliers, coloured noise, measured currents.
+
+use rand::RngExt;
+use rand::seq::index::sample;
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::record::{Row, Setup};
+use crate::sensors::normal;
+
+/// How the records of a case are untidy; the default is tidy.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Mess {
+    /// Largest lateness of a sample, share of a period.
+    pub jitter: f64,
+    /// Standard deviation of a time stamp about the true time, share of a period.
+    pub stamp: f64,
+    /// Share of rows or cells that get lost.
+    pub lost: f64,
+    /// Whether single cells get lost, not rows.
+    pub cells: bool,
+    /// Wrong readings per second of a record.
+    pub outliers: f64,
+    /// Corner of the noise of positions, Hz; `None`: white.
+    pub colour: Option<f64>,
+    /// How currents are measured; `None`: the command is recorded.
+    pub current: Option<Current>,
+}
+
+/// A current sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Current {
+    /// Standard deviation, share of the largest usual torque.
+    pub noise: f64,
+    /// Corner of its filter of first order, Hz.
+    pub corner: f64,
+}
+
+/// Sizes of a wrong reading, in half ranges of the channel.
+const SPIKE: std::ops::Range<f64> = 0.1..1.0;
+
+impl Mess {
+    /// Draws each kind of untidiness.
+    pub(crate) fn draw(random: &mut ChaCha8Rng) -> Self {
+        let (noise, corner) = (
+            random.random_range(0.002..0.007),
+            random.random_range(250.0..450.0),
+        );
+        Self {
+            jitter: random.random_range(0.0..0.12),
+            stamp: random.random_range(0.01..0.03),
+            lost: random.random_range(0.0..0.005),
+            cells: random.random_bool(0.5),
+            outliers: random.random_range(0.0..0.3),
+            colour: Some(random.random_range(10.0..30.0)),
+            current: (random.random_bool(0.5)).then_some(Current { noise, corner }),
+        }
+    }
+
+    /// Lateness of samples, shares of a period; the first is in time.
+    pub(crate) fn late(&self, samples: usize, random: &mut ChaCha8Rng) -> Vec<f64> {
+        if self.jitter == 0.0 {
+            return vec![0.0; samples];
+        }
+        (0..samples)
+            .map(|k| match k {
+                0 => 0.0,
+                _ => random.random_range(0.0..self.jitter),
+            })
+            .collect()
+    }
+
+    /// Makes stamps wrong, readings wild and loses some; what is lost is NaN or a row less.
+    pub(crate) fn spoil(&self, setup: &Setup<'_>, rows: &mut Vec<Row>, random: &mut ChaCha8Rng) {
+        let (robot, h) = (setup.robot, 1.0 / setup.robot.rate);
+        let channels = if setup.velocity == "absent" { 2 } else { 3 };
+        if self.stamp > 0.0 {
+            for row in rows.iter_mut() {
+                row.t += self.stamp * h * normal(random);
+            }
+        }
+        let wild = self.outliers * rows.len() as f64 * h;
+        for _ in 0..whole(wild, random) {
+            let k = random.random_range(0..rows.len());
+            let j = random.random_range(0..robot.joints.len());
+            let sign = if random.random_bool(0.5) { 1.0 } else { -1.0 };
+            let size = sign * random.random_range(SPIKE);
+            let joint = &robot.joints[j];
+            match random.random_range(0..channels) {
+                0 => rows[k].q[j] += size * joint.room.amplitude,
+                1 => rows[k].u[j] += size * joint.torque / joint.gain,
+                _ => rows[k].v[j] += size * joint.room.speed,
+            }
+        }
+        self.lose(channels, rows, random);
+    }
+
+    /// Loses rows or cells, but never the first or the last row.
+    fn lose(&self, channels: usize, rows: &mut Vec<Row>, random: &mut ChaCha8Rng) {
+        let inner = rows.len().saturating_sub(2);
+        let n = rows[0].q.len();
+        let all = if self.cells {
+            channels * n * inner
+        } else {
+            inner
+        };
+        let count = whole(self.lost * all as f64, random).min(all);
+        let mut gone: Vec<usize> = sample(random, all, count).into_vec();
+        gone.sort_unstable();
+        for i in gone.into_iter().rev() {
+            if !self.cells {
+                rows.remove(i + 1);
+                continue;
+            }
+            let row = &mut rows[i / (channels * n) + 1];
+            let mut channel = [&mut row.q, &mut row.u, &mut row.v];
+            channel[i / n % channels][i % n] = f64::NAN;
+        }
+    }
+}
+
+/// A whole number whose mean is `x`.
+fn whole(x: f64, random: &mut ChaCha8Rng) -> usize {
+    if x <= 0.0 {
+        return 0;
+    }
+    x as usize + usize::from(random.random_bool(x.fract()))
+}
