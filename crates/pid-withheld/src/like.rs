@@ -12,13 +12,15 @@ use crate::robot::Robot;
 
 /// Least share of a cause.
 const LEAST: f64 = 0.1;
-/// Least and largest gap without the causes over that with them.
+/// Least and largest gap without the causes over a floor.
 const RATIO: (f64, f64) = (2.5, 12.0);
+/// Least floor that counts: a diagnosis starts its free runs from readings, not from the true state.
+const FLOOR: f64 = 0.008;
 /// Range of the strengths.
 const STRENGTH: (f64, f64) = (0.1, 6.0);
 /// Times that strengths are changed before a cause is drawn anew, and draws.
-const CHANGES: usize = 4;
-const DRAWS: usize = 5;
+const CHANGES: usize = 3;
+const DRAWS: usize = 3;
 /// Samples per second that the length of a dropped command is meant for.
 const RATE: f64 = 500.0;
 
@@ -59,17 +61,17 @@ impl Like<'_> {
                 let candidate = self.candidate(other, &drawn, random);
                 drawn.push(candidate);
             }
-            for _ in 0..=CHANGES {
+            for change in 0..=CHANGES {
                 let found = gaps(&self.causes(&drawn));
-                let ratio = found.none / found.all;
+                let ratio = found.none / found.all.max(FLOOR);
                 if found.least() >= LEAST && RATIO.0 <= ratio && ratio <= RATIO.1 {
                     return self.causes(&drawn);
                 }
-                resize(&mut drawn, &found, goal);
-            }
-            if draw < DRAWS {
-                let found = gaps(&self.causes(&drawn));
-                drawn.remove(weakest(&found));
+                if change < CHANGES {
+                    resize(&mut drawn, &found, goal);
+                } else if draw < DRAWS {
+                    drawn.remove(weakest(&found));
+                }
             }
         }
         // Those that are left; one cause has all of the gap.
@@ -166,7 +168,7 @@ impl Like<'_> {
 /// Moves each strength towards an equal part of a gap of `goal` floors: squared gaps grow about as
 /// squared strengths.
 fn resize(drawn: &mut [Candidate], found: &Gaps, goal: f64) {
-    let wanted = (goal * goal - 1.0) * found.all.powi(2) / drawn.len() as f64;
+    let wanted = (goal * goal - 1.0) * found.all.max(FLOOR).powi(2) / drawn.len() as f64;
     let whole = found.none.powi(2) - found.all.powi(2);
     for (c, part) in drawn.iter_mut().zip(&found.parts) {
         let own = part.share * whole;

@@ -113,7 +113,7 @@ impl Mess {
                 continue;
             }
             let row = &mut rows[i / (channels * n) + 1];
-            let mut channel = [&mut row.q, &mut row.u, &mut row.v];
+            let channel = [&mut row.q, &mut row.u, &mut row.v];
             channel[i / n % channels][i % n] = f64::NAN;
         }
     }

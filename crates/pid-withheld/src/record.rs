@@ -262,7 +262,7 @@ pub(crate) fn text(rows: &[Row], velocity: &str) -> String {
         }
     }
     text.push('\n');
-    let mut cell = |text: &mut String, x: f64, digits: usize| {
+    let cell = |text: &mut String, x: f64, digits: usize| {
         text.push(',');
         if x.is_finite() {
             let _ = write!(text, "{x:.digits$}");

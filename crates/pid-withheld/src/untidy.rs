@@ -150,10 +150,11 @@ impl Drawn {
         (stream(2 * k), stream(2 * k + 1))
     }
 
-    /// The runs of the test records.
-    fn tests(&self, setup: &Setup<'_>) -> Vec<Run> {
+    /// The runs of the first test records, `most` of them.
+    fn tests(&self, setup: &Setup<'_>, most: usize) -> Vec<Run> {
         (self.records.iter().enumerate())
             .filter(|(_, record)| record.role == "test")
+            .take(most)
             .map(|(k, record)| {
                 let (mut tidy, mut rest) = self.numbers(k);
                 run(setup, record.motion, self.window(), &mut tidy, &mut rest)
@@ -161,9 +162,10 @@ impl Drawn {
             .collect()
     }
 
-    fn gaps(&self, causes: &[Cause]) -> Gaps {
+    /// The gaps on the first test records, `most` of them.
+    fn gaps(&self, causes: &[Cause], most: usize) -> Gaps {
         self.with(causes, |setup| {
-            let runs = self.tests(setup);
+            let runs = self.tests(setup, most);
             if runs.iter().all(|run| run.held(&self.robot)) {
                 Gaps::new(setup, &runs, self.window())
             } else {
@@ -237,9 +239,9 @@ impl Study for UntidyPlan {
         let numbers = numbers(&mut random);
         let causes = match numbers {
             (0, _) => Vec::new(),
-            _ => like.draw(numbers, &|causes| drawn.gaps(causes), &mut random),
+            _ => like.draw(numbers, &|causes| drawn.gaps(causes, 1), &mut random),
         };
-        let gaps = drawn.gaps(&causes);
+        let gaps = drawn.gaps(&causes, usize::MAX);
         let (mess, texts) = drawn.with(&causes, |setup| {
             let texts = (0..drawn.records.len()).map(|k| drawn.record(setup, k));
             (*setup.mess, texts.collect::<Vec<_>>())
