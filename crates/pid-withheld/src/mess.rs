@@ -126,3 +126,69 @@ fn whole(x: f64, random: &mut ChaCha8Rng) -> usize {
     }
     x as usize + usize::from(random.random_bool(x.fract()))
 }
+
+#[cfg(test)]
+mod tests {
+    use pid_interpret::nominal::Nominal;
+    use rand::SeedableRng;
+
+    use super::*;
+    use crate::motion::Motion;
+    use crate::plant::{PER_JOINT, Plant};
+    use crate::record::{run, text};
+    use crate::{family, text as words};
+
+    /// A pendulum that lacks nothing, its rows spoiled by `mess`, and those of a tidy record.
+    fn rows(mess: &Mess) -> (Vec<Row>, Vec<Row>) {
+        let mut random = ChaCha8Rng::seed_from_u64(4);
+        let mut robot = family::draw(0, 1, &mut random).expect("a robot");
+        (robot.length, robot.rate) = (20.0, 250.0);
+        let stated = words::nominal(&robot, None, "measured");
+        let nominal = Nominal::parse("nominal.toml", &stated).expect("a description");
+        let plant = Plant::new(&nominal, &[0.0; PER_JOINT]);
+        let made = |mess: &Mess| {
+            let setup = Setup {
+                robot: &robot,
+                nominal: &nominal,
+                plant: &plant,
+                causes: &[],
+                velocity: "measured",
+                mess,
+            };
+            let stream = |seed| ChaCha8Rng::seed_from_u64(seed);
+            let (mut tidy, mut rest) = (stream(1), stream(2));
+            let mut rows = run(&setup, Motion::Ramps, 250, &mut tidy, &mut rest).rows;
+            mess.spoil(&setup, &mut rows, &mut rest);
+            rows
+        };
+        (made(mess), made(&Mess::default()))
+    }
+
+    #[test]
+    fn wrong_readings_stand_alone_and_come_as_often_as_drawn() {
+        let mess = Mess {
+            outliers: 0.3,
+            ..Mess::default()
+        };
+        let (wild, tidy) = rows(&mess);
+        let off = |of: fn(&Row) -> f64| {
+            let pairs = wild.iter().zip(&tidy);
+            pairs.filter(|(a, b)| of(a) != of(b)).count()
+        };
+        assert_eq!(off(|r| r.q[0]) + off(|r| r.v[0]) + off(|r| r.u[0]), 6);
+    }
+
+    #[test]
+    fn rows_are_lost_and_cells_are_empty_in_the_drawn_share() {
+        let mut mess = Mess {
+            lost: 0.005,
+            ..Mess::default()
+        };
+        let (rows_lost, tidy) = rows(&mess);
+        assert_eq!(tidy.len() - rows_lost.len(), 25);
+        mess.cells = true;
+        let (cells_lost, _) = rows(&mess);
+        let empty = text(&cells_lost, "measured").matches(",,").count();
+        assert!((60..=75).contains(&empty), "{empty}");
+    }
+}

@@ -91,7 +91,7 @@ impl Drawn {
         let mut robot = family::draw(family, n, random)?;
         robot.tolerance = Tolerance::LOOSE;
         robot.rate = RATES[random.random_range(0..RATES.len())];
-        robot.length = 0.1 * f64::from(random.random_range(30..=90));
+        robot.length = f64::from(random.random_range(30..=90)) / 10.0;
         robot.horizon = (robot.length / 3.0).clamp(1.0, 2.0);
         let level = random.random_range(0.5_f64.ln()..3.0_f64.ln()).exp();
         for joint in &mut robot.joints {

@@ -1,3 +1,4 @@
 //! Tests of the generator, one program.
 
 mod rigid;
+mod untidy;
