@@ -177,3 +177,63 @@ fn line(row: &Row) -> String {
         row.seconds,
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn effect(effect: &str, share: f64, partner: Option<usize>) -> Effect {
+        Effect {
+            effect: effect.to_owned(),
+            joint: Some(1),
+            share: Some(share),
+            partner,
+        }
+    }
+
+    fn row(tier: &str, hidden: Vec<Effect>, named: Vec<Effect>, verdict: &str) -> Row {
+        Row {
+            id: "u1_0000".to_owned(),
+            tier: tier.to_owned(),
+            joints: 1,
+            rate: 250.0,
+            hidden,
+            named,
+            verdict: verdict.to_owned(),
+            gap: [0.08, 0.03, 0.02],
+            own: [0.07, 0.015],
+            coverage: Share { hits: 1, of: 2 },
+            seconds: 3.0,
+        }
+    }
+
+    #[test]
+    fn tiers_count_what_is_named_missed_and_wrong() {
+        let hidden = vec![
+            effect("spring", 0.5, Some(1)),
+            effect("stribeck", 0.3, None),
+            effect("unknown", 0.2, None),
+        ];
+        let named = vec![effect("payload", 0.4, None), effect("spring", 0.6, Some(0))];
+        let rows = [
+            row("one outside beside", hidden, named, "partly unknown"),
+            row("nothing missing", Vec::new(), Vec::new(), "none"),
+        ];
+        let all = tiers(&rows);
+        let counts = |share: &Share| (share.hits, share.of);
+        assert_eq!(all.len(), 2);
+        assert_eq!(counts(&all[0].recall), (1, 2));
+        assert_eq!(counts(&all[0].precision), (1, 2));
+        assert_eq!(counts(&all[0].coverage), (1, 2));
+        let near = |x: Option<f64>, y: f64| (x.expect("a figure") - y).abs() < 1e-12;
+        assert!(near(all[0].share_named, 0.625) && near(all[0].share_error, 0.1));
+        assert!(near(all[0].over_own_floor, 2.0));
+        assert_eq!(counts(&all[1].none), (1, 1));
+        assert_eq!(all[1].share_named, None);
+        let text = to_text(&rows);
+        assert!(
+            text.contains("missed stribeck:1(0.30) unknown:1(0.20) | named wrong payload:1"),
+            "{text}"
+        );
+    }
+}
