@@ -19,6 +19,11 @@ use crate::{Files, Study, family, text};
 /// Readings per second that are drawn from: their periods are whole steps of the simulation.
 const RATES: [f64; 8] = [50.0, 100.0, 125.0, 200.0, 250.0, 400.0, 500.0, 1000.0];
 
+/// Largest gap that noise may leave: windows of robots that fall when they run freely are shortened.
+const STEADY: f64 = 0.03;
+/// Shortest window of a free run, s.
+const SHORTEST: f64 = 0.25;
+
 /// A study of several causes on untidy records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct UntidyPlan {
@@ -135,6 +140,13 @@ impl Drawn {
         })
     }
 
+    /// Halves the windows of free runs until noise leaves little at their ends.
+    fn steady(&mut self) {
+        while self.robot.horizon > 2.0 * SHORTEST && self.gaps(&[], 1).all > STEADY {
+            self.robot.horizon *= 0.5;
+        }
+    }
+
     /// Rows of a window of free runs.
     fn window(&self) -> usize {
         (self.robot.horizon * self.robot.rate).round() as usize
@@ -225,7 +237,8 @@ impl Study for UntidyPlan {
     fn make(&self, i: usize) -> Result<(Files, UntidyTruth), NominalError> {
         let seed = self.seed.wrapping_mul(1_000_003).wrapping_add(i as u64);
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let drawn = Drawn::new(self.joints, &mut random)?;
+        let mut drawn = Drawn::new(self.joints, &mut random)?;
+        drawn.steady();
         let Drawn {
             robot, velocity, ..
         } = &drawn;

@@ -63,7 +63,8 @@ fn tier(name: &str, rows: &[&Row]) -> Tier {
         let all: f64 = listed.iter().filter_map(|e| e.share).sum();
         let found = listed.iter().filter(|e| e.partner.is_some());
         if all > 0.0 {
-            shares.push(found.filter_map(|e| e.share).sum::<f64>() / all);
+            let named: f64 = found.filter_map(|e| e.share).fold(0.0, |a, b| a + b);
+            shares.push(named / all);
         }
         for e in listed.iter().filter(|e| e.share >= Some(LEAST)) {
             recall.add(e.partner.is_some());
