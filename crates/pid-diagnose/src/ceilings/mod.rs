@@ -41,6 +41,8 @@ use shrunk::{Answering, Enter, Heights, fitted};
 
 /// Steps of the model before laws are tried.
 const STEPS: usize = 6;
+/// Fewest windows whose scatter tells an interval.
+const FEW: usize = 4;
 /// Draws of an interval.
 const DRAWS: usize = 200;
 /// Two classes whose corrections of the test records are this much alike (cosine) are confounded: either
@@ -224,6 +226,10 @@ fn shares(about: &About<'_>, with: &Gap) -> [f64; 3] {
     let scale = (with.total / before).powi(2) / left((all(old), all(new))).max(1e-300);
     let share = |left: f64| (whole * (1.0 - scale * left)).clamp(0.0, 1.0);
     let n = old.len().min(new.len());
+    let point = share(left((all(old), all(new))));
+    if n < FEW {
+        return [point, 0.0, 1.0];
+    }
     let mut random = ChaCha8Rng::seed_from_u64(0xce11);
     let mut draws: Vec<f64> = (0..DRAWS)
         .map(|_| {
@@ -235,7 +241,7 @@ fn shares(about: &About<'_>, with: &Gap) -> [f64; 3] {
         .collect();
     draws.sort_by(f64::total_cmp);
     let at = |q: f64| draws[((DRAWS - 1) as f64 * q).round() as usize];
-    [share(left((all(old), all(new)))), at(0.025), at(0.975)]
+    [point, at(0.025), at(0.975)]
 }
 
 /// The ceilings with those that correct the test records alike.

@@ -235,9 +235,7 @@ mod tests {
             viscous
                 .words()
                 .starts_with("viscous friction of joint 1 0.08")
-                && viscous
-                    .words()
-                    .contains("N m s/rad (stated 0.0200 ± 0.0080)"),
+                && viscous.words().contains("N m s/rad (stated 0.02 ± 0.008)"),
             "{}",
             viscous.words()
         );
