@@ -13,7 +13,7 @@
 //! ```
 //! use std::sync::Arc;
 //! use pid_diagnose::constants::Constants;
-//! use pid_diagnose::effect::{Forces, Info, Kind, Law, Model, Site, Unit, parameter};
+//! use pid_diagnose::effect::{Class, Forces, Info, Kind, Law, Model, Site, Unit, parameter};
 //! use pid_diagnose::scalar::Scalar;
 //! use pid_diagnose::search::Settings;
 //!
