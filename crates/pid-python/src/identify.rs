@@ -115,6 +115,8 @@ fn fitted(
     let request = Request {
         settings: Settings {
             horizon: asked.horizon.unwrap_or_else(|| by_rule(dataset)),
+            // As the command: links of a description stay bodies.
+            consistent: nominal.is_some(),
             hold: asked.hold.iter().map(position).collect::<Result<_, _>>()?,
             likelihood: nominal.map(|(nominal, with)| simtrue::cli::from_nominal(nominal, with)),
             starts: asked.starts,
