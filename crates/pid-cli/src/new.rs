@@ -31,7 +31,7 @@ pub(crate) fn run(args: &NewArgs) -> Result<u8, CliError> {
         });
     }
     match args.from.as_slice() {
-        [] => robot_crate(folder, args.library.as_deref()),
+        [] => robot_crate(folder, args.simtrue.as_deref()),
         paths => data_folder(folder, paths, args),
     }
 }

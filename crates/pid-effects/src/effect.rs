@@ -15,9 +15,10 @@ use std::fmt;
 use std::sync::Arc;
 
 use pid_symbolic::program::Element;
-use serde::{Deserialize, Serialize};
 
 pub use crate::circumstances::EqualWhen;
+pub use crate::class::Class;
+pub use crate::commands::Commands;
 use crate::constants::Constants;
 use crate::scalar::{Lanes, Scalar};
 pub use crate::with_effects::Smooth;
@@ -40,64 +41,6 @@ pub enum Kind {
     State,
     /// Between data and model.
     Channel,
-}
-
-/// A class of causes: what a law of it is a function of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Class {
-    /// Friction over the velocity and its direction.
-    Velocity,
-    /// Friction over the load, and what the drive makes of its input.
-    Load,
-    /// A force over the position, and an error of the position reading.
-    Position,
-    /// Friction over the distance since the last reversal.
-    Reversal,
-    /// Friction and the gain of the drive over the time.
-    Time,
-    /// When the input acts.
-    InputTiming,
-    /// When positions show.
-    PositionTiming,
-    /// When the velocity shows.
-    VelocityTiming,
-    /// Inertia and gravity of the link and its rotor, outside their tolerances.
-    Inertia,
-    /// A force over position, velocity and load of the other joints.
-    Coupling,
-}
-
-impl Class {
-    /// All of them.
-    pub const ALL: [Class; 10] = [
-        Class::Velocity,
-        Class::Load,
-        Class::Position,
-        Class::Reversal,
-        Class::Time,
-        Class::InputTiming,
-        Class::PositionTiming,
-        Class::VelocityTiming,
-        Class::Inertia,
-        Class::Coupling,
-    ];
-
-    /// In a few words.
-    pub fn words(self) -> &'static str {
-        match self {
-            Class::Velocity => "velocity",
-            Class::Load => "load or input",
-            Class::Position => "position",
-            Class::Reversal => "distance since the reversal",
-            Class::Time => "time",
-            Class::InputTiming => "timing of the input",
-            Class::PositionTiming => "timing of the position",
-            Class::VelocityTiming => "timing of the velocity",
-            Class::Inertia => "inertia and gravity",
-            Class::Coupling => "motion of other joints",
-        }
-    }
 }
 
 /// What a parameter scales with: its unit in terms of the robot, so that ranges and starts hold for
@@ -296,68 +239,6 @@ pub struct Gear<D> {
     pub open: D,
     /// Free travel, rad.
     pub gap: D,
-}
-
-/// Inputs of one joint, for effects that look back in time.
-#[derive(Debug, Clone, Copy)]
-pub struct Commands<'a> {
-    /// Commanded input at the samples.
-    pub u: &'a [f64],
-    /// Sample time, s.
-    pub h: f64,
-    /// Straight lines between samples instead of steps.
-    pub linear: bool,
-    /// Time of the first sample since the start of what was recorded, s.
-    pub begin: f64,
-    /// Start of the substep, s from the first sample.
-    pub t: f64,
-    /// Its length, s.
-    pub dt: f64,
-}
-
-impl Commands<'_> {
-    /// Mean of the command over the substep.
-    pub fn now(&self) -> f64 {
-        let i = ((self.t / self.h + 1e-9) as usize).min(self.u.len() - 1);
-        if !self.linear {
-            return self.u[i];
-        }
-        let next = self.u[(i + 1).min(self.u.len() - 1)];
-        self.u[i] + (next - self.u[i]) * ((self.t + 0.5 * self.dt) / self.h - i as f64)
-    }
-
-    /// Mean of the command over the substep, `delay` earlier; commands before the first sample
-    /// equal it. Differentiable from the right at a delay of zero.
-    pub fn mean<D: Scalar>(&self, delay: D) -> D {
-        let (mut from, end) = (-delay + self.t, -delay + (self.t + self.dt));
-        let mut total = D::nil();
-        let mut cell = (from.value() / self.h - 1e-9).floor();
-        loop {
-            let edge = (cell + 1.0) * self.h;
-            let inside = edge < end.value() - 1e-9 * self.h;
-            let to = if inside { D::constant(edge) } else { end };
-            total += (to - from) * self.within((from + to) * 0.5, cell);
-            if !inside {
-                return total / self.dt;
-            }
-            from = to;
-            cell += 1.0;
-        }
-    }
-
-    fn within<D: Scalar>(&self, t: D, cell: f64) -> D {
-        let last = self.u.len() - 1;
-        if cell < 0.0 {
-            return D::constant(self.u[0]);
-        }
-        let i = (cell as usize).min(last);
-        if self.linear {
-            let next = self.u[(i + 1).min(last)];
-            (t / self.h - i as f64) * (next - self.u[i]) + self.u[i]
-        } else {
-            D::constant(self.u[i])
-        }
-    }
 }
 
 /// What has happened in a substep.

@@ -33,6 +33,8 @@
 //! effect of one's own is on the front page of `pid-diagnose`.
 
 pub mod circumstances;
+mod class;
+mod commands;
 pub mod constants;
 pub mod described;
 pub mod effect;

@@ -4,9 +4,10 @@
 //! The physics is written here a second time and shares nothing with the mechanics by which records
 //! are judged: rigid bodies ([`linkage`]), integration (symplectic Euler at 0.1 ms), friction
 //! (impulses), gears, channels and every cause. [`Plan`] draws one cause on clean records,
-//! [`UntidyPlan`] several on untidy ones, with the share that each has of the gap. A test of `pid-diagnose` holds both mechanics
-//! against each other. A case is `cases/ID/{dataset.toml, nominal.toml, *.csv}`, its cause
-//! `truth/ID.json`. What is there already is not made again.
+//! [`UntidyPlan`] several on untidy ones, with the share that each has of the gap. A test of
+//! `pid-diagnose` holds both mechanics against each other. A case is
+//! `cases/ID/{dataset.toml, nominal.toml, *.csv}`, its cause `truth/ID.json`. What is there already is
+//! not made again.
 
 mod causes;
 mod controller;

@@ -24,5 +24,5 @@ pub(crate) struct NewArgs {
     /// Folder of the crate `simtrue`, for the new crate; by default that of the source tree of this
     /// program, or the registry where there is none.
     #[arg(long, value_name = "FOLDER", conflicts_with = "from")]
-    pub(crate) library: Option<PathBuf>,
+    pub(crate) simtrue: Option<PathBuf>,
 }

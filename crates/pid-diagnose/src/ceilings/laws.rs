@@ -8,9 +8,9 @@ use std::sync::LazyLock;
 
 use crate::case::{Case, Scale};
 use crate::constants::Constants;
-use crate::effect::Class;
 use crate::effect::{
-    After, Commands, Forces, Friction, Info, Kind, Law, Model, Parameter, Site, Unit, parameter,
+    After, Class, Commands, Forces, Friction, Info, Kind, Law, Model, Parameter, Site, Unit,
+    parameter,
 };
 use crate::scalar::Scalar;
 
@@ -120,15 +120,16 @@ fn over<D: Scalar>(knots: &[f64], e: impl Fn(usize) -> D, x: D) -> D {
     e(cell) + (e(cell + 1) - e(cell)) * s
 }
 
-/// The same over equal distances from −1 to 1, and its slope.
+/// The same over equal distances from −1 to 1, and its slope: none beyond the ends.
 fn equal<D: Scalar>(e: &[D], x: D) -> (D, D) {
     let cells = e.len() - 1;
+    let inside = f64::from(u8::from(x.value().abs() <= 1.0));
     let place = (x.limit(D::constant(-1.0), D::constant(1.0)) + 1.0) * (0.5 * cells as f64);
     let cell = (place.value() as usize).min(cells - 1);
     let step = e[cell + 1] - e[cell];
     (
         e[cell] + step * (place - cell as f64),
-        step * (0.5 * cells as f64),
+        step * (0.5 * cells as f64 * inside),
     )
 }
 

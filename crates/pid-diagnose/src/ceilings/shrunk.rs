@@ -17,7 +17,6 @@ use pid_data::Role;
 use crate::case::Case;
 use crate::fit::{Basis, Direction, Fit, PRIOR, Point, linearise, ranges, value};
 use crate::hypothesis::Hypothesis;
-use crate::observer::Gain;
 
 /// Steps at most.
 const STEPS: usize = 4;
@@ -114,13 +113,8 @@ impl Heights {
         point
     }
 
-    /// Derivatives of the errors on the train records in the heights.
-    fn slopes(
-        &self,
-        model: &Answering,
-        at: &Point,
-        gains: &[Vec<Gain>],
-    ) -> (DVector<f64>, DMatrix<f64>) {
+    /// Errors on the train records, and their derivatives in the heights.
+    fn slopes(&self, model: &Answering, at: &Point) -> (DVector<f64>, DMatrix<f64>) {
         let size = at.theta.len();
         let (unit, vectors) = match &self.enter {
             Enter::Effect(unit) => (*unit, Vec::new()),
@@ -138,7 +132,7 @@ impl Heights {
             &model.case,
             &self.hypothesis,
             at,
-            gains,
+            &model.fit.gains,
             Role::Train,
             &directions,
         );
@@ -162,26 +156,29 @@ impl Heights {
 pub(super) fn fitted(model: &Answering, from: &Point, heights: &Heights) -> Option<Fitted> {
     let (mut at, mut c) = (from.clone(), heights.c.clone());
     let gains = &model.fit.gains;
-    let objective = |at: &Point, c: &DVector<f64>, s: f64| {
+    let squares = |at: &Point, c: &DVector<f64>| {
         let there = heights.point(at, c);
-        let sum = value(&model.case, &heights.hypothesis, &there, gains, Role::Train).total();
-        let prior: f64 = at.theta.iter().map(|t| (t / PRIOR).powi(2)).sum();
-        sum + prior + c.norm_squared() / (s * s)
+        value(&model.case, &heights.hypothesis, &there, gains, Role::Train).total()
+    };
+    let priors = |at: &Point, c: &DVector<f64>, s: f64| {
+        let own: f64 = at.theta.iter().map(|t| (t / PRIOR).powi(2)).sum();
+        own + c.norm_squared() / (s * s)
     };
     let mut moved = false;
     for _ in 0..STEPS {
-        let Some(Step { s, dz, dc, promise }) = step(model, heights, &at, &c) else {
+        let Some(step) = step(model, heights, &at, &c) else {
             break;
         };
-        if c.norm() == 0.0 && promise < LEAST / model.case.n() as f64 {
+        let Step { s, dz, dc, .. } = &step;
+        if c.norm() == 0.0 && step.promise < LEAST / model.case.n() as f64 {
             return None;
         }
-        let now = objective(&at, &c, s);
+        let now = step.squares + priors(&at, &c, *s);
         let better = (0..=HALVINGS).find_map(|i| {
             let part = 0.5_f64.powi(i as i32);
-            let next_c = heights.limited(model, &c + part * &dc);
-            let next = shifted(model, &at, &(part * &dz));
-            let then = objective(&next, &next_c, s);
+            let next_c = heights.limited(model, &c + part * dc);
+            let next = shifted(model, &at, &(part * dz));
+            let then = squares(&next, &next_c) + priors(&next, &next_c, *s);
             (then < now).then_some((next, next_c, then))
         });
         let Some((next, next_c, then)) = better else {
@@ -210,6 +207,8 @@ struct Step {
     s: f64,
     dz: DVector<f64>,
     dc: DVector<f64>,
+    /// Sum of squared errors before it.
+    squares: f64,
     /// Decrease that the heights bring in the linear model, as a share of the squared errors.
     promise: f64,
 }
@@ -217,7 +216,7 @@ struct Step {
 /// The step of the linear model; `None` where no deviation of the heights pays.
 fn step(model: &Answering, heights: &Heights, at: &Point, c: &DVector<f64>) -> Option<Step> {
     let there = heights.point(at, c);
-    let (r, slopes) = heights.slopes(model, &there, &model.fit.gains);
+    let (r, slopes) = heights.slopes(model, &there);
     if r.len() != model.slopes.nrows() {
         return None;
     }
@@ -254,7 +253,13 @@ fn step(model: &Answering, heights: &Heights, at: &Point, c: &DVector<f64>) -> O
     let dc = next - c;
     let dz = first - answer * &dc;
     let finite = dc.iter().chain(dz.iter()).all(|x| x.is_finite());
-    finite.then_some(Step { s, dz, dc, promise })
+    finite.then_some(Step {
+        s,
+        dz,
+        dc,
+        squares: r.norm_squared(),
+        promise,
+    })
 }
 
 /// The model moved along its directions; parameters of effects stay within their ranges.
