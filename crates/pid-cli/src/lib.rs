@@ -126,7 +126,10 @@ pub fn run(own: &'static [Entry], words: impl IntoIterator<Item = OsString>) -> 
         Ok(code) => code,
         Err(e) => {
             output::message(&format!("error: {e}"));
-            FAILED
+            match e {
+                CliError::NoCommand { .. } => MISTAKE,
+                _ => FAILED,
+            }
         }
     }
 }

@@ -187,8 +187,9 @@ pub struct Ceiling {
     /// Share of the squared gap beyond the floor that a flexible law of the class removes on records
     /// that were not fitted, 0 to 1.
     pub share: f64,
-    /// Its interval of 95 %.
-    pub interval: (f64, f64),
+    /// Its interval of 95 %; `None` where there are fewer than four windows, or where the records ask for
+    /// no law of the class.
+    pub interval: Option<(f64, f64)>,
     /// Other classes whose laws correct these records alike.
     pub confounded: Vec<String>,
 }

@@ -417,7 +417,7 @@ fn ceilings(all: &[Ceiling]) -> Markup {
                         td { (c.class.words()) }
                         td { (c.joint) }
                         td class="num" { (format!("{:.0} %", 100.0 * c.share)) }
-                        td class="num" { (format!("{:.0} to {:.0} %", 100.0 * c.interval.0, 100.0 * c.interval.1)) }
+                        td class="num" { (c.interval.map_or_else(|| "not determined".to_owned(), |(low, high)| format!("{:.0} to {:.0} %", 100.0 * low, 100.0 * high))) }
                         td { (c.confounded.join(", ")) }
                     }
                 }

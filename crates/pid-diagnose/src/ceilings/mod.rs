@@ -86,12 +86,12 @@ pub(crate) fn ceilings(about: &About<'_>) -> Vec<Ceiling> {
         .filter(|_| !about.watch.stopped())
         .map(|(j, class, heights)| {
             let left = left(&models, heights);
-            let [share, low, high] = left.as_ref().map_or([0.0; 3], |l| shares(about, &l.gap));
+            let (share, interval) = (left.as_ref()).map_or((0.0, None), |l| removed(about, &l.gap));
             let ceiling = Ceiling {
                 joint: j + 1,
                 class,
                 share,
-                interval: (low, high),
+                interval,
                 confounded: Vec::new(),
             };
             let moved = left.map_or_else(Vec::new, |l| l.errors);
@@ -211,12 +211,12 @@ pub(crate) fn raise(ceilings: &mut [Ceiling], (effect, j): (&str, usize), share:
     let own = all.find(|c| c.joint == j && Some(c.class) == class);
     if let Some(own) = own.filter(|c| c.share < share) {
         own.share = share;
-        own.interval.1 = own.interval.1.max(share);
+        own.interval = own.interval.map(|(low, high)| (low, high.max(share)));
     }
 }
 
-/// Share that a law removes, and the ends of its interval of 95 %.
-fn shares(about: &About<'_>, with: &Gap) -> [f64; 3] {
+/// Share that a law removes, and its interval of 95 %, if there are windows enough.
+fn removed(about: &About<'_>, with: &Gap) -> (f64, Option<(f64, f64)>) {
     let (before, floor) = (about.gap.total, about.floor);
     let whole = before * before / (before * before - floor * floor);
     let (old, new) = (&about.gap.windows, &with.windows);
@@ -228,7 +228,7 @@ fn shares(about: &About<'_>, with: &Gap) -> [f64; 3] {
     let n = old.len().min(new.len());
     let point = share(left((all(old), all(new))));
     if n < FEW {
-        return [point, 0.0, 1.0];
+        return (point, None);
     }
     let mut random = ChaCha8Rng::seed_from_u64(0xce11);
     let mut draws: Vec<f64> = (0..DRAWS)
@@ -241,7 +241,7 @@ fn shares(about: &About<'_>, with: &Gap) -> [f64; 3] {
         .collect();
     draws.sort_by(f64::total_cmp);
     let at = |q: f64| draws[((DRAWS - 1) as f64 * q).round() as usize];
-    [point, at(0.025), at(0.975)]
+    (point, Some((at(0.025), at(0.975))))
 }
 
 /// The ceilings with those that correct the test records alike.

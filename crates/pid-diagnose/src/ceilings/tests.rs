@@ -2,7 +2,7 @@ use num_dual::Dual64;
 use pid_data::Role;
 
 use super::laws::ClassLaw;
-use super::{About, ceilings, raise};
+use super::{About, ceilings, raise, removed};
 use crate::bench::{SIZE, named, pendulum};
 use crate::case::Case;
 use crate::constants::Constants;
@@ -54,7 +54,8 @@ fn the_class_of_the_cause_has_the_highest_ceiling() {
         let equal = (class, first.class) == (Class::InputTiming, Class::PositionTiming);
         assert!(first.class == class || equal, "{cause}: {all:?}");
         assert!(first.share > least, "{cause}: {all:?}");
-        assert!(first.interval.0 <= first.share && first.share <= first.interval.1);
+        // The one window of this record tells no interval.
+        assert_eq!(first.interval, None);
         // A class that cannot do it leaves the most of it.
         let last = all.last().expect("several classes");
         assert!(last.share < 0.5, "{cause}: {all:?}");
@@ -81,15 +82,53 @@ fn an_effect_raises_the_ceiling_of_its_class_alone() {
         joint: 1,
         class,
         share: 0.3,
-        interval: (0.1, 0.4),
+        interval: Some((0.1, 0.4)),
         confounded: Vec::new(),
     };
     let mut all = [Class::Velocity, Class::Load].map(ceiling);
     raise(&mut all, ("stribeck", 1), 0.6);
     raise(&mut all, ("stribeck", 2), 0.9);
     raise(&mut all, ("load_dependent_friction", 1), 0.2);
-    assert_eq!((all[0].share, all[0].interval), (0.6, (0.1, 0.6)));
-    assert_eq!((all[1].share, all[1].interval), (0.3, (0.1, 0.4)));
+    assert_eq!((all[0].share, all[0].interval), (0.6, Some((0.1, 0.6))));
+    assert_eq!((all[1].share, all[1].interval), (0.3, Some((0.1, 0.4))));
+}
+
+#[test]
+fn the_interval_comes_from_the_windows_of_both_gaps() {
+    let case = pendulum(&named(&[]), &[], 2.0, &|_| {});
+    let (fit, _) = nominal(&case);
+    let gap = |total: f64, windows: Vec<f64>| Gap {
+        total,
+        joints: Vec::new(),
+        windows,
+        joint_windows: Vec::new(),
+    };
+    let before = gap(1.0, (1..=8).map(f64::from).collect());
+    let about = About {
+        case: &case,
+        fit: &fit,
+        gap: &before,
+        floor: 0.5,
+        watch: &Watch::default(),
+    };
+    // A quarter of every square is left, whichever windows are drawn: all but the floor is removed.
+    let quarter = gap(0.5, before.windows.iter().map(|w| 0.25 * w).collect());
+    let (share, interval) = removed(&about, &quarter);
+    let (low, high) = interval.expect("eight windows");
+    assert!([share, low, high].iter().all(|x| (x - 1.0).abs() < 1e-12));
+    // Half of the windows are left as they are.
+    let left = before.windows.iter().enumerate();
+    let half: Vec<f64> = left
+        .map(|(i, w)| if i % 2 == 0 { *w } else { 0.5 * w })
+        .collect();
+    let total = (half.iter().sum::<f64>() / 36.0).sqrt();
+    let (share, interval) = removed(&about, &gap(total, half));
+    let (low, high) = interval.expect("eight windows");
+    assert!((share - (1.0 - total * total) / 0.75).abs() < 1e-12);
+    assert!(
+        low < share - 0.05 && share + 0.05 < high,
+        "{low} {share} {high}"
+    );
 }
 
 /// Everything a law says at a place, over numbers that carry the slope along q, v and load.
