@@ -9,8 +9,8 @@ use super::Butterworth;
 /// ```
 ///
 /// Motion that is smooth over five samples drops out. Other motion counts as noise, so the figure
-/// is an upper bound for slowly sampled records. Coloured noise is underestimated. NaN with fewer
-/// than five samples.
+/// is an upper bound for slowly sampled records. Coloured noise is underestimated. Samples
+/// that are missing (NaN) drop out. NaN with fewer than five samples in a row.
 pub fn noise_level(x: &[f64]) -> f64 {
     (mean(&fourth_differences(x)) / 70.0).sqrt()
 }
@@ -29,10 +29,11 @@ pub fn noise_level_without_jumps(x: &[f64]) -> f64 {
     (variance / 70.0).sqrt()
 }
 
-/// (Δ⁴ x_i)².
+/// (Δ⁴ x_i)² where all five samples are there.
 fn fourth_differences(x: &[f64]) -> Vec<f64> {
     x.windows(5)
         .map(|w| (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).powi(2))
+        .filter(|square| square.is_finite())
         .collect()
 }
 
@@ -107,6 +108,20 @@ mod tests {
             assert!((found / sigma - 1.0).abs() < 0.05, "{found} for {sigma}");
         }
         assert!(noise_level(&[1.0, 2.0]).is_nan());
+    }
+
+    #[test]
+    fn readings_that_are_missing_hide_no_noise() {
+        let n = 4000;
+        let mut x: Vec<f64> = (noise(n).iter().enumerate())
+            .map(|(i, e)| motion(i, n) + 1e-3 * e)
+            .collect();
+        for missing in x.iter_mut().step_by(97) {
+            *missing = f64::NAN;
+        }
+        for found in [noise_level(&x), noise_level_without_jumps(&x)] {
+            assert!((found / 1e-3 - 1.0).abs() < 0.1, "{found}");
+        }
     }
 
     #[test]
