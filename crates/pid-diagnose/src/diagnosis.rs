@@ -175,6 +175,10 @@ pub struct Named {
     /// together. `None` where no free run tells.
     #[serde(default)]
     pub share: Option<f64>,
+    /// Interval of 95 % of the share, by drawing the windows of the free runs anew; `None` where there are
+    /// fewer than four.
+    #[serde(default)]
+    pub share_interval: Option<(f64, f64)>,
 }
 
 /// How much of the gap any cause of a class at a joint can remove at most.

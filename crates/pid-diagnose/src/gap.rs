@@ -246,18 +246,33 @@ impl Gap {
         if n < 2 || mean <= 0.0 {
             return (self.total, self.total);
         }
-        let mut random = ChaCha8Rng::seed_from_u64(0xb007);
-        let mut draws: Vec<f64> = (0..400)
-            .map(|_| {
-                let sum: f64 = (0..n)
-                    .map(|_| self.windows[random.random_range(0..n)])
-                    .sum();
-                self.total * (sum / n as f64 / mean).sqrt()
-            })
-            .collect();
-        draws.sort_by(f64::total_cmp);
-        (draws[9], draws[389])
+        within(draws(n, 0xb007).map(|draw| self.square_of(&draw).sqrt()))
     }
+    /// Square of the total, were the windows those of a draw.
+    pub(crate) fn square_of(&self, draw: &[usize]) -> f64 {
+        let mean = self.windows.iter().sum::<f64>() / self.windows.len() as f64;
+        let drawn = draw.iter().map(|&i| self.windows[i]).sum::<f64>() / draw.len() as f64;
+        // Records count alike in the total, whatever the number of their windows.
+        self.total * self.total * drawn / mean.max(1e-300)
+    }
+}
+
+/// Draws of windows that an interval rests on.
+const RESAMPLED: usize = 400;
+
+/// Draws of `n` windows with replacement (B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap,
+/// 1993, chapter 6).
+pub(crate) fn draws(n: usize, seed: u64) -> impl Iterator<Item = Vec<usize>> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    (0..RESAMPLED).map(move |_| (0..n).map(|_| random.random_range(0..n)).collect())
+}
+
+/// Interval of 95 % of the values of draws: their percentiles.
+pub(crate) fn within(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    let at = |q: f64| values[((values.len() - 1) as f64 * q).round() as usize];
+    (at(0.025), at(0.975))
 }
 
 fn deviations(record: &Record, n: usize) -> Vec<(f64, f64)> {
@@ -282,7 +297,10 @@ pub fn gap(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], role:
             });
             for (i, x) in run.iter_mut().enumerate() {
                 let (j, at) = (i % n, k + 1 + i / n);
-                *x = (x.0 - record.q[j][at], x.1 - record.v[j][at]);
+                *x = (
+                    off(x.0 - record.q[j][at], record.q[j][at]),
+                    off(x.1 - record.v[j][at], record.v[j][at]),
+                );
             }
             sums.window(&mut squares, &run, &size);
         }
@@ -367,11 +385,10 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
                         (nq, nv)
                     });
                 for (i, (x, y)) in run.iter_mut().zip(&plain[i]).enumerate() {
-                    // Readings that are missing count nowhere.
                     let (j, at) = (i % n, k + 1 + i / n);
                     *x = (
-                        x.0 - y.0 + 0.0 * record.q[j][at],
-                        x.1 - y.1 + 0.0 * record.v[j][at],
+                        off(x.0 - y.0, record.q[j][at]),
+                        off(x.1 - y.1, record.v[j][at]),
                     );
                 }
                 sums.window(&mut squares, &run, &size);
@@ -383,6 +400,16 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
     Floor {
         typical: (totals.iter().map(|x| x * x).sum::<f64>() / totals.len() as f64).sqrt(),
         largest: totals.iter().copied().fold(0.0, f64::max),
+    }
+}
+
+/// An error where something was read: readings that are missing count nowhere, and a run that diverged is
+/// infinitely far off.
+fn off(error: f64, reading: f64) -> f64 {
+    match (reading.is_finite(), error.is_nan()) {
+        (false, _) => f64::NAN,
+        (true, true) => f64::INFINITY,
+        (true, false) => error,
     }
 }
 

@@ -269,25 +269,31 @@ fn place(effect: &str, joint: Option<usize>) -> String {
 /// How the squared gap beyond the floor is shared out, where effects explain a part of it.
 fn budget(d: &Diagnosis) -> Option<Markup> {
     let left = 1.0 - d.remainder.as_ref()?.explained;
-    let bar = |label: String, share: f64| Bar {
-        label,
-        value: share,
-        text: format!("{:.0} %", 100.0 * share),
+    let bar = |label: String, share: f64, interval: Option<(f64, f64)>| {
+        let interval = interval.map_or(String::new(), |(low, high)| {
+            format!(" ({:.0} to {:.0})", 100.0 * low, 100.0 * high)
+        });
+        Bar {
+            label,
+            value: share,
+            text: format!("{:.0} %{interval}", 100.0 * share),
+        }
     };
     let mut shares: Vec<Bar> = d
         .effects
         .iter()
-        .filter_map(|e| Some(bar(place(&e.effect, e.joint), e.share?)))
+        .filter_map(|e| Some(bar(place(&e.effect, e.joint), e.share?, e.share_interval)))
         .collect();
     if shares.is_empty() {
         return None;
     }
-    shares.push(bar("left".to_owned(), left));
+    shares.push(bar("left".to_owned(), left, None));
     Some(html! {
         h2 { "The budget of the gap" }
         p {
             "Shares of the squared gap beyond the floor on motions that were never fitted: the mean of what is lost "
-            "without an effect and of what it explains alone, in proportion to what all explain together."
+            "without an effect and of what it explains alone, in proportion to what all explain together. In brackets: "
+            "the interval of 95 % over the windows of the free runs."
         }
         (bars("Share of each effect in the squared gap beyond the floor", &shares))
     })

@@ -55,7 +55,14 @@ fn line(e: &Named, share: Option<f64>) -> String {
     let (first, rest) = title.split_at(1);
     let words = format!("{}{rest}", first.to_lowercase());
     let joint = e.joint.map_or(String::new(), |j| format!(" at joint {j}"));
-    let share = share.map_or("cause".to_owned(), percent);
+    let share = match (share, e.share_interval) {
+        (None, _) => "cause".to_owned(),
+        (Some(share), None) => percent(share),
+        (Some(share), Some((low, high))) => {
+            let (low, high) = (100.0 * low, 100.0 * high);
+            format!("{} ({low:.0} to {high:.0} %)", percent(share))
+        }
+    };
     let sizes: Vec<String> = e.parameters.iter().map(size).collect();
     format!(
         "{share}: {words}{joint} ({}): {}",
@@ -152,10 +159,20 @@ mod tests {
             parameters: vec![magnitude("delay_s", 0.0142, Some(0.0006), "s")],
             regime: String::new(),
             share: Some(0.62),
+            share_interval: None,
         };
         assert_eq!(
             line(&named, named.share),
             "62 % of the gap: the drive acts later at joint 2 (input_delay): delay 14.20 ± 0.60 ms"
+        );
+        let sure = Named {
+            share_interval: Some((0.549, 0.683)),
+            ..named
+        };
+        let words = line(&sure, sure.share);
+        assert!(
+            words.starts_with("62 % of the gap (55 to 68 %): the drive"),
+            "{words}"
         );
     }
 }

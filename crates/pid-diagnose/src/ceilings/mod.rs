@@ -24,8 +24,6 @@ use std::sync::Arc;
 use nalgebra::DVector;
 use pid_data::Role;
 use pid_interpret::nominal::Role as Part;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::case::{Case, Velocity};
@@ -33,7 +31,7 @@ use crate::diagnosis::Ceiling;
 use crate::effect::{Class, Effect, Term};
 use crate::effects;
 use crate::fit::{Basis, Effort, Fit, Point, fit};
-use crate::gap::{Gap, gap};
+use crate::gap::{Gap, draws, gap, within};
 use crate::levels::{SHORT, WHOLE, follow_slowly, settle};
 use crate::search::{Watch, directions};
 use laws::ClassLaw;
@@ -43,8 +41,6 @@ use shrunk::{Answering, Enter, Heights, fitted};
 const STEPS: usize = 6;
 /// Fewest windows whose scatter tells an interval.
 const FEW: usize = 4;
-/// Draws of an interval.
-const DRAWS: usize = 200;
 /// Two classes whose corrections of the test records are this much alike (cosine) are confounded: either
 /// takes the place of the other up to a fifth of its squares.
 const ALIKE: f64 = 0.9;
@@ -230,18 +226,13 @@ fn removed(about: &About<'_>, with: &Gap) -> (f64, Option<(f64, f64)>) {
     if n < FEW {
         return (point, None);
     }
-    let mut random = ChaCha8Rng::seed_from_u64(0xce11);
-    let mut draws: Vec<f64> = (0..DRAWS)
-        .map(|_| {
-            let drawn = (0..n).map(|_| random.random_range(0..n));
-            share(left(
-                drawn.fold((0.0, 0.0), |s, i| (s.0 + old[i], s.1 + new[i])),
-            ))
-        })
-        .collect();
-    draws.sort_by(f64::total_cmp);
-    let at = |q: f64| draws[((DRAWS - 1) as f64 * q).round() as usize];
-    (point, Some((at(0.025), at(0.975))))
+    let drawn = draws(n, 0xce11).map(|draw| {
+        let drawn = draw.into_iter();
+        share(left(
+            drawn.fold((0.0, 0.0), |s, i| (s.0 + old[i], s.1 + new[i])),
+        ))
+    });
+    (point, Some(within(drawn)))
 }
 
 /// The ceilings with those that correct the test records alike.

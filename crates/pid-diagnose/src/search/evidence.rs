@@ -397,6 +397,7 @@ fn friction(beyond: &[Beyond]) -> Vec<Named> {
                 parameters: vec![parameter],
                 regime: FRICTION_REGIME.to_owned(),
                 share: None,
+                share_interval: None,
             }),
         }
     }

@@ -469,6 +469,7 @@ impl Lagging {
             parameters: vec![self.constant.clone()],
             regime: info.regime.to_owned(),
             share: None,
+            share_interval: None,
         }
     }
 }

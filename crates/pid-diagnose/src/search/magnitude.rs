@@ -282,6 +282,7 @@ pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
                 parameters,
                 regime: info.regime.to_owned(),
                 share: None,
+                share_interval: None,
             }
         })
         .collect()

@@ -56,7 +56,7 @@ pub fn search(case: &Case, settings: &Settings) -> Evidence {
     let evidence = explain(&short, settings);
     let mut evidence = with_a_test_record(&short, settings, evidence);
     evidence.stopped = settings.watch.stopped();
-    on_whole_records(case, evidence)
+    shares::with_shares(on_whole_records(case, evidence), settings)
 }
 
 /// Effects within the tolerances; where none explains the records, friction outside its tolerance;

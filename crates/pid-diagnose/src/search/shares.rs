@@ -11,23 +11,37 @@
 //! ```
 //!
 //! so that the shares add up to what all effects explain together. Of two effects the mean of both
-//! is the value of L. S. Shapley, Annals of Mathematics Studies 28, 1953.
+//! is the value of L. S. Shapley, Annals of Mathematics Studies 28, 1953. Intervals come from drawing the
+//! windows of the free runs anew, the same ones for all gaps.
 
 use rayon::prelude::*;
 
+use super::candidates::directions;
+use super::evidence::Evidence;
 use super::measure::{measured, share};
 use super::settings::Settings;
 use crate::case::Case;
 use crate::fit::{Basis, Effort, Fit, Point, fit};
+use crate::gap::{Gap, draws, within};
 use crate::hypothesis::Hypothesis;
 
+/// Fewest windows whose scatter tells an interval.
+const FEW: usize = 4;
+
 /// Gaps with and without one effect.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Parts {
     /// With all but this one.
-    pub(super) without: f64,
+    pub(super) without: Gap,
     /// With this one alone.
-    pub(super) alone: f64,
+    pub(super) alone: Gap,
+}
+
+/// The share of an effect with its interval of 95 %, where the windows tell one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Portion {
+    pub(super) share: f64,
+    pub(super) interval: Option<(f64, f64)>,
 }
 
 /// A part of the effects of a fit, their nominal parameters fitted again in so many steps.
@@ -68,16 +82,16 @@ pub(super) fn parts(
     basis: &Basis,
     settings: &Settings,
     at: &Fit,
-    (before, after): (f64, f64),
+    (before, after): (&Gap, &Gap),
 ) -> Vec<Parts> {
     let count = at.hypothesis.terms.len();
     if count == 1 {
         return vec![Parts {
-            without: before,
-            alone: after,
+            without: before.clone(),
+            alone: after.clone(),
         }];
     }
-    let gap = |fit: Fit| measured(case, &fit).total;
+    let gap = |fit: Fit| measured(case, &fit);
     (0..count)
         .into_par_iter()
         .map(|i| Parts {
@@ -87,49 +101,140 @@ pub(super) fn parts(
         .collect()
 }
 
-/// Shares of the squared gap beyond the floor.
-pub(super) fn shares(parts: &[Parts], before: f64, after: f64, floor: f64) -> Vec<f64> {
-    let all = share(before, after, floor);
-    let whole = (before * before - floor * floor).max(1e-300);
-    let sizes: Vec<f64> = parts
-        .iter()
-        .map(|p| {
-            let out = (p.without * p.without - after * after) / whole;
-            let alone = (before * before - p.alone * p.alone) / whole;
-            0.5 * (out.clamp(0.0, 1.0) + alone.clamp(0.0, 1.0))
-        })
-        .collect();
+/// Shares of the squared gap beyond the floor, with the gaps of all windows and of those of draws.
+pub(super) fn shares(parts: &[Parts], before: &Gap, after: &Gap, floor: f64) -> Vec<Portion> {
+    let of = |square: &dyn Fn(&Gap) -> f64| -> Vec<f64> {
+        let pairs: Vec<(f64, f64)> = (parts.iter())
+            .map(|p| (square(&p.without), square(&p.alone)))
+            .collect();
+        split(&pairs, square(before), square(after), floor * floor)
+    };
+    let all = of(&|gap| gap.total * gap.total);
+    let n = before.windows.len();
+    let drawn: Vec<Vec<f64>> = match n < FEW {
+        true => Vec::new(),
+        false => draws(n, 0x5a4e)
+            .map(|draw| of(&|gap| gap.square_of(&draw)))
+            .collect(),
+    };
+    let portion = |(i, &share): (usize, &f64)| Portion {
+        share,
+        interval: (!drawn.is_empty()).then(|| within(drawn.iter().map(|shares| shares[i]))),
+    };
+    all.iter().enumerate().map(portion).collect()
+}
+
+/// Shares from squared gaps: without and with each effect alone, before, after, and the floor.
+fn split(parts: &[(f64, f64)], before: f64, after: f64, floor: f64) -> Vec<f64> {
+    let all = share(before.sqrt(), after.sqrt(), floor.sqrt());
+    let whole = (before - floor).max(1e-300);
+    let size = |(without, alone): &(f64, f64)| {
+        let (out, alone) = ((without - after) / whole, (before - alone) / whole);
+        0.5 * (out.clamp(0.0, 1.0) + alone.clamp(0.0, 1.0))
+    };
+    let sizes: Vec<f64> = parts.iter().map(size).collect();
     let sum: f64 = sizes.iter().sum();
-    sizes
-        .iter()
-        .map(|s| if sum > 0.0 { all * s / sum } else { 0.0 })
-        .collect()
+    let own = |s: &f64| if sum > 0.0 { all * s / sum } else { 0.0 };
+    sizes.iter().map(own).collect()
+}
+
+/// Gives the effects of a search their shares, where it did not tell them one from another by free runs.
+pub(super) fn with_shares(mut evidence: Evidence, settings: &Settings) -> Evidence {
+    let e = &mut evidence;
+    let terms = &e.fit.hypothesis.terms;
+    let same = terms.len() == e.effects.len()
+        && (terms.iter().zip(&e.effects))
+            .all(|(t, n)| t.effect.info().id == n.effect && t.shown_joint() == n.joint);
+    if e.part.is_some() || !same || terms.is_empty() || settings.watch.stopped() {
+        return evidence;
+    }
+    let basis = directions(&e.case, &e.fit);
+    let parts = parts(&e.case, &basis, settings, &e.fit, (&e.before, &e.after));
+    let portions = shares(&parts, &e.before, &e.after, e.floor.min(e.after.total));
+    for (named, portion) in e.effects.iter_mut().zip(portions) {
+        named.share = Some(portion.share);
+        named.share_interval = portion.interval;
+    }
+    evidence
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// A gap whose windows have these squares.
+    fn gap(windows: &[f64]) -> Gap {
+        let mean = windows.iter().sum::<f64>() / windows.len() as f64;
+        Gap {
+            total: mean.sqrt(),
+            joints: vec![(mean.sqrt(), None)],
+            windows: windows.to_vec(),
+            joint_windows: vec![windows.to_vec()],
+        }
+    }
+
     #[test]
     fn shares_of_effects_that_add_up_are_their_own_squares() {
-        // Squared gaps: floor 1, effects 6 and 3 beside it.
-        let [before, after] = [10.0_f64, 1.0].map(f64::sqrt);
-        let parts = [(7.0_f64, 4.0_f64), (4.0, 7.0)].map(|(without, alone)| Parts {
-            without: without.sqrt(),
-            alone: alone.sqrt(),
-        });
-        let found = shares(&parts, before, after, 1.0);
+        // Squares: floor 1, effects 6 and 3 beside it.
+        let found = split(&[(7.0, 4.0), (4.0, 7.0)], 10.0, 1.0, 1.0);
         assert!((found[0] - 2.0 / 3.0).abs() < 1e-12, "{found:?}");
         assert!((found.iter().sum::<f64>() - 1.0).abs() < 1e-12);
     }
 
     #[test]
+    fn an_interval_is_as_wide_as_the_windows_differ() {
+        // Effects of 6 and 3 beside a floor of 1 in every window: nothing scatters.
+        let even = |x: f64| gap(&[x; 8]);
+        let parts = |gap: &dyn Fn(f64, f64) -> Gap| {
+            let pair = |own: f64, other: f64| Parts {
+                without: gap(other, own),
+                alone: gap(own, other),
+            };
+            vec![pair(4.0, 7.0), pair(7.0, 4.0)]
+        };
+        let found = shares(
+            &parts(&|without, _| even(without)),
+            &even(10.0),
+            &even(1.0),
+            1.0,
+        );
+        let (low, high) = found[0].interval.expect("enough windows");
+        assert!(high - low < 1e-9, "{found:?}");
+        // One effect acts in half of the windows only, the other one in the rest.
+        let halves = |first: f64, second: f64| {
+            let mut windows = [first; 8];
+            windows[4..].fill(second);
+            gap(&windows)
+        };
+        let mixed = [
+            Parts {
+                without: halves(1.0, 7.0),
+                alone: halves(7.0, 1.0),
+            },
+            Parts {
+                without: halves(7.0, 1.0),
+                alone: halves(1.0, 7.0),
+            },
+        ];
+        let found = shares(&mixed, &halves(7.0, 7.0), &halves(1.0, 1.0), 1.0);
+        let (low, high) = found[0].interval.expect("enough windows");
+        assert!((found[0].share - 0.5).abs() < 1e-9, "{found:?}");
+        // Four of eight windows with replacement: a deviation of 0.18.
+        assert!(low < 0.25 && high > 0.75 && low > 0.05, "{low} {high}");
+        // Three windows tell none.
+        let few = |x: f64| gap(&[x; 3]);
+        let found = shares(
+            &parts(&|without, _| few(without)),
+            &few(10.0),
+            &few(1.0),
+            1.0,
+        );
+        assert_eq!(found[0].interval, None);
+    }
+
+    #[test]
     fn one_effect_has_all_that_is_explained() {
-        let parts = [Parts {
-            without: 0.5,
-            alone: 0.2,
-        }];
-        let found = shares(&parts, 0.5, 0.2, 0.1);
+        let found = split(&[(0.25, 0.04)], 0.25, 0.04, 0.01);
         assert!((found[0] - share(0.5, 0.2, 0.1)).abs() < 1e-12);
     }
 }

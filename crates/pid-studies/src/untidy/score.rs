@@ -57,6 +57,9 @@ pub struct Row {
     pub own: [f64; 2],
     /// Intervals of 95 % that hold the true value, of the rightly named effects.
     pub coverage: Share,
+    /// The same for shares.
+    #[serde(default)]
+    pub share_coverage: Share,
     /// Time of the diagnosis, s.
     pub seconds: f64,
 }
@@ -77,7 +80,7 @@ pub fn row(outcome: &Outcome<UntidyTruth>) -> Row {
             partner: None,
         })
         .collect();
-    let mut coverage = Share::default();
+    let (mut coverage, mut share_coverage) = (Share::default(), Share::default());
     let named: Vec<Effect> = (diagnosis.effects.iter().enumerate())
         .map(|(k, e)| {
             // An effect by its own name rather than by that of an equal.
@@ -89,6 +92,9 @@ pub fn row(outcome: &Outcome<UntidyTruth>) -> Row {
             if let Some(i) = partner {
                 hidden[i].partner = Some(k);
                 cover(&causes[i], e, &mut coverage);
+                if let (Some((low, high)), Some(is)) = (e.share_interval, hidden[i].share) {
+                    share_coverage.add(low <= is && is <= high);
+                }
             }
             Effect {
                 effect: e.effect.clone(),
@@ -113,6 +119,7 @@ pub fn row(outcome: &Outcome<UntidyTruth>) -> Row {
         ],
         own: [case.gaps.none, case.gaps.all],
         coverage,
+        share_coverage,
         seconds: diagnosis.seconds,
     }
 }

@@ -41,6 +41,8 @@ pub struct Tier {
     pub none: Share,
     /// Intervals of 95 % that hold the true value.
     pub coverage: Share,
+    /// Intervals of 95 % of shares that hold the true share.
+    pub share_coverage: Share,
     /// Time of a diagnosis, s: median and largest.
     pub seconds: Option<(f64, f64)>,
 }
@@ -57,6 +59,7 @@ pub fn tiers(rows: &[Row]) -> Vec<Tier> {
 fn tier(name: &str, rows: &[&Row]) -> Tier {
     let (mut recall, mut precision) = (Share::default(), Share::default());
     let (mut none, mut coverage) = (Share::default(), Share::default());
+    let mut share_coverage = Share::default();
     let (mut errors, mut shares) = (Vec::new(), Vec::new());
     for row in rows {
         let listed: Vec<&Effect> = row.hidden.iter().filter(|e| e.listed()).collect();
@@ -79,6 +82,8 @@ fn tier(name: &str, rows: &[&Row]) -> Tier {
         none.add(row.verdict == "none");
         coverage.hits += row.coverage.hits;
         coverage.of += row.coverage.of;
+        share_coverage.hits += row.share_coverage.hits;
+        share_coverage.of += row.share_coverage.of;
     }
     let median = |of: &dyn Fn(&Row) -> f64| {
         middle(rows.iter().map(|row| of(row)).collect()).map(|(median, _)| median)
@@ -94,6 +99,7 @@ fn tier(name: &str, rows: &[&Row]) -> Tier {
         over_own_floor: median(&|row| row.gap[1] / row.own[1]),
         none,
         coverage,
+        share_coverage,
         seconds: middle(rows.iter().map(|row| row.seconds).collect()),
     }
 }
@@ -114,7 +120,7 @@ pub fn to_text(rows: &[Row]) -> String {
     let mut text = String::from(
         "| cases | effects of a tenth or more that are named | right among the named | share of the gap named | \
          error of shares | gap before | gap after | floor | after over own floor | `none` | intervals that hold the \
-         truth | time, s |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+         truth | those of shares | time, s |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for t in tiers(rows) {
         let seconds = t.seconds.map_or(String::new(), |(median, largest)| {
@@ -123,7 +129,7 @@ pub fn to_text(rows: &[Row]) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "| {}, {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {seconds} |",
+            "| {}, {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {seconds} |",
             t.name,
             t.cases,
             of(&t.recall),
@@ -136,6 +142,7 @@ pub fn to_text(rows: &[Row]) -> String {
             figure(t.over_own_floor, 1),
             of(&t.none),
             of(&t.coverage),
+            of(&t.share_coverage),
         );
     }
     text.push('\n');
@@ -204,6 +211,7 @@ mod tests {
             gap: [0.08, 0.03, 0.02],
             own: [0.07, 0.015],
             coverage: Share { hits: 1, of: 2 },
+            share_coverage: Share { hits: 0, of: 1 },
             seconds: 3.0,
         }
     }
@@ -226,6 +234,7 @@ mod tests {
         assert_eq!(counts(&all[0].recall), (1, 2));
         assert_eq!(counts(&all[0].precision), (1, 2));
         assert_eq!(counts(&all[0].coverage), (1, 2));
+        assert_eq!(counts(&all[0].share_coverage), (0, 1));
         let near = |x: Option<f64>, y: f64| (x.expect("a figure") - y).abs() < 1e-12;
         assert!(near(all[0].share_named, 0.625) && near(all[0].share_error, 0.1));
         assert!(near(all[0].over_own_floor, 2.0));

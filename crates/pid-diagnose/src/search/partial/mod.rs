@@ -31,7 +31,7 @@ use super::nameless::{described, free_laws, imitated_in_part};
 use super::odds::{plain, within_round};
 use super::refit::{Refit, refit};
 use super::settings::Settings;
-use super::shares::{Parts, parts, shares, without};
+use super::shares::{Parts, Portion, parts, shares, without};
 use crate::case::Case;
 use crate::criteria::Budget;
 use crate::diagnosis::{Remainder, Round, Tried};
@@ -60,7 +60,7 @@ struct Partial {
     others: Vec<(Refit, f64)>,
     rounds: Vec<Round>,
     /// Gaps with and without each effect, and its share.
-    shares: Vec<(Parts, f64)>,
+    shares: Vec<(Parts, Portion)>,
     /// Refits made.
     refits: usize,
     /// A free law in place of the effects that describes the records better, and its gap.
@@ -131,7 +131,7 @@ struct Asked<'a> {
 
 /// One round: the candidates on top of what is taken, best first, what became of each, and the one
 /// that is taken with where it leads: the best that pays, or one that the score does not tell from it
-/// and that free runs prefer.
+/// and that shrinks free runs further.
 fn round(
     now: &Stand,
     settings: &Settings,
@@ -193,9 +193,12 @@ fn round(
             refused,
         });
     }
-    let taken = passing
-        .into_iter()
-        .min_by(|(_, a), (_, b)| a.gap.total.total_cmp(&b.gap.total));
+    // A gap that is hardly smaller is scatter.
+    let least = 1.0 - 0.5 * settings.criteria.least_shrink;
+    let taken = passing.into_iter().reduce(|best, next| {
+        let prefers = next.1.gap.total < least * best.1.gap.total;
+        if prefers { next } else { best }
+    });
     if let Some((taken, _)) = &taken {
         for (i, c) in candidates.iter_mut().enumerate() {
             if i != *taken && c.refused.is_none() {
@@ -414,7 +417,7 @@ fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Sett
         }
     }
     // Noise alone leaves no more than what is reached.
-    let gaps = (before.total, floor.min(now.gap.total));
+    let gaps = (&before, floor.min(now.gap.total));
     let (shares, small) = smallest_dropped(&mut now, &mut taken, settings, sensors, gaps);
     if let Some(last) = rounds.last_mut() {
         last.dropped.extend(small);
@@ -455,18 +458,18 @@ fn smallest_dropped(
     taken: &mut Vec<(Refit, f64)>,
     settings: &Settings,
     sensors: &[(f64, f64)],
-    (before, floor): (f64, f64),
-) -> (Vec<(Parts, f64)>, Vec<String>) {
+    (before, floor): (&Gap, f64),
+) -> (Vec<(Parts, Portion)>, Vec<String>) {
     let mut dropped = Vec::new();
     loop {
-        let gaps = (before, now.gap.total);
+        let gaps = (before, &now.gap);
         let parts = parts(&now.case, &now.directions, settings, &now.fit, gaps);
-        let own = shares(&parts, before, now.gap.total, floor);
-        let smallest = (0..own.len()).min_by(|&a, &b| own[a].total_cmp(&own[b]));
+        let own = shares(&parts, before, &now.gap, floor);
+        let smallest = (0..own.len()).min_by(|&a, &b| own[a].share.total_cmp(&own[b].share));
         let criteria = &settings.criteria;
         let nothing = |i: usize| {
-            let same = parts[i].without < criteria.near * now.gap.total;
-            own[i] < criteria.least_share && same
+            let same = parts[i].without.total < criteria.near * now.gap.total;
+            own[i].share < criteria.least_share && same
         };
         match smallest.filter(|&i| own.len() > 1 && nothing(i)) {
             None => return (parts.into_iter().zip(own).collect(), dropped),
@@ -556,10 +559,11 @@ pub(super) fn add_part(
         .and_then(|(law, explained)| described(&case, criteria, law, explained));
     // The largest leads.
     let mut order: Vec<usize> = (0..taken.len()).collect();
-    order.sort_by(|&a, &b| shares[b].1.total_cmp(&shares[a].1));
+    order.sort_by(|&a, &b| shares[b].1.share.total_cmp(&shares[a].1.share));
     let mut effects = name(&case, criteria, &fit);
-    for (named, (_, share)) in effects.iter_mut().zip(&shares) {
-        named.share = Some(*share);
+    for (named, (_, own)) in effects.iter_mut().zip(&shares) {
+        named.share = Some(own.share);
+        named.share_interval = own.interval;
     }
     let effects = order.iter().map(|&i| effects[i].clone()).collect();
     let ranking: Vec<(Refit, f64)> = (order.iter().map(|&i| taken[i].clone()))
@@ -572,7 +576,9 @@ pub(super) fn add_part(
         coloured,
         floor,
         part: Some(Part {
-            first: order.first().map_or(0.0, |&i| explained(shares[i].0.alone)),
+            first: order
+                .first()
+                .map_or(0.0, |&i| explained(shares[i].0.alone.total)),
             all: explained(after.total),
             left: after.total / floor,
             nameless: law.is_some(),
