@@ -19,6 +19,7 @@ mod motion;
 mod plan;
 pub mod plant;
 mod record;
+mod refit;
 mod replay;
 pub mod rigid;
 mod robot;

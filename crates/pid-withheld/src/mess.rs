@@ -151,6 +151,7 @@ mod tests {
                 robot: &robot,
                 nominal: &nominal,
                 plant: &plant,
+                theta: &[0.0; PER_JOINT],
                 causes: &[],
                 velocity: "measured",
                 mess,

@@ -183,6 +183,7 @@ impl Study for Plan {
             robot: &robot,
             nominal: &nominal,
             plant: &plant,
+            theta: &theta,
             causes: &truth.causes,
             velocity,
             mess: &Mess::default(),

@@ -27,6 +27,8 @@ pub(crate) struct Setup<'a> {
     pub(crate) nominal: &'a Nominal,
     /// The robot as it is, without its causes.
     pub(crate) plant: &'a Plant<f64>,
+    /// Its deviations from the stated values, in tolerances.
+    pub(crate) theta: &'a [f64],
     /// What is withheld.
     pub(crate) causes: &'a [Cause],
     /// `measured`, `derived` or `absent`.

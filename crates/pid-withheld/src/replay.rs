@@ -1,11 +1,12 @@
 //! Free runs of the true robot with some of its causes, and what each cause has of the gap.
 //!
 //! G(S) is the free-run gap with the causes S at their true size: each record is cut into windows,
-//! and from the true state at the start of a window the robot runs under the recorded inputs, with
-//! the true values of the nominal structure. So there is nothing to refit. Its readings without
-//! noise are compared with the recorded ones; the squared error is divided by the variance of the
-//! channel in the record, then averaged over joints, channels and records. Encoders that S takes for
-//! right show the start: an offset outside S moves the start, as it does for everyone who reads it.
+//! and from the true state at the start of a window the robot runs under the recorded inputs. Its
+//! readings without noise are compared with the recorded ones; the squared error is divided by the
+//! variance of the channel in the record, then averaged over joints, channels and records. Where
+//! causes are missing, the nominal values are fitted to the same windows within their tolerances (see
+//! [`refit`](crate::refit)): what these take up is no gap. Encoders that S takes for right show the
+//! start: an offset outside S moves the start, as it does for everyone who reads it.
 //!
 //! With F = G(all), which noise leaves,
 //!
@@ -21,11 +22,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::causes::{Cause, Kind};
 use crate::record::{Held, Run, Setup};
+use crate::refit::Refit;
 use crate::sensors::{Sensors, Track, sensed};
 use crate::world::{STEP, World};
 
-/// A squared relative error beyond this counts as this.
-const LARGEST: f64 = 100.0;
+/// A relative error beyond this counts as this.
+const LARGEST: f64 = 10.0;
 /// Steps of the encoders' past that a late sensor may ask for: 0.2 s.
 const PAST: usize = 2000;
 
@@ -55,12 +57,13 @@ impl Gaps {
     /// From free runs on the test records `runs`, cut into windows of `window` rows.
     pub(crate) fn new(setup: &Setup<'_>, runs: &[Run], window: usize) -> Self {
         let count = setup.causes.len();
-        let square = |on: &dyn Fn(usize) -> bool| {
-            let sum: f64 = runs.iter().map(|run| squared(setup, run, window, on)).sum();
-            sum / runs.len() as f64
+        let all = mean_square(&errors(setup, runs, window, &|_| true));
+        let refit = (count > 0).then(|| Refit::new(setup, runs, window, all));
+        let square = |on: &(dyn Fn(usize) -> bool + Sync)| match &refit {
+            None => all,
+            Some(refit) => refit.square(setup, runs, window, on),
         };
-        let all = square(&|_| true);
-        let none = if count > 0 { square(&|_| false) } else { all };
+        let none = square(&|_| false).max(all);
         let whole = (none - all).max(1e-300);
         let mut parts: Vec<Part> = (0..count)
             .map(|e| {
@@ -68,7 +71,9 @@ impl Gaps {
                     1 => (none, all),
                     _ => (square(&|i| i != e), square(&|i| i == e)),
                 };
-                let (left_out, left_in) = ((without - all) / whole, (none - alone) / whole);
+                // What the nominal values take up is nothing, and no less.
+                let part = |x: f64| (x / whole).clamp(0.0, 1.0);
+                let (left_out, left_in) = (part(without - all), part(none - alone));
                 Part {
                     share: 0.5 * (left_out + left_in),
                     left_out,
@@ -78,7 +83,11 @@ impl Gaps {
             .collect();
         let sum: f64 = parts.iter().map(|p| p.share).sum();
         for p in &mut parts {
-            p.share /= sum;
+            p.share = if sum > 0.0 {
+                p.share / sum
+            } else {
+                1.0 / count as f64
+            };
         }
         Self {
             none: none.sqrt(),
@@ -96,7 +105,7 @@ impl Gaps {
             left_in: share,
         };
         Self {
-            none: LARGEST,
+            none: LARGEST * LARGEST,
             all: 1.0,
             parts: vec![part; causes],
         }
@@ -109,8 +118,35 @@ impl Gaps {
     }
 }
 
-/// Mean square of the relative errors of free runs on one record with the causes that are `on`.
-fn squared(setup: &Setup<'_>, run: &Run, window: usize, on: &dyn Fn(usize) -> bool) -> f64 {
+/// Relative errors of free runs with the causes that are `on`, each over the root of their number, so that
+/// the sum of their squares is the squared gap.
+pub(crate) fn errors(
+    setup: &Setup<'_>,
+    runs: &[Run],
+    window: usize,
+    on: &dyn Fn(usize) -> bool,
+) -> Vec<f64> {
+    let mut all = Vec::new();
+    for run in runs {
+        of_record(setup, run, window, on, &mut all);
+    }
+    let share = 1.0 / (runs.len() as f64).sqrt();
+    all.iter_mut().for_each(|e| *e *= share);
+    all
+}
+
+/// The squared gap of [`errors`].
+pub(crate) fn mean_square(errors: &[f64]) -> f64 {
+    errors.iter().map(|e| e * e).sum()
+}
+
+fn of_record(
+    setup: &Setup<'_>,
+    run: &Run,
+    window: usize,
+    on: &dyn Fn(usize) -> bool,
+    all: &mut Vec<f64>,
+) {
     let mut causes: (Vec<Cause>, Vec<Cause>) = (Vec::new(), Vec::new());
     for (i, c) in setup.causes.iter().enumerate() {
         if on(i) { &mut causes.0 } else { &mut causes.1 }.push(*c);
@@ -123,28 +159,31 @@ fn squared(setup: &Setup<'_>, run: &Run, window: usize, on: &dyn Fn(usize) -> bo
         inputs: inputs(setup, run, &causes.0),
     };
     let n = setup.robot.joints.len();
-    let velocities = setup.velocity != "absent";
-    let mut sums = vec![(0.0, 0.0); n];
+    let channels = if setup.velocity == "absent" { n } else { 2 * n };
     let count = (run.rows.len() - 1) / window;
-    for i in 0..count {
-        replay.window(i, window, &mut sums);
-    }
-    let mean = |sum: f64, channel: &dyn Fn(usize) -> f64| {
-        let square = sum / (count * window).max(1) as f64 / variance(run.rows.len(), channel);
-        if square.is_finite() {
-            square.min(LARGEST)
-        } else {
-            LARGEST
+    let number = (count * window * channels).max(1) as f64;
+    let deviation = |channel: &dyn Fn(usize) -> f64| variance(run.rows.len(), channel).sqrt();
+    let sizes: Vec<(f64, f64)> = (0..n)
+        .map(|j| {
+            (
+                deviation(&|k| run.rows[k].q[j]),
+                deviation(&|k| run.rows[k].v[j]),
+            )
+        })
+        .collect();
+    let mut add = |j: usize, (q, v): (f64, f64)| {
+        let relative = |e: f64| {
+            let e = if e.is_finite() { e } else { LARGEST };
+            e.clamp(-LARGEST, LARGEST) / number.sqrt()
+        };
+        all.push(relative(q / sizes[j].0));
+        if channels > n {
+            all.push(relative(v / sizes[j].1));
         }
     };
-    let mut all = Vec::new();
-    for (j, sum) in sums.iter().enumerate() {
-        all.push(mean(sum.0, &|k| run.rows[k].q[j]));
-        if velocities {
-            all.push(mean(sum.1, &|k| run.rows[k].v[j]));
-        }
+    for i in 0..count {
+        replay.window(i, window, &mut add);
     }
-    all.iter().sum::<f64>() / all.len() as f64
 }
 
 /// Inputs from the rest on, as they are recorded; drives that drop commands, where they are known to,
@@ -180,10 +219,10 @@ struct Replay<'a> {
 }
 
 impl Replay<'_> {
-    /// Adds the squared errors of the positions and velocities of the `i`-th window.
-    fn window(&self, i: usize, window: usize, sums: &mut [(f64, f64)]) {
+    /// Adds the errors of the positions and velocities of the `i`-th window, joint by joint.
+    fn window(&self, i: usize, window: usize, add: &mut dyn FnMut(usize, (f64, f64))) {
         let Self { setup, run, .. } = self;
-        let n = sums.len();
+        let n = setup.robot.joints.len();
         let (first, begin) = (i * window, run.hold as f64 / setup.robot.rate);
         let (mut step, _) = run.clock.steps(run.hold + first);
         let moved: Vec<(f64, f64)> = (0..n)
@@ -225,9 +264,8 @@ impl Replay<'_> {
             }
             let elapsed = run.clock.elapsed(run.hold + row);
             let (q, v) = sensors.read(&track, at, elapsed, None);
-            for (j, sum) in sums.iter_mut().enumerate() {
-                sum.0 += (q[j] - run.rows[row].q[j]).powi(2);
-                sum.1 += (v[j] - run.rows[row].v[j]).powi(2);
+            for j in 0..n {
+                add(j, (q[j] - run.rows[row].q[j], v[j] - run.rows[row].v[j]));
             }
         }
     }

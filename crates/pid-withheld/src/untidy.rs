@@ -77,6 +77,7 @@ struct Drawn {
     robot: Robot,
     nominal: Nominal,
     plant: Plant<f64>,
+    theta: Vec<f64>,
     velocity: String,
     noise_stated: bool,
     mess: Mess,
@@ -113,6 +114,7 @@ impl Drawn {
             .collect();
         Ok(Self {
             plant: Plant::new(&nominal, &theta),
+            theta,
             robot,
             nominal,
             velocity: velocity.to_owned(),
@@ -134,6 +136,7 @@ impl Drawn {
             robot: &self.robot,
             nominal: &self.nominal,
             plant: &self.plant,
+            theta: &self.theta,
             causes,
             velocity: &self.velocity,
             mess: &mess,
