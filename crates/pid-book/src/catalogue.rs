@@ -22,7 +22,8 @@ pub struct File {
 }
 
 /// First line of every page.
-const MADE: &str = "<!-- Written by `cargo run --release -p pid-book`; changes here are lost. -->\n";
+const MADE: &str =
+    "<!-- Written by `cargo run --release -p pid-book`; changes here are lost. -->\n";
 
 /// All files of the catalogue, a page and a plot for each effect of the library and the list.
 ///
@@ -222,6 +223,10 @@ fn simulators(text: &mut String, info: &Info) {
         let _ = writeln!(text, "| `robot.xml` of `simtrue export` | {file} |");
         let _ = writeln!(text, "| `robot_effects.py` beside it | {wrapper} |");
     }
-    let _ = writeln!(text, "| Isaac Sim, Isaac Lab | {} |", info.isaac.unwrap_or(nothing));
+    let _ = writeln!(
+        text,
+        "| Isaac Sim, Isaac Lab | {} |",
+        info.isaac.unwrap_or(nothing)
+    );
     let _ = write!(text, "| URDF | {} |\n\n", info.urdf.unwrap_or(nothing));
 }

@@ -96,7 +96,12 @@ impl Reference {
     }
 
     /// Friction and forces at a motion.
-    pub(crate) fn felt(&self, effect: Option<(&dyn Effect, &[f64])>, at: &Site<'_, f64>, memory: &[f64]) -> Felt {
+    pub(crate) fn felt(
+        &self,
+        effect: Option<(&dyn Effect, &[f64])>,
+        at: &Site<'_, f64>,
+        memory: &[f64],
+    ) -> Felt {
         let mut constants = self.constants();
         let level = constants.get(Constant::Coulomb(JOINT));
         let mut friction = Friction {
@@ -133,7 +138,11 @@ impl Reference {
     }
 
     /// Inertia that each joint feels, kg·m², and the torques that hold the arm, N·m, at a position.
-    pub(crate) fn structure(&self, effect: Option<(&dyn Effect, &[f64])>, q: [f64; 2]) -> ([f64; 2], [f64; 2]) {
+    pub(crate) fn structure(
+        &self,
+        effect: Option<(&dyn Effect, &[f64])>,
+        q: [f64; 2],
+    ) -> ([f64; 2], [f64; 2]) {
         let mut constants = self.constants();
         if let Some((effect, e)) = effect {
             effect.plain().constants(e, JOINT, &mut constants);
@@ -145,8 +154,16 @@ impl Reference {
             force: None,
         };
         let mut bias = [0.0; 2];
-        self.nominal.links.evaluate(&mut work, &at, f64::sin_cos, &mut bias);
+        self.nominal
+            .links
+            .evaluate(&mut work, &at, f64::sin_cos, &mut bias);
         let m = work.mass();
-        ([m[0] + constants.get(Constant::Rotor(0)), m[2] + constants.get(Constant::Rotor(1))], bias)
+        (
+            [
+                m[0] + constants.get(Constant::Rotor(0)),
+                m[2] + constants.get(Constant::Rotor(1)),
+            ],
+            bias,
+        )
     }
 }

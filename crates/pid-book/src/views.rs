@@ -114,7 +114,9 @@ fn pair(without: Points, with: Points) -> Vec<Curve> {
 
 fn differ(a: &[(f64, f64)], b: &[(f64, f64)]) -> bool {
     let largest = a.iter().chain(b).map(|p| p.1.abs()).fold(0.0, f64::max);
-    a.iter().zip(b).any(|(a, b)| (a.1 - b.1).abs() > SHOWS * largest)
+    a.iter()
+        .zip(b)
+        .any(|(a, b)| (a.1 - b.1).abs() > SHOWS * largest)
 }
 
 /// A site of the joint; the other joint rests at zero.
@@ -177,7 +179,13 @@ fn velocity_lag(s: &Subject<'_>) -> Option<View> {
     let half = 8.0 * lag;
     let square = move |t: f64| if t > lag && t < lag + half { 1.0 } else { 0.0 };
     let read = move |t: f64| {
-        let rise = |from: f64| if t > from { 1.0 - (-(t - from) / lag).exp() } else { 0.0 };
+        let rise = |from: f64| {
+            if t > from {
+                1.0 - (-(t - from) / lag).exp()
+            } else {
+                0.0
+            }
+        };
         rise(lag) - rise(lag + half)
     };
     Some(View {

@@ -29,7 +29,13 @@ fn the_written_files_are_those_of_the_library() {
     let names: BTreeSet<String> = made.iter().map(|f| f.name.clone()).collect();
     let there: BTreeSet<String> = std::fs::read_dir(&folder)
         .expect("docs/book/effects")
-        .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned())
+        .map(|entry| {
+            entry
+                .expect("an entry")
+                .file_name()
+                .to_string_lossy()
+                .into_owned()
+        })
         .collect();
     let mend = "run `cargo run --release -p pid-book`";
     assert_eq!(names, there, "{mend}");
@@ -39,7 +45,10 @@ fn the_written_files_are_those_of_the_library() {
         let (kept_words, kept_numbers) = parts(&kept);
         assert_eq!(words, kept_words, "{}: {mend}", file.name);
         // Libraries of functions differ in the last place, and so may the last digit written.
-        let same = numbers.iter().zip(&kept_numbers).all(|(a, b)| (a - b).abs() < 0.11);
+        let same = numbers
+            .iter()
+            .zip(&kept_numbers)
+            .all(|(a, b)| (a - b).abs() < 0.11);
         assert!(same, "{}: {mend}", file.name);
     }
 }
@@ -49,7 +58,10 @@ fn the_contents_list_every_effect() {
     let summary = std::fs::read_to_string(pid_book::docs().join("SUMMARY.md")).expect("readable");
     let lines = pid_book::contents();
     assert!(lines.lines().count() > 20);
-    assert!(summary.contains(&lines), "write into docs/SUMMARY.md:\n{lines}");
+    assert!(
+        summary.contains(&lines),
+        "write into docs/SUMMARY.md:\n{lines}"
+    );
 }
 
 /// A plot shows the effect: its curves differ from those without it, and it is no flat line.
@@ -60,8 +72,16 @@ fn every_plot_shows_something() {
             continue;
         }
         let curves: Vec<&str> = file.text.split("points=\"").skip(1).collect();
-        let curve = curves.last().expect("a curve").split('"').next().expect("points");
-        let heights: BTreeSet<&str> = curve.split(' ').filter_map(|p| p.split(',').nth(1)).collect();
+        let curve = curves
+            .last()
+            .expect("a curve")
+            .split('"')
+            .next()
+            .expect("points");
+        let heights: BTreeSet<&str> = curve
+            .split(' ')
+            .filter_map(|p| p.split(',').nth(1))
+            .collect();
         assert!(heights.len() > 1, "{}: a flat line", file.name);
     }
 }

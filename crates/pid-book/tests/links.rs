@@ -96,7 +96,11 @@ fn every_link_leads_to_a_file_and_a_heading() {
                 "" => path.clone(),
                 file => plain(&path.parent().expect("a folder").join(file)),
             };
-            let named = || pages.get(&target).is_some_and(|p| p.headings.contains(heading));
+            let named = || {
+                pages
+                    .get(&target)
+                    .is_some_and(|p| p.headings.contains(heading))
+            };
             // The book has the pages of `docs` alone.
             let outside = path.starts_with(&docs) && !target.starts_with(&docs);
             if !target.is_file() || outside || (!heading.is_empty() && !named()) {

@@ -22,7 +22,11 @@ fn blocks(text: &str) -> Vec<Block> {
                     lines: Vec::new(),
                 });
             }
-            None if inside => found.last_mut().expect("a block").lines.push(line.to_owned()),
+            None if inside => found
+                .last_mut()
+                .expect("a block")
+                .lines
+                .push(line.to_owned()),
             None => {}
         }
     }
@@ -49,7 +53,9 @@ fn says(printed: &str, written: &str) -> bool {
 
 /// Runs the commands of a chapter in one folder; how many there were.
 fn run(chapter: &str) -> usize {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/book").join(chapter);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../docs/book")
+        .join(chapter);
     let text = std::fs::read_to_string(&path).expect("the chapter");
     let folder = tempfile::tempdir().expect("a folder");
     let (mut printed, mut count, mut after_commands) = (String::new(), 0, false);
@@ -59,7 +65,10 @@ fn run(chapter: &str) -> usize {
             for line in &block.lines {
                 let words = line.strip_prefix("simtrue ").expect("a command of simtrue");
                 let mut command = Command::new(env!("CARGO_BIN_EXE_simtrue"));
-                let output = command.current_dir(folder.path()).args(words.split(' ')).output();
+                let output = command
+                    .current_dir(folder.path())
+                    .args(words.split(' '))
+                    .output();
                 let output = output.expect("the command runs");
                 let told = String::from_utf8_lossy(&output.stderr);
                 assert!(output.status.success(), "{chapter}: {line}\n{told}");
@@ -70,7 +79,10 @@ fn run(chapter: &str) -> usize {
         } else if block.language == "text" && after_commands {
             for line in &block.lines {
                 let found = printed.lines().any(|p| says(p, line));
-                assert!(found, "{chapter} says\n{line}\nand this was printed:\n{printed}");
+                assert!(
+                    found,
+                    "{chapter} says\n{line}\nand this was printed:\n{printed}"
+                );
             }
         }
         after_commands = block.language == "sh";
@@ -110,8 +122,16 @@ fn every_chapter_with_commands_is_run() {
             let text = std::fs::read_to_string(p).expect("readable");
             blocks(&text).iter().any(|b| b.language == "sh")
         })
-        .map(|p| p.file_name().expect("a name").to_string_lossy().into_owned())
+        .map(|p| {
+            p.file_name()
+                .expect("a name")
+                .to_string_lossy()
+                .into_owned()
+        })
         .collect();
     with_commands.sort();
-    assert_eq!(with_commands, ["budget.md", "first-robot.md", "logging.md", "paper.md"]);
+    assert_eq!(
+        with_commands,
+        ["budget.md", "first-robot.md", "logging.md", "paper.md"]
+    );
 }
