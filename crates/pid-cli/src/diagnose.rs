@@ -348,6 +348,9 @@ pub fn summary(d: &Diagnosis) -> String {
     for b in &d.beyond_tolerance {
         text.push_str(&format!("  outside its tolerance: {}\n", b.words()));
     }
+    for gain in &d.loop_gains {
+        text.push_str(&format!("  {}\n", gain.words()));
+    }
     for m in d.remainder.iter().flat_map(|left| &left.missing_force) {
         if m.share > WORTH {
             text.push_str(&force("left", m));

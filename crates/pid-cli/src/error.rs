@@ -40,6 +40,10 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Log(Box<pid_logs::LogError>),
     #[error(
+        "joint `{joint}`: the records have targets of its position loop and no input of its motor, and the equations of motion hold no [drive]\n  help: `simtrue diagnose` fits the gains of [drive] too; with known gains, --controller FILE closes the loop (docs/controller-format.md)"
+    )]
+    BehindLoop { joint: String },
+    #[error(
         "{}: the robot is given without a log\n  help: name the logs after it, or a folder with dataset.toml", robot.display()
     )]
     NoLog { robot: PathBuf },

@@ -23,6 +23,16 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<u8, CliError> {
         Some(opened) => gap_with_effects(opened)?,
         None => None,
     };
+    if let (Some(opened), Some(text)) = (&described, &extended)
+        && opened.nominal.has_servos()
+    {
+        drop(progress);
+        output::print(text);
+        output::print(
+            "no report on equations of motion: they do not hold the position loops of the drives\n",
+        );
+        return Ok(0);
+    }
     let loaded = match described {
         Some(opened) => source::load_described(opened, &args.source),
         None => source::load(&args.source),
@@ -78,10 +88,11 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<u8, CliError> {
     Ok(0)
 }
 
-/// The free-run gap by the simulator of `simtrue diagnose`, in words, of a nominal description with effects.
+/// The free-run gap by the simulator of `simtrue diagnose`, in words, of a nominal description with effects
+/// or position loops.
 fn gap_with_effects(opened: &Opened) -> Result<Option<String>, CliError> {
     let nominal = opened.nominal.clone();
-    if nominal.effects().is_empty() && nominal.simulated().is_none() {
+    if nominal.effects().is_empty() && nominal.simulated().is_none() && !nominal.has_servos() {
         return Ok(None);
     }
     let names: Vec<String> = nominal

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pid_data::{Dataset, InputHold};
+use pid_data::{Dataset, InputHold, InputQuantity};
 use pid_diagnose::with_effects::Assembled;
 use pid_fit::wrap::controllers::{ControlError, Controllers};
 use pid_fit::wrap::lag::Lagging;
@@ -230,6 +230,7 @@ pub(crate) fn load_described(
     source: &Source,
 ) -> Result<(Subject, Dataset), CliError> {
     let logs = robot_and_logs(&source.paths).is_some();
+    with_inputs_of_motors(&opened)?;
     let dataset = match logs {
         // Gains entered where the logs were read.
         true => with_inputs(opened.records.dataset, source)?,
@@ -242,6 +243,31 @@ pub(crate) fn load_described(
         subject.source = source.paths[0].display().to_string();
     }
     checked(subject, dataset)
+}
+
+/// Equations of motion take inputs of motors; a position loop of the description is not part of them.
+fn with_inputs_of_motors(opened: &Opened) -> Result<(), CliError> {
+    let (nominal, data) = (&opened.nominal, &opened.records.dataset);
+    if !nominal.has_servos() {
+        return Ok(());
+    }
+    let silent = |j: usize| {
+        let all = data.experiments.iter();
+        all.flat_map(|e| e.u.iter().skip(j).step_by(e.nu().max(1)))
+            .all(|u| *u == 0.0)
+    };
+    let looped = (0..data.nq()).filter(|&j| nominal.servo(j).is_some());
+    for j in looped {
+        if data.joints[j].input == InputQuantity::Position || silent(j) {
+            return Err(CliError::BehindLoop {
+                joint: data.joints[j].name.clone(),
+            });
+        }
+    }
+    output::message(
+        "note: the recorded inputs act; the position loops of [drive] are not part of the equations of motion",
+    );
+    Ok(())
 }
 
 /// The further records.

@@ -179,6 +179,7 @@ fn check_joint(source: &Source<'_>, joint: RawJoint) -> Result<JointChannels, Da
         InputQuantity::Force,
         InputQuantity::Current,
         InputQuantity::Voltage,
+        InputQuantity::Position,
     ]
     .map(|quantity| (quantity.word(), quantity));
     let input = word(source, &joint.input, &item, "input", &quantities)?;
@@ -187,16 +188,20 @@ fn check_joint(source: &Source<'_>, joint: RawJoint) -> Result<JointChannels, Da
         // The SI brochure's spelling of the product, with either of the two dots.
         "N·m" | "N⋅m" | "Nm" => "N*m",
         _ => {
-            let units = ["N*m", "N", "A", "V"].map(|unit| (unit, unit));
+            let units = ["N*m", "N", "A", "V", "rad", "m"].map(|unit| (unit, unit));
             word(source, &joint.input_unit, &item, "input_unit", &units)?
         }
     };
-    if input_unit != input.unit() {
+    let expected = match input {
+        InputQuantity::Position if prismatic => "m",
+        _ => input.unit(),
+    };
+    if input_unit != expected {
         return Err(DataError::UnitOfQuantity {
             place: source.place_of(&joint.input_unit),
             joint: joint.name.into_inner(),
             quantity: input.word(),
-            expected: input.unit(),
+            expected,
             unit: input_unit.to_owned(),
         });
     }

@@ -141,6 +141,7 @@ fn simulated(
         passing: vec![vec![0.0]],
         known: Default::default(),
         outliers: Vec::new(),
+        loop_warnings: Vec::new(),
         shared_lag: 0.0,
         ahead: 1.0,
     };

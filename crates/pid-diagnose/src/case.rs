@@ -5,6 +5,7 @@ use std::path::Path;
 use pid_data::signal;
 use pid_data::{DataError, Dataset, Experiment, InputHold, Role, VelocityKind};
 use pid_interpret::links;
+use pid_interpret::nominal::{Gain, Role as Part};
 
 use crate::channel;
 use crate::constants::{Constant, Constants};
@@ -12,7 +13,7 @@ use crate::effect::Unit;
 use crate::hypothesis::{Hypothesis, Run};
 use crate::known::Known;
 use crate::nominal::{Joint, Nominal, NominalError};
-use crate::regular;
+use crate::{regular, servo};
 
 /// A folder that cannot be diagnosed.
 #[derive(Debug, thiserror::Error)]
@@ -33,6 +34,48 @@ pub enum CaseError {
         samples: usize,
         /// Fewest that will do.
         needed: usize,
+    },
+    /// Target positions without a loop that follows them.
+    #[error(
+        "joint `{joint}`: its input is a target position, and the description has no position loop for it\n  help: add a table [drive] (or [joint.drive]) to nominal.toml, as in law = \"pd\", kp = {{ unknown = true }}, kd = {{ unknown = true }}"
+    )]
+    NoDrive {
+        /// The joint.
+        joint: String,
+    },
+    /// A position loop without its targets.
+    #[error(
+        "record `{record}`: the drive of joint `{joint}` follows a target position, and there is no column qref{column}\n  help: record the targets, or leave [drive] out (law = \"none\" for one joint)"
+    )]
+    NoTarget {
+        /// The record.
+        record: String,
+        /// The joint.
+        joint: String,
+        /// Its number, from 1.
+        column: usize,
+    },
+    /// Targets that the joint does not follow.
+    #[error(
+        "{place}: joint `{joint}`: no force pushes it towards its targets, so the records do not say where its unknown kp lies\n  help: check column and sign of the targets and the sign of `motor_gain`, or state kp with a tolerance"
+    )]
+    NoLoop {
+        /// The joint.
+        joint: String,
+        /// Where its loop is stated.
+        place: String,
+    },
+    /// A loop that cannot hold its joint.
+    #[error(
+        "{place}: joint `{joint}`: {why}, with every gain within the tolerances\n  help: check gains, `rate_hz`, `motor_gain` and the inertia; a gain of another drive's unit is often a factor off"
+    )]
+    Unstable {
+        /// The joint.
+        joint: String,
+        /// Where its loop is stated.
+        place: String,
+        /// What makes it unstable.
+        why: String,
     },
     /// There is nothing to fit on or to judge with.
     #[error("no record has the role `{role}`; mark at least one in dataset.toml")]
@@ -75,7 +118,7 @@ pub struct Record {
     pub q: Vec<Vec<f64>>,
     /// Readings of the velocities; NaN where missing.
     pub v: Vec<Vec<f64>>,
-    /// Inputs.
+    /// Inputs; targets where the drive has a position loop.
     pub u: Vec<Vec<f64>>,
     /// Positions through a zero-phase filter of 30 Hz.
     pub smooth_q: Vec<Vec<f64>>,
@@ -164,6 +207,8 @@ pub struct Case {
     pub known: Known,
     /// Readings that were taken for errors of the recording and left out.
     pub outliers: Vec<Outlier>,
+    /// What is odd about position loops.
+    pub loop_warnings: Vec<String>,
     /// Time constant of the filter that all measured velocities share, s; zero unless the readings of
     /// two joints or more show it.
     pub shared_lag: f64,
@@ -304,7 +349,14 @@ fn record(
         })
         .collect();
     let u = (0..n)
-        .map(|j| input(gated(Channel::Input, j, column(&e.u, j))))
+        .map(|j| {
+            let own = column(&e.u, j);
+            // A target is commanded, not read.
+            input(match nominal.description.servo(j) {
+                Some(_) => own,
+                None => gated(Channel::Input, j, own),
+            })
+        })
         .collect();
     let smooth = q.iter().map(|q| {
         let mut q = q.clone();
@@ -366,6 +418,11 @@ impl Case {
                 VelocityKind::Absent => Velocity::Absent,
             })
             .collect();
+        let commanded = servo::targets(&nominal, dataset)?;
+        let (dataset, recorded) = match &commanded {
+            Some((targets, recorded)) => (targets, Some(recorded)),
+            None => (dataset, None),
+        };
         let mut outliers = Vec::new();
         let linear = dataset.input_hold == InputHold::Linear;
         let records = (dataset.experiments.iter())
@@ -381,6 +438,7 @@ impl Case {
             passing: Vec::new(),
             known: Known::of(&nominal.description).map_err(NominalError::from)?,
             outliers,
+            loop_warnings: Vec::new(),
             shared_lag: 0.0,
             ahead: 1.0,
             nominal,
@@ -388,6 +446,11 @@ impl Case {
         };
         case.shared_lag = channel::shared_lag(&case);
         case.measure();
+        if let Some(recorded) = recorded {
+            let mut odd = servo::begin(&mut case, recorded)?;
+            odd.extend(servo::checked(&case)?);
+            case.loop_warnings = odd;
+        }
         case.as_simulated();
         Ok(case)
     }
@@ -431,6 +494,10 @@ impl Case {
         let n = self.n();
         let (inertia, passing) = self.inertia();
         self.passing = passing;
+        let forces = match self.nominal.description.has_servos() {
+            true => self.needed(),
+            false => Vec::new(),
+        };
         for j in 0..n {
             let (joint, gain) = (&self.nominal.joints[j], self.nominal.gain(j));
             let all = |f: &dyn Fn(&Record) -> &Vec<f64>| -> Vec<f64> {
@@ -444,7 +511,16 @@ impl Case {
             };
             let q = all(&|r| &r.smooth_q[j]);
             let v = all(&|r| &r.smooth_v[j]);
-            let u = all(&|r| &r.u[j]);
+            let u = match self.nominal.description.servo(j) {
+                None => all(&|r| &r.u[j]),
+                // What acts is the output of the loop: that which the motion takes.
+                Some(_) => {
+                    let force = forces.iter().flat_map(|f| f[j].iter().copied());
+                    let mut u: Vec<f64> = force.map(|f| f / gain).collect();
+                    u.sort_by(f64::total_cmp);
+                    u
+                }
+            };
             let at = |x: &[f64], share: f64| x[((x.len() - 1) as f64 * share) as usize];
             let largest = at(&u, 0.002).abs().max(at(&u, 0.998).abs());
             let torque = joint
@@ -494,6 +570,17 @@ impl Case {
             self.scale[second].torque / self.nominal.reach.max(0.05),
             self.last_mass().max(1e-6),
         );
+    }
+
+    /// Forces that the motion takes under the nominal structure: `[record][joint][sample]`.
+    fn needed(&self) -> Vec<Vec<Vec<f64>>> {
+        let largest = |j: usize| {
+            let speeds = self.records.iter().flat_map(|r| &r.smooth_v[j]);
+            speeds.fold(1e-9, |m: f64, v| m.max(v.abs()))
+        };
+        let speed: Vec<f64> = (0..self.n()).map(largest).collect();
+        let own = self.records.iter();
+        own.map(|r| servo::needed(self, r, &speed)).collect()
     }
 
     /// Brings [`Noise::passed`] in line with the drive noise of all joints.
@@ -561,6 +648,13 @@ impl Case {
             })
             .collect();
         (inertia, passing)
+    }
+
+    /// Torque or force per unit of the recorded input of a joint: of its target where the drive has a
+    /// position loop.
+    pub fn force_per_input(&self, joint: usize) -> f64 {
+        let kp = self.nominal.place(joint, Part::Servo(Gain::Kp));
+        self.nominal.gain(joint) * kp.map_or(1.0, |i| self.nominal.values[i].nominal)
     }
 
     /// Size of a unit at a joint, in SI.

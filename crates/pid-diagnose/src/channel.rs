@@ -291,7 +291,8 @@ fn drive(
     (t, a, [whole, rest, pushed]): (&[f64], &[Vec<f64>], [Vec<f64>; 3]),
     j: usize,
 ) -> Channels {
-    let gain = case.nominal.gain(j);
+    // Beside the target of a position loop the position and velocity that it reads are free.
+    let gain = case.force_per_input(j);
     // Under a hold, the mean of the inputs before and after a sample acts about it.
     let acts: Vec<f64> = (0..r.len())
         .map(|k| match case.linear_hold {

@@ -56,7 +56,10 @@ pub fn extended(case: &Case, found: &Evidence) -> description::Nominal {
             names.filter(fitted).collect()
         },
     };
-    nominal.extended(&values, effects, Some(simulated))
+    let servos = own.nominal.servos(&fit.point.theta);
+    nominal
+        .extended(&values, effects, Some(simulated))
+        .with_servos(servos)
 }
 
 /// Free-run gap of a described robot with its effects, on the test records.

@@ -355,7 +355,7 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
             let mut squares = vec![[(0.0, 0.0); 2]; n];
             let mut noisy = record.clone();
             for j in 0..n {
-                let scale = case.noise[j].torque / case.nominal.gain(j).abs();
+                let scale = case.noise[j].torque / case.force_per_input(j).abs();
                 for u in &mut noisy.u[j] {
                     *u += scale * random.sample::<f64, _>(StandardNormal);
                 }

@@ -15,6 +15,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::case::{Case, Record};
+use crate::constants::Constant;
 use crate::hypothesis::Hypothesis;
 use crate::observer::Gain;
 use crate::point::Point;
@@ -32,7 +33,7 @@ const DIFFERENCE: f64 = 0.02;
 /// One of these states: its joint and its place in [`Gain::hidden`], its size.
 type Hidden = (usize, usize, f64);
 
-/// [`settle`] for a record under a hypothesis at a point.
+/// [`settle`] for a record under a hypothesis at a point, as the hypothesis is run.
 pub(crate) fn estimate(
     case: &Case,
     record: &Record,
@@ -41,12 +42,17 @@ pub(crate) fn estimate(
     gains: &mut [Gain],
 ) {
     let mut runner = Runner::<f64>::new(case, record, hypothesis, &at.theta, &at.e);
-    settle(&mut runner, gains);
+    settle_these(&mut runner, gains, case.run(hypothesis).initial_states);
 }
 
 /// Sets [`Gain::hidden`] to what the first moment of a record tells.
 pub(crate) fn settle(runner: &mut Runner<'_, '_, f64>, gains: &mut [Gain]) {
-    let unread = unread(runner);
+    settle_these(runner, gains, true);
+}
+
+/// The same of the integrals of position loops alone where not of the `whole`.
+fn settle_these(runner: &mut Runner<'_, '_, f64>, gains: &mut [Gain], whole: bool) {
+    let unread = unread(runner, whole);
     if unread.is_empty() {
         return;
     }
@@ -112,9 +118,18 @@ pub(crate) fn settle(runner: &mut Runner<'_, '_, f64>, gains: &mut [Gain]) {
     put(&x, gains);
 }
 
-/// The states that are not read.
-fn unread(runner: &Runner<'_, '_, f64>) -> Vec<Hidden> {
+/// The states that are not read: integrals of position loops, which friction leaves open at rest, and
+/// those of effects where they are asked for.
+fn unread(runner: &Runner<'_, '_, f64>, whole: bool) -> Vec<Hidden> {
     let mut out = Vec::new();
+    for j in runner.machine.integrating() {
+        let of = |which| runner.machine.constants.get(which);
+        let level = of(Constant::Coulomb(j)) + TWIST * runner.case.scale[j].torque;
+        out.push((j, 3, (level / of(Constant::Gain(j))).abs()));
+    }
+    if !whole {
+        return out;
+    }
     for (j, gear) in runner.machine.gears.iter().enumerate() {
         let Some(gear) = gear else { continue };
         let scale = &runner.case.scale[j];

@@ -86,6 +86,7 @@ mod regular;
 pub mod report;
 pub mod screen;
 pub mod search;
+mod servo;
 mod simulate;
 pub mod timing;
 mod windows;
@@ -93,5 +94,5 @@ pub mod words;
 pub mod write;
 
 pub use pid_effects::{
-    circumstances, constants, described, effect, effects, nominal, scalar, with_effects,
+    circumstances, constants, described, drives, effect, effects, nominal, scalar, with_effects,
 };

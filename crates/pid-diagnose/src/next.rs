@@ -290,6 +290,10 @@ impl Controller<'_> {
         links.evaluate(&mut self.work, &at, f64::sin_cos, &mut self.bias);
         let (mass, feed) = (self.work.mass(), &self.feed);
         let command = |j: usize| {
+            if self.case.nominal.description.servo(j).is_some() {
+                // The loop of the drive leads it.
+                return q[j];
+            }
             let limits = &self.limits[j];
             let mut torque = self.bias[j] + feed.get(Constant::Rotor(j)) * reference[j].2;
             for (i, r) in reference.iter().enumerate() {
@@ -326,7 +330,7 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
     let mut machine =
         Machine::<f64>::beside(&case.known, constants, &fit.hypothesis, fit.point.e.clone());
     let geared = machine.gears.iter().any(Option::is_some);
-    let steps = Substeps::new(h, geared, 1);
+    let steps = Substeps::of(&case.nominal, h, geared, 1);
     let dt = h / steps.number() as f64;
     let mut u = vec![vec![0.0; samples]; n];
     let mut state = None;

@@ -26,6 +26,9 @@ pub(crate) struct Design {
     pub viscous: f64,
     /// Link inertia, stiffness and damping of the gear; encoder on the link side.
     pub gear: Option<(f64, f64, f64, bool)>,
+    /// By how much a position loop of the drive lowers its torque per unit of the position and of the
+    /// velocity that the encoder reads.
+    pub servo: (f64, f64),
     /// Standard deviation of the torque of its own drive.
     pub torque: f64,
     /// Of the torque that the noise of the other drives amounts to, on the link.
@@ -47,8 +50,9 @@ pub struct Gain {
     /// Inverse of the lower Cholesky factor of S: whitens (position, velocity) innovations.
     pub whiten: [[f64; 2]; 2],
     /// How far the states that no sensor reads are from rest at the start: position and velocity of
-    /// the side of the gear without encoder, memory of a bristle. Zero unless they were looked for.
-    pub hidden: [f64; 3],
+    /// the side of the gear without encoder, memory of a bristle, part of the integral of a position
+    /// loop. Zero unless they were looked for.
+    pub hidden: [f64; 4],
     /// Whether the covariance it rests on has settled; it does not where the sensors do not see a state.
     pub settled: bool,
 }
@@ -124,6 +128,9 @@ pub(crate) fn gain(d: &Design) -> Gain {
         a[(3, 1)] = c / link;
         a[(3, 3)] = -c / link;
     }
+    let read = if link_side { 2 } else { 0 };
+    a[(1, read)] -= d.servo.0 / d.inertia;
+    a[(1, read + 1)] -= d.servo.1 / d.inertia;
     let step = (a * d.h).exp();
     let mut q = DMatrix::<f64>::zeros(size, size);
     let noise = |inertia: f64, torque: f64| {
@@ -197,7 +204,7 @@ pub(crate) fn gain(d: &Design) -> Gain {
     Gain {
         rows,
         whiten: [[1.0 / l00, 0.0], [-l10 / (l00 * l11), 1.0 / l11]],
-        hidden: [0.0; 3],
+        hidden: [0.0; 4],
         settled,
     }
 }
@@ -214,6 +221,7 @@ mod tests {
             inertia: 0.02,
             viscous: 0.3,
             gear: Some((0.4, 900.0, 0.5, false)),
+            servo: (0.0, 0.0),
             torque: 0.4,
             passed: 0.1,
             q: 1e-4,
@@ -266,6 +274,7 @@ mod tests {
             inertia: 0.1,
             viscous: 0.3,
             gear: None,
+            servo: (0.0, 0.0),
             torque: 0.4,
             passed: 0.3,
             q: 1e-4,

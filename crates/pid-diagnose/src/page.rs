@@ -60,6 +60,17 @@ fn content(report: &Report) -> Markup {
                 ul { @for b in &d.beyond_tolerance { li { (b.words()) } } }
             }
         }
+        @if !d.loop_gains.is_empty() {
+            section {
+                h2 { "Position loops of the drives" }
+                p class="quiet" {
+                    "Gains within what the description states, and how far the records tell them. A value counts as determined "
+                    "where its interval of 95 % lies within 5 % of it. From targets and positions alone a loop, the masses it moves "
+                    "and their friction share a common factor; what moves together is named."
+                }
+                ul { @for gain in &d.loop_gains { li { (gain.words()) } } }
+            }
+        }
         @if let Some(left) = &d.remainder { section { (remainder(d, left)) } }
         @if !d.warnings.is_empty() {
             section {

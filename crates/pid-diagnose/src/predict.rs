@@ -6,11 +6,13 @@
 
 use std::ops::ControlFlow;
 
+use pid_interpret::nominal::Gain as ServoGain;
+
 use crate::case::{Case, Record, Velocity};
 use crate::constants::{Constant, Constants};
 use crate::effect::{Commands, Pick};
 use crate::hypothesis::Hypothesis;
-use crate::nominal::EncoderSide;
+use crate::nominal::{EncoderSide, Nominal};
 use crate::observer::{Design, Gain, gain};
 use crate::scalar::Scalar;
 use crate::simulate::{Machine, State};
@@ -42,8 +44,26 @@ pub struct Substeps {
 impl Substeps {
     /// For a sample time, s; `refined` multiplies both.
     pub fn new(h: f64, geared: bool, refined: usize) -> Self {
-        let of = |length: f64, longest: f64| ((length / longest).ceil() as usize).max(1);
-        let coarse = of(h, LONGEST_STEP);
+        Self::within(h, LONGEST_STEP, geared, refined)
+    }
+
+    /// The same for a robot of a description: a drive that reads at a rate of its own does so at the
+    /// start of a substep, as far as its rate and that of the record allow.
+    pub fn of(nominal: &Nominal, h: f64, geared: bool, refined: usize) -> Self {
+        let rates = (0..nominal.n()).filter_map(|j| nominal.description.servo(j)?.rate_hz);
+        let longest = rates.fold(LONGEST_STEP, |longest, rate| {
+            let period = rate.recip();
+            match period > LONGEST_STEP {
+                true => longest.min(period / (period / LONGEST_STEP).ceil()),
+                false => longest,
+            }
+        });
+        Self::within(h, longest, geared, refined)
+    }
+
+    fn within(h: f64, longest: f64, geared: bool, refined: usize) -> Self {
+        let of = |length: f64, longest: f64| ((length / longest - 1e-6).ceil() as usize).max(1);
+        let coarse = of(h, longest);
         let fine = if geared {
             of(h / coarse as f64, LONGEST_GEARED_STEP)
         } else {
@@ -83,11 +103,16 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
                     case.nominal.encoder_side == EncoderSide::Joint,
                 )
             });
+            let servo = |of| {
+                let constant = |which| machine.constants.get(which);
+                constant(Constant::Gain(j)) * constant(Constant::Servo(of, j))
+            };
             gain(&Design {
                 h,
                 inertia: if gear.is_some() { rotor } else { all },
                 viscous: machine.constants.get(Constant::Viscous(j)).max(0.0),
                 gear,
+                servo: (servo(ServoGain::Kp), servo(ServoGain::Kd)),
                 torque: noise.torque,
                 passed: noise.passed,
                 q: noise.q,
@@ -161,7 +186,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         Runner {
             case,
             record,
-            substeps: Substeps::new(record.h, geared, case.run(hypothesis).finer),
+            substeps: Substeps::of(&case.nominal, record.h, geared, case.run(hypothesis).finer),
             machine,
         }
     }
@@ -222,6 +247,9 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                 *q += D::constant(g.hidden[0]);
                 *v += D::constant(g.hidden[1]);
             }
+        }
+        for j in self.machine.integrating() {
+            state.loops[j].integral += D::constant(gains[j].hidden[3]);
         }
         for (cell, joint, most) in self.machine.unknown_cells() {
             let moved = state.memory[cell] + gains[joint].hidden[2];

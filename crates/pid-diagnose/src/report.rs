@@ -114,8 +114,9 @@ impl Report {
         let case = Case::new(nominal, dataset)?;
         let mut evidence = search(&case, settings);
         evidence.started = started;
-        // Equations of motion without the known effects would miss their forces.
-        let place = match case.known.is_empty() {
+        // Equations of motion without the known effects, or position loops, would miss their forces.
+        let plain = case.known.is_empty() && !case.nominal.description.has_servos();
+        let place = match plain {
             true => locate(&evidence.case, &evidence.base, dataset).map_err(|e| e.to_string()),
             false => Ok(residual_force(&evidence.case, &evidence.base)),
         };
@@ -144,7 +145,12 @@ impl Report {
                 let odd = read.chain(outlier_warnings(&case.outliers));
                 let filter = channel::shared_lag_warning(&case);
                 let cut = stopped.then(|| STOPPED.to_owned());
-                odd.chain(filter).chain(numerical).chain(cut).collect()
+                let loops = case.loop_warnings.iter().cloned();
+                odd.chain(loops)
+                    .chain(filter)
+                    .chain(numerical)
+                    .chain(cut)
+                    .collect()
             },
             next: next.as_ref().map(|e| Next {
                 rivals: e.rivals.clone(),

@@ -12,6 +12,7 @@ mod noise;
 mod oracle;
 mod practice;
 mod real;
+mod servo;
 mod simulated;
 mod start;
 mod structures;

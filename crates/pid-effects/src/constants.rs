@@ -1,7 +1,7 @@
 //! The constants of a robot that effects read and change, by what they are.
 
 use pid_interpret::links;
-use pid_interpret::nominal::Role;
+use pid_interpret::nominal::{self as servo, Role};
 use pid_symbolic::program::Element;
 
 use crate::nominal::Nominal;
@@ -27,6 +27,8 @@ pub enum Constant {
     Coulomb(usize),
     /// Viscous friction of a coordinate, N·m·s/rad or N·s/m.
     Viscous(usize),
+    /// A gain of the position loop of a coordinate, in the unit of its input per rad, rad/s or rad·s; m likewise.
+    Servo(servo::Gain, usize),
 }
 
 /// Values of all constants of one simulated robot.
@@ -40,6 +42,8 @@ pub struct Constants<'n, D> {
     gain: Vec<D>,
     coulomb: Vec<D>,
     viscous: Vec<D>,
+    /// kp, kd, ki; empty where no drive has a position loop.
+    servo: [Vec<D>; 3],
 }
 
 impl<'n, D: Scalar + Element> Constants<'n, D> {
@@ -61,6 +65,10 @@ impl<'n, D: Scalar + Element> Constants<'n, D> {
             gain: of(Role::Gain),
             coulomb: of(Role::Coulomb),
             viscous: of(Role::Viscous),
+            servo: servo::Gain::ALL.map(|gain| match nominal.description.has_servos() {
+                true => of(Role::Servo(gain)),
+                false => Vec::new(),
+            }),
             p,
         }
     }
@@ -81,6 +89,7 @@ impl<'n, D: Scalar> Constants<'n, D> {
             gain: Vec::new(),
             coulomb: Vec::new(),
             viscous: Vec::new(),
+            servo: Default::default(),
         }
     }
 
@@ -96,6 +105,7 @@ impl<'n, D: Scalar> Constants<'n, D> {
             Constant::Gain(j) => self.gain.get(j),
             Constant::Coulomb(j) => self.coulomb.get(j),
             Constant::Viscous(j) => self.viscous.get(j),
+            Constant::Servo(gain, j) => self.servo[gain as usize].get(j),
             _ => self.place(which).and_then(|i| self.links.get(i)),
         };
         found.copied().unwrap_or_else(D::nil)
@@ -108,6 +118,7 @@ impl<'n, D: Scalar> Constants<'n, D> {
             Constant::Gain(j) => self.gain.get_mut(j),
             Constant::Coulomb(j) => self.coulomb.get_mut(j),
             Constant::Viscous(j) => self.viscous.get_mut(j),
+            Constant::Servo(gain, j) => self.servo[gain as usize].get_mut(j),
             _ => place.and_then(|i| self.links.get_mut(i)),
         };
         if let Some(found) = found {
@@ -128,7 +139,10 @@ impl<'n, D: Scalar> Constants<'n, D> {
             Constant::Moment(b, i) => links::Constant::Moment(b, i),
             Constant::Inertia(b, i) => links::Constant::Inertia(b, i),
             Constant::Rotor(j) => links::Constant::Rotor(j),
-            Constant::Gain(_) | Constant::Coulomb(_) | Constant::Viscous(_) => return None,
+            Constant::Gain(_)
+            | Constant::Coulomb(_)
+            | Constant::Viscous(_)
+            | Constant::Servo(..) => return None,
         };
         self.nominal.links.place(which)
     }

@@ -363,6 +363,9 @@ pub trait Effect: Send + Sync {
     /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act
     /// between them.
     fn edges(&self) -> &'static [usize];
+    /// Whether its [`Law::input`] acts on the command, before a position loop of the drive; the others
+    /// act between the drive and its motor.
+    fn before_drive(&self) -> bool;
     /// Its force laws in the words of `robot!`, if equations of motion take it as a force.
     fn source(&self) -> Option<Source>;
     /// Physical magnitudes for the report.
@@ -409,6 +412,11 @@ pub trait Model: Send + Sync {
     fn edges(&self) -> &'static [usize] {
         &[]
     }
+    /// Whether its [`Law::input`] acts on the command, before a position loop of the drive; the others
+    /// act between the drive and its motor.
+    fn before_drive(&self) -> bool {
+        false
+    }
     /// Its force laws in the words of `robot!`, if equations of motion take it as a force.
     fn source(&self) -> Option<Source> {
         None
@@ -448,6 +456,9 @@ where
     }
     fn edges(&self) -> &'static [usize] {
         Model::edges(self)
+    }
+    fn before_drive(&self) -> bool {
+        Model::before_drive(self)
     }
     fn source(&self) -> Option<Source> {
         Model::source(self)

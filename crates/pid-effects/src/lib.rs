@@ -37,6 +37,7 @@ mod class;
 mod commands;
 pub mod constants;
 pub mod described;
+pub mod drives;
 pub mod effect;
 pub mod effects;
 pub mod nominal;

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use pid_data::Dataset;
 use pid_derive::model::Expr;
 use pid_interpret::Links;
-use pid_interpret::nominal::{self as description, Role, Velocity};
+use pid_interpret::nominal::{self as description, Gain, Role, ServoGain, Velocity};
 use pid_runtime::dynamics::Dynamics;
 
 pub use pid_interpret::nominal::EncoderSide;
@@ -49,8 +49,8 @@ pub struct Value {
     pub nominal: f64,
     /// The real value lies within nominal ± this.
     pub half_width: f64,
-    /// Its place among the parameters of the description's robot.
-    param: usize,
+    /// Its place among the parameters of the description's robot; `None` for a gain of a position loop.
+    param: Option<usize>,
 }
 
 /// One coordinate and its drive.
@@ -117,6 +117,7 @@ pub fn role_name(role: Role) -> &'static str {
         Role::Coulomb => "coulomb",
         Role::Viscous => "viscous",
         Role::Sharpness => "sharpness",
+        Role::Servo(gain) => gain.key(),
         _ => "parameter",
     }
 }
@@ -197,8 +198,9 @@ impl Nominal {
                 role: t.role,
                 nominal: t.nominal,
                 half_width: t.half_width,
-                param,
+                param: Some(param),
             })
+            .chain(servo_gains(&description, joints.len()))
             .collect();
         let tool = measurement.tool.unwrap_or([0.0; 3]);
         let between = robot.joints.iter().skip(1);
@@ -243,6 +245,36 @@ impl Nominal {
             .map_or(1.0, |i| self.values[i].nominal)
     }
 
+    /// A gain of the position loop of a joint as the records say where it was stated as unknown: the
+    /// value to start from, and how far from it it may lie.
+    pub fn begin_servo(&mut self, joint: usize, gain: Gain, start: ServoGain) {
+        let place = self.place(joint, Role::Servo(gain));
+        if let (Some(place), Some(value)) = (place, start.value) {
+            let own = &mut self.values[place];
+            (own.nominal, own.half_width) = (value, start.half_width);
+        }
+    }
+
+    /// The position loops with the gains at deviations, half widths kept.
+    pub fn servos(&self, theta: &[f64]) -> Vec<Option<description::Servo>> {
+        let of = |joint: usize| {
+            let mut servo = self.description.servo(joint)?.clone();
+            for &gain in servo.law.gains() {
+                if let Some(place) = self.place(joint, Role::Servo(gain)) {
+                    servo.gains[gain as usize] = ServoGain {
+                        value: Some(self.value(place, theta)),
+                        half_width: self.values[place].half_width,
+                    };
+                }
+            }
+            Some(servo)
+        };
+        match self.description.has_servos() {
+            true => (0..self.n()).map(of).collect(),
+            false => Vec::new(),
+        }
+    }
+
     /// Value of the parameter at a place.
     pub fn value<D: Scalar>(&self, place: usize, theta: &[D]) -> D {
         let v = &self.values[place];
@@ -254,7 +286,9 @@ impl Nominal {
         let nominal = self.description.tolerances().iter();
         let mut p: Vec<D> = nominal.map(|t| D::constant(t.nominal)).collect();
         for (i, v) in self.values.iter().enumerate() {
-            p[v.param] = self.value(i, theta);
+            if let Some(param) = v.param {
+                p[param] = self.value(i, theta);
+            }
         }
         p
     }
@@ -290,6 +324,21 @@ impl Nominal {
     pub fn has_bodies(&self) -> bool {
         self.links.tool().is_some()
     }
+}
+
+/// The gains of the position loops; those that are unknown are not finite until
+/// [`Nominal::begin_servo`] says where to start.
+fn servo_gains(description: &description::Nominal, joints: usize) -> Vec<Value> {
+    let loops = (0..joints).filter_map(|j| Some((j, description.servo(j)?)));
+    let all = loops.flat_map(|(j, servo)| servo.law.gains().iter().map(move |&g| (j, servo, g)));
+    all.map(|(joint, servo, gain)| Value {
+        joint: Some(joint),
+        role: Role::Servo(gain),
+        nominal: servo.gain(gain).value.unwrap_or(f64::NAN),
+        half_width: servo.gain(gain).half_width,
+        param: None,
+    })
+    .collect()
 }
 
 fn norm(x: [f64; 3]) -> f64 {

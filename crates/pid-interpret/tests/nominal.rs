@@ -1,7 +1,9 @@
 //! Nominal descriptions: the structure they state, tolerances, noise, and messages.
 
 use pid_interpret::Model;
-use pid_interpret::nominal::{Channel, EncoderSide, Nominal, Ranges, Role, Velocity};
+use pid_interpret::nominal::{
+    Channel, EncoderSide, Gain, Nominal, Ranges, Role, ServoLaw, Velocity,
+};
 use pid_runtime::dynamics::{At, Dynamics};
 
 /// A pendulum about y and a slide on its rod.
@@ -318,4 +320,95 @@ fn shared_descriptions_become_models() {
         read += 1;
     }
     assert!(read > 0, "no description in {}", folder.display());
+}
+
+/// The text with a loop for all joints.
+fn with_drive(lines: &str) -> Result<Nominal, String> {
+    let text = TEXT.replacen("[tolerance]", &format!("[drive]\n{lines}\n[tolerance]"), 1);
+    Nominal::parse("nominal.toml", &text).map_err(|e| e.to_string())
+}
+
+#[test]
+fn position_loops_are_read_and_written() {
+    let swing = "[joint.drive]\nlaw = \"pid\"\nkp = { value = 40.0, tolerance_rel = 0.3 }\nkd = { unknown = true }\n\
+                 ki = { value = 2, tolerance = 0.5 }\nlimit = 6.0\nintegral_limit = 1.5\nrate_hz = 500.0\n";
+    let own = TEXT.replacen(
+        "[[joint]]\nname = \"slide\"",
+        &format!("{swing}[[joint]]\nname = \"slide\""),
+        1,
+    );
+    let nominal = parse(&own);
+    assert!(nominal.has_servos() && nominal.servo(1).is_none());
+    let servo = nominal.servo(0).unwrap();
+    assert_eq!(servo.law, ServoLaw::Pid);
+    let of = |gain| (servo.gain(gain).value, servo.gain(gain).half_width);
+    assert_eq!(of(Gain::Kp), (Some(40.0), 12.0));
+    assert_eq!(of(Gain::Kd), (None, 0.0));
+    assert_eq!(of(Gain::Ki), (Some(2.0), 0.5));
+    assert_eq!(
+        (servo.limit, servo.integral_limit, servo.rate_hz),
+        (Some(6.0), Some(1.5), Some(500.0))
+    );
+    let again = parse(&nominal.to_toml().unwrap());
+    let of_both = |n: &Nominal| {
+        n.servo(0)
+            .map(|s| (s.law, s.gains, s.limit, s.integral_limit, s.rate_hz))
+    };
+    assert_eq!(of_both(&again), of_both(&nominal));
+    assert!(again.servo(1).is_none());
+    // Robots without one are as they were.
+    assert!(!parse(TEXT).has_servos() && !parse(TEXT).to_toml().unwrap().contains("drive"));
+}
+
+#[test]
+fn mistakes_of_position_loops_are_named() {
+    for (lines, message) in [
+        (
+            "law = \"pd\"\nkp = -3.0\nkd = 0.1",
+            "drive, at joint swing: `kp` is -3\n  help: a loop holds its joint only with a gain that is positive, as `motor_gain` is",
+        ),
+        (
+            "law = \"p\"\nkp = 3.0",
+            "drive, at joint slide: `kp` is 3\n  help: a loop holds its joint only with a gain that is negative",
+        ),
+        ("law = \"p\"\nkp = 0.0", "`kp` is 0"),
+        ("law = \"p\"\nkp = nan", "`kp` is NaN"),
+        (
+            "law = \"pd\"\nkp = 3.0",
+            "nominal.toml:12:7: drive, at joint swing: `kd` is absent",
+        ),
+        (
+            "law = \"p\"\nkp = 3.0\nkd = 1.0",
+            "`kd` is stated\n  help: the law \"p\" has no such gain",
+        ),
+        (
+            "law = \"pd\"\nkp = { value = 3.0, tolerance = 3.0 }\nkd = 1.0",
+            "`kp` is 3 ± 3",
+        ),
+        (
+            "law = \"pd\"\nkp = { value = 3.0, unknown = true }\nkd = 1.0",
+            "a value, with `tolerance`",
+        ),
+        (
+            "law = \"pd\"\nkp = { value = 3.0, tol = 1.0 }\nkd = 1.0",
+            "unknown field `tol`",
+        ),
+        (
+            "law = \"pd\"\nkp = \"high\"\nkd = 1.0",
+            "a number, or a table",
+        ),
+        (
+            "law = \"servo\"\nkp = 3.0",
+            "write one of \"p\", \"pd\", \"pid\", \"none\"",
+        ),
+        ("law = \"p\"\nkp = 3.0\nlimit = 0.0", "`limit` is 0"),
+        (
+            "law = \"p\"\nkp = 3.0\nintegral_limit = 1.0",
+            "`integral_limit` is stated",
+        ),
+        ("law = \"p\"\nkp = 3.0\nrate_hz = -5.0", "`rate_hz` is -5"),
+    ] {
+        let error = with_drive(lines).expect_err(lines);
+        assert!(error.contains(message), "{lines}: {error}");
+    }
 }

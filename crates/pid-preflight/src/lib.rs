@@ -35,7 +35,7 @@ mod units;
 mod velocity;
 mod wrap;
 
-use pid_data::{Dataset, Experiment};
+use pid_data::{Dataset, Experiment, InputQuantity};
 use pid_interpret::nominal::{Nominal, Velocity};
 
 pub use criteria::{Criteria, Settings};
@@ -78,6 +78,10 @@ pub fn check(data: &Dataset, nominal: &Nominal, settings: &Settings) -> Vec<Find
     let wraps = wrap::check(&work, criteria);
     take(&mut work, wraps);
     let mut channels = channels::check(&work, criteria);
+    channels.retain(|f| {
+        let follows = |j: &usize| follows_targets(data, nominal, *j - 1);
+        f.kind != FindingKind::ZeroInput || !f.joints.iter().all(follows)
+    });
     let silent = channels
         .iter()
         .any(|f| f.kind == FindingKind::ZeroInput && f.joints.len() == data.nq());
@@ -139,6 +143,16 @@ fn free_motion(findings: &mut [Finding], data: &Dataset, bench: &Bench, settings
     }
 }
 
+/// Whether a joint has a target for its position loop and no other input.
+fn follows_targets(data: &Dataset, nominal: &Nominal, j: usize) -> bool {
+    let nothing = |e: &Experiment| {
+        let nu = e.nu().max(1);
+        e.qref.is_some() && e.u.iter().skip(j).step_by(nu).all(|u| *u == 0.0)
+    };
+    let as_input = data.joints[j].input == InputQuantity::Position;
+    nominal.servo(j).is_some() && (as_input || data.experiments.iter().all(nothing))
+}
+
 /// The robot, if the data can be compared with it.
 fn bench(data: &Dataset, nominal: &Nominal) -> Result<Bench, Box<Finding>> {
     let refuse = |text: String| {
@@ -151,6 +165,13 @@ fn bench(data: &Dataset, nominal: &Nominal) -> Result<Bench, Box<Finding>> {
     };
     if nominal.drives().is_some() {
         let mut finding = refuse("its drives move several joints at once".to_owned());
+        finding.severity = Severity::Note;
+        "nothing: only the channels by themselves are checked".clone_into(&mut finding.mend);
+        return Err(finding);
+    }
+    if (0..data.nq()).any(|j| follows_targets(data, nominal, j)) {
+        let mut finding =
+            refuse("its inputs are targets of position loops, not torques".to_owned());
         finding.severity = Severity::Note;
         "nothing: only the channels by themselves are checked".clone_into(&mut finding.mend);
         return Err(finding);

@@ -1,6 +1,6 @@
 //! The columns of a record by the names in its header.
 
-use crate::{DataError, DataWarning, JointChannels, VelocityKind};
+use crate::{DataError, DataWarning, InputQuantity, JointChannels, VelocityKind};
 
 /// Where each channel stands in a row.
 pub(super) struct Columns {
@@ -37,11 +37,7 @@ pub(super) fn find_columns(
     let columns = Columns {
         t: header.required("t", "time of the samples")?,
         q: header.each("q", n, "every joint needs its position")?,
-        u: header.each(
-            "u",
-            n,
-            "every joint needs its input; write zeros for a joint without drive",
-        )?,
+        u: header.inputs(joints)?,
         v: header.velocities(joints, warnings)?,
         tau: header.all_or_none("tau", n)?,
         qref: header.all_or_none("qref", n)?,
@@ -101,6 +97,21 @@ impl Header<'_> {
         (1..=n)
             .map(|j| self.required(&format!("{stem}{j}"), reason))
             .collect()
+    }
+
+    /// Inputs; the target of a joint whose input is a position.
+    fn inputs(&mut self, joints: &[JointChannels]) -> Result<Vec<usize>, DataError> {
+        let of = |(j, joint): (usize, &JointChannels)| {
+            let (stem, reason) = match joint.input {
+                InputQuantity::Position => ("qref", "its input is a position: the target"),
+                _ => (
+                    "u",
+                    "every joint needs its input; write zeros for a joint without drive",
+                ),
+            };
+            self.required(&format!("{stem}{}", j + 1), reason)
+        };
+        joints.iter().enumerate().map(of).collect()
     }
 
     /// Velocities, where the manifest says that there are some.

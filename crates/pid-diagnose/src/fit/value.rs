@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 
 use pid_data::Role;
+use pid_interpret::nominal::ServoLaw;
 use rayon::prelude::*;
 
 use crate::case::{Case, Velocity};
@@ -65,11 +66,15 @@ impl Value {
 
 /// Gains for every record.
 pub fn all_gains(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<Vec<Gain>> {
+    let integrates = (0..case.n()).any(|j| {
+        let servo = case.nominal.description.servo(j);
+        servo.is_some_and(|servo| servo.law == ServoLaw::Pid)
+    });
     case.records
         .par_iter()
         .map(|r| {
             let mut g = gains(case, hypothesis, &at.theta, &at.e, r.h);
-            if case.run(hypothesis).initial_states {
+            if case.run(hypothesis).initial_states || integrates {
                 initial::estimate(case, r, hypothesis, at, &mut g);
             }
             g

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::forward::Selection;
+use super::loops::loop_gains;
 use super::measure::share;
 use super::nameless::described;
 use super::odds::tempered;
@@ -363,6 +364,7 @@ impl Evidence {
             next_experiment: around.next,
             remainder,
             beyond_tolerance: self.beyond.clone(),
+            loop_gains: loop_gains(&self.case, &self.criteria, &self.fit),
             ranking: self.ranking.clone(),
             rounds: self.rounds.clone(),
             confidence,

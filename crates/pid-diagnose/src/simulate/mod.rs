@@ -2,6 +2,7 @@
 //! [`effect`](crate::effect) for the equation.
 
 mod contact;
+mod servo;
 mod step;
 #[cfg(test)]
 mod tests;
@@ -14,6 +15,9 @@ use crate::constants::{Constant, Constants};
 use crate::effect::{Gear, Law, Pick};
 use crate::hypothesis::Hypothesis;
 use crate::known::Known;
+use servo::Loop;
+
+pub(crate) use servo::Memory;
 
 /// Everything that moves.
 #[derive(Debug, Clone)]
@@ -32,6 +36,8 @@ pub struct State<D> {
     pub load: Vec<D>,
     /// Accelerations of the step before, of links and then rotors.
     acceleration: Vec<D>,
+    /// What the position loops of the drives remember.
+    pub(crate) loops: Vec<Memory<D>>,
     /// What the links' velocities have changed by since mass matrix and bias were evaluated.
     gained: Vec<D>,
 }
@@ -51,6 +57,8 @@ pub(crate) struct Machine<'h, D: Pick> {
     /// time count from there.
     pub begin: f64,
     rotors: Vec<usize>,
+    /// Position loops of the drives.
+    loops: Vec<Option<Loop<'h, D>>>,
     links: links::Work<D>,
     /// Row by row.
     mass: Vec<D>,
@@ -117,6 +125,10 @@ impl<'h, D: Pick> Machine<'h, D> {
         let m = n + rotors.len();
         let zero = D::nil();
         let links = constants.prepared();
+        let nominal = constants.nominal();
+        let loops = (0..n)
+            .map(|j| Some((nominal.description.servo(j)?, Self::gains_of(&constants, j))))
+            .collect();
         Machine {
             constants,
             hypothesis,
@@ -127,6 +139,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             gears,
             begin: 0.0,
             rotors,
+            loops,
             links,
             mass: vec![zero; n * n],
             bias: vec![zero; n],
@@ -181,8 +194,8 @@ impl<'h, D: Pick> Machine<'h, D> {
         self.links_at_half(force);
     }
 
-    /// The state in which the drives at their first inputs hold the robot at the drive-side
-    /// positions `q`, `v`.
+    /// The state in which the drives at their first inputs, or targets, hold the robot at the
+    /// drive-side positions `q`, `v`.
     pub(crate) fn rest(&mut self, q: &[f64], v: &[f64], u: &[f64]) -> State<D> {
         let n = self.n();
         let lift = |x: &[f64]| x.iter().map(|&x| D::constant(x)).collect::<Vec<D>>();
@@ -194,6 +207,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             memory: vec![D::nil(); self.memory],
             load: vec![D::nil(); n],
             acceleration: vec![D::nil(); n + self.rotors.len()],
+            loops: vec![Memory::new(); n],
             gained: vec![D::nil(); n],
         };
         self.rest_bias(&state.q.clone());
@@ -205,16 +219,17 @@ impl<'h, D: Pick> Machine<'h, D> {
                 state.q[j] = state.drive_q[j] - b / gear.stiffness - gear.gap * side;
             }
         }
+        let inputs = self.hold(&mut state, u);
         for i in 0..self.hypothesis.terms.len() {
             let term = &self.hypothesis.terms[i];
             let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
             let j = term.joint;
-            let balance = self.constants.get(Constant::Gain(j)) * u[j] - self.bias[j];
+            let balance = self.constants.get(Constant::Gain(j)) * inputs[j] - self.bias[j];
             D::of(&*term.effect).start(
                 self.own(i),
                 balance,
                 self.constants.get(Constant::Coulomb(j)),
-                u[j],
+                inputs[j].value(),
                 &mut state.memory[a..b],
             );
         }

@@ -140,6 +140,14 @@ impl<D: Pick> Machine<'_, D> {
         let dt = commands.dt;
         let half = 0.5 * dt;
         let mut u = D::constant(commands.now());
+        let mut answer = None;
+        if let Some(own) = self.loops[j] {
+            u = self.through(state, commands, (j, true), u);
+            let out = self.answer(state, (j, own), u, (t, dt));
+            u = out.u;
+            answer = Some(out);
+        }
+        u = self.through(state, commands, (j, false), u);
         let mut friction = Friction {
             forward: self.constants.get(Constant::Coulomb(j)),
             backward: self.constants.get(Constant::Coulomb(j)),
@@ -156,7 +164,6 @@ impl<D: Pick> Machine<'_, D> {
                 &self.e[at..at + term.effect.info().parameters.len()]
             };
             let law = D::of(&*term.effect);
-            u = law.input(own, u, commands, &mut state.memory[a..b]);
             let at = Site {
                 joint: j,
                 q: &self.site_q,
@@ -176,6 +183,16 @@ impl<D: Pick> Machine<'_, D> {
         self.rhs[c] += inertia * v
             + (self.constants.get(Constant::Gain(j)) * u + self.force[j]) * dt
             - damping * v;
+        if let Some(out) = answer {
+            // In place of the velocity and position that the loop saw those of the middle of the step.
+            let gain = self.constants.get(Constant::Gain(j));
+            let (give, damping) = (
+                gain * out.stiffness * (half * half),
+                gain * out.damping * half,
+            );
+            self.matrix[c * m + c] += give + damping;
+            self.rhs[c] += give * v + damping * (self.site_v[j] * 2.0 - v);
+        }
         let some = friction.forward.value() > 0.0 || friction.backward.value() > 0.0;
         self.levels[c] = some.then(|| (friction.forward * dt, friction.backward * dt));
         let v = v.value();
@@ -185,6 +202,29 @@ impl<D: Pick> Machine<'_, D> {
             Some(_) if v < 0.0 => -1,
             Some(_) => 0,
         };
+    }
+
+    /// An input of joint `j` through the effects before the position loop of its drive, or after it;
+    /// without a loop all effects are after it.
+    #[inline(always)]
+    fn through(
+        &self,
+        state: &mut State<D>,
+        commands: &Commands<'_>,
+        (j, before): (usize, bool),
+        mut u: D,
+    ) -> D {
+        let looped = self.loops[j].is_some();
+        for i in 0..self.hypothesis.terms.len() {
+            let term = &self.hypothesis.terms[i];
+            if term.joint != j || (looped && term.effect.before_drive()) != before {
+                continue;
+            }
+            let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
+            let law = D::of(&*term.effect);
+            u = law.input(self.own(i), u, commands, &mut state.memory[a..b]);
+        }
+        u
     }
 
     /// The gear between the link `j` and its rotor in row `c`.

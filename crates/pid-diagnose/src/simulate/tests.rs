@@ -97,3 +97,95 @@ fn links_held_over_fine_substeps_cost_little_accuracy_in_contacts() {
     let (held, own) = (error(true), error(false));
     assert!(held < 2e-5 && held < 10.0 * own, "{held} {own}");
 }
+
+/// A bar that turns about an upright axis without friction, behind a loop; its position after `seconds`
+/// towards a target of 0.4 rad from rest at zero.
+fn behind(drive: &str, seconds: f64, finer: usize) -> (f64, f64) {
+    let text = include_str!("../../tests/pendulum.toml")
+        .replace("[0.0, 0.0, -9.81]", "[0.0, 0.0, 0.0]")
+        .replace("coulomb = 0.1", "coulomb = 0.0");
+    let nominal = Nominal::parse(&(text + drive), "nominal.toml".as_ref()).unwrap();
+    let nothing = Hypothesis::default();
+    let constants = Constants::new(&nominal, &vec![0.0; nominal.size()]);
+    let mut machine = Machine::<f64>::new(constants, &nothing, Vec::new());
+    let steps = Substeps::of(&nominal, H, false, finer);
+    let dt = H / steps.number() as f64;
+    let samples = (seconds / H).round() as usize;
+    let u = vec![0.4; samples];
+    let mut state = machine.rest(&[0.0], &[0.0], &[0.4]);
+    for k in 0..samples {
+        for i in 0..steps.number() {
+            let commands = [Commands {
+                u: &u,
+                h: H,
+                linear: false,
+                begin: 0.0,
+                t: k as f64 * H + i as f64 * dt,
+                dt,
+            }];
+            machine.step(&mut state, &commands, steps.links(H, i));
+        }
+    }
+    (state.q[0], state.v[0])
+}
+
+/// Inertia of the bar about its axis and its viscous friction: 1.5 kg at 0.2 m, its own and the rotor's.
+const BAR: (f64, f64) = (1.5 * 0.04 + 0.02 + 0.02, 0.08);
+
+#[test]
+fn a_pd_loop_answers_as_its_equation_does() {
+    let (inertia, viscous) = BAR;
+    let drive = "[joint.drive]\nlaw = \"pd\"\nkp = 2.0\nkd = 0.1\n";
+    // I a + (f + g kd) v + g kp (q − r) = 0 from rest, underdamped.
+    let (stiffness, damping) = (1.8 * 2.0, viscous + 1.8 * 0.1);
+    let (decay, square) = (0.5 * damping / inertia, stiffness / inertia);
+    let omega = (square - decay * decay).sqrt();
+    let exact = |t: f64| {
+        let (s, c) = (omega * t).sin_cos();
+        0.4 - 0.4 * (-decay * t).exp() * (c + decay / omega * s)
+    };
+    let error = |finer: usize| (behind(drive, 0.6, finer).0 - exact(0.6)).abs();
+    let errors = [1, 2, 4].map(error);
+    assert!(errors[0] < 1e-4, "{errors:?}");
+    for pair in errors.windows(2) {
+        assert!(pair[1] < 0.3 * pair[0], "{errors:?}");
+    }
+}
+
+#[test]
+fn a_loop_far_stiffer_than_the_substeps_stays_at_its_target() {
+    // Its period is a fortieth of a substep.
+    let drive = "[joint.drive]\nlaw = \"pd\"\nkp = 1e9\nkd = 1e7\n";
+    let (q, v) = behind(drive, 1.0, 1);
+    assert!((q - 0.4).abs() < 1e-3 && v.abs() < 1e-2, "{q} {v}");
+}
+
+#[test]
+fn a_limited_loop_brings_its_limit_and_an_integral_removes_the_error() {
+    let (inertia, viscous) = BAR;
+    let limited = "[joint.drive]\nlaw = \"p\"\nkp = 200.0\nlimit = 0.05\n";
+    let (q, _) = behind(limited, 0.4, 1);
+    // Under a constant torque: v = w (1 − exp(−t/T)), T = I/f.
+    let (time, speed) = (inertia / viscous, 1.8 * 0.05 / viscous);
+    let exact = speed * (0.4 - time * (1.0 - (-0.4 / time).exp()));
+    assert!((q / exact - 1.0).abs() < 1e-3, "{q} {exact}");
+    let pid = "[joint.drive]\nlaw = \"pid\"\nkp = 2.0\nkd = 0.4\nki = 3.0\n";
+    let (q, v) = behind(pid, 12.0, 1);
+    assert!((q - 0.4).abs() < 1e-4 && v.abs() < 1e-4, "{q} {v}");
+}
+
+#[test]
+fn a_slow_loop_holds_its_output_between_its_readings() {
+    let (inertia, viscous) = BAR;
+    // At 25 Hz: every 40 ms, ten samples.
+    let drive = "[joint.drive]\nlaw = \"pd\"\nkp = 2.0\nkd = 0.2\nrate_hz = 25.0\n";
+    let (mut q, mut v, time) = (0.0, 0.0, inertia / viscous);
+    for _ in 0..10 {
+        let torque = 1.8 * (2.0 * (0.4 - q) - 0.2 * v);
+        let (end, fade) = (torque / viscous, (-0.04 / time).exp());
+        q += end * 0.04 + (v - end) * time * (1.0 - fade);
+        v = end + (v - end) * fade;
+    }
+    let (found, _) = behind(drive, 0.4, 1);
+    assert!((found - q).abs() < 1e-5, "{found} {q}");
+}

@@ -38,6 +38,9 @@ impl Model for InputDelay {
     fn info(&self) -> &'static Info {
         &INFO
     }
+    fn before_drive(&self) -> bool {
+        true
+    }
 }
 
 impl<D: Scalar> Law<D> for InputDelay {

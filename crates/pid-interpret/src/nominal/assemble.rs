@@ -75,6 +75,7 @@ impl Assembly {
             simulated: None,
             file: PathBuf::new(),
             drives: None,
+            servos: Vec::new(),
         }
     }
 

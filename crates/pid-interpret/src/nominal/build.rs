@@ -6,7 +6,7 @@ use super::assemble::{Assembly, JointValues, Value};
 use super::error::NominalError;
 use super::file::{RawFile, RawHalfWidths, RawJoint, RawTolerance};
 use super::source::Source;
-use super::{Nominal, measured, stated};
+use super::{Nominal, Servo, measured, servo, stated};
 
 pub(super) fn nominal(source: &Source<'_>) -> Result<Nominal, NominalError> {
     let raw: RawFile = source.parse()?;
@@ -35,10 +35,33 @@ pub(super) fn nominal(source: &Source<'_>) -> Result<Nominal, NominalError> {
     let simulated = raw.simulated.as_ref();
     let simulated = simulated.map(|s| stated::simulated(source, s, raw.joint.len()));
     let mut nominal = assembly.finish(measurement);
+    nominal.servos = servos(source, &raw)?;
     nominal.effects = effects;
     nominal.simulated = simulated.transpose()?;
     nominal.file = source.file.to_owned();
     Ok(nominal)
+}
+
+/// Position loops of the joints; none at all where the file states none.
+fn servos(source: &Source<'_>, raw: &RawFile) -> Result<Vec<Option<Servo>>, NominalError> {
+    let own = |joint: &RawJoint| {
+        let name = joint.name.get_ref();
+        let (drive, item) = match (&joint.drive, &raw.drive) {
+            (Some(own), _) => (own, format!("joint {name}, drive")),
+            (None, Some(all)) => (all, format!("drive, at joint {name}")),
+            (None, None) => return Ok(None),
+        };
+        let driven = servo::Driven {
+            item: &item,
+            motor_gain: *joint.motor_gain.get_ref(),
+        };
+        servo::servo(source, drive, &driven)
+    };
+    let all: Vec<Option<Servo>> = raw.joint.iter().map(own).collect::<Result<_, _>>()?;
+    Ok(match all.iter().any(Option::is_some) {
+        true => all,
+        false => Vec::new(),
+    })
 }
 
 /// Tolerances as the file states them.

@@ -3,6 +3,7 @@
 use pid_toml::Spanned;
 use serde::Deserialize;
 
+use super::servo::RawDrive;
 use super::stated::{RawEffect, RawSimulated};
 
 #[derive(Debug, Deserialize)]
@@ -10,6 +11,7 @@ use super::stated::{RawEffect, RawSimulated};
 pub(super) struct RawFile {
     pub(super) robot: RawRobot,
     pub(super) tolerance: Option<RawTolerance>,
+    pub(super) drive: Option<RawDrive>,
     pub(super) joint: Vec<RawJoint>,
     #[serde(default)]
     pub(super) effect: Vec<RawEffect>,
@@ -66,6 +68,7 @@ pub(super) struct RawJoint {
     pub(super) torque_peak: Option<Spanned<f64>>,
     pub(super) speed_scale: Option<Spanned<f64>>,
     pub(super) tolerance: Option<RawHalfWidths>,
+    pub(super) drive: Option<RawDrive>,
 }
 
 /// Tolerances of one joint's own values, in their units.

@@ -65,6 +65,7 @@ pub(super) fn nominal(
         measurement,
         effects: Vec::new(),
         simulated: None,
+        servos: Vec::new(),
         file: PathBuf::new(),
         tool_link,
         drives,

@@ -285,6 +285,7 @@ fn coupled(mechanism: &Mechanism, joints: Vec<JointValues>, measurement: Measure
         measurement,
         effects: Vec::new(),
         simulated: None,
+        servos: Vec::new(),
         file: PathBuf::new(),
         tool_link,
         drives: None,

@@ -32,6 +32,7 @@ mod law;
 mod measured;
 mod mechanism;
 mod provenance;
+mod servo;
 mod source;
 mod stated;
 mod write;
@@ -46,6 +47,7 @@ pub use drives::Drives;
 pub use error::{DeclaredError, NominalError};
 pub use mechanism::Described;
 pub use provenance::{Provenance, Shares};
+pub use servo::{Gain, Servo, ServoGain, ServoLaw};
 pub use stated::{Effect, EffectParameter, Fault, Simulated, SimulatedJoint, Written};
 
 /// A nominal description.
@@ -59,6 +61,8 @@ pub struct Nominal {
     file: PathBuf,
     tool_link: Option<usize>,
     drives: Option<Drives>,
+    /// Position loops, one per coordinate or none at all.
+    servos: Vec<Option<Servo>>,
 }
 
 /// Ranges of the parameters of a robot.
@@ -114,6 +118,8 @@ pub enum Role {
     Sharpness,
     /// A parameter of the mechanism as it is declared, whatever it is.
     Declared,
+    /// A gain of the drive's position loop; not among [`Nominal::tolerances`] but in [`Nominal::servo`].
+    Servo(Gain),
 }
 
 /// How the records were measured.
@@ -241,6 +247,22 @@ impl Nominal {
         self.drives.as_ref()
     }
 
+    /// The position loop of the drive of a coordinate, if its input is a target position.
+    pub fn servo(&self, joint: usize) -> Option<&Servo> {
+        self.servos.get(joint)?.as_ref()
+    }
+
+    /// Whether any drive has a position loop.
+    pub fn has_servos(&self) -> bool {
+        self.servos.iter().any(Option::is_some)
+    }
+
+    /// The same robot with other position loops, one per coordinate or none at all.
+    pub fn with_servos(mut self, servos: Vec<Option<Servo>>) -> Self {
+        self.servos = servos;
+        self
+    }
+
     /// How the robot is measured.
     pub fn measurement(&self) -> &Measurement {
         &self.measurement
@@ -309,7 +331,7 @@ impl Tolerance {
             Role::RotorInertia | Role::Coulomb | Role::Viscous => (0.0, f64::INFINITY),
             Role::Gain if self.nominal > 0.0 => (1e-3 * self.nominal, f64::INFINITY),
             Role::Gain => (f64::NEG_INFINITY, 1e-3 * self.nominal),
-            Role::CenterOfMass(_) | Role::Inertia(_) | Role::Sharpness => {
+            Role::CenterOfMass(_) | Role::Inertia(_) | Role::Sharpness | Role::Servo(_) => {
                 (f64::NEG_INFINITY, f64::INFINITY)
             }
             // What it is, and so what physics demands of it, only its range says.

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use pid_derive::model::{Expr, JointKind};
 
-use super::{EncoderSide, Nominal, Role, Velocity};
+use super::{EncoderSide, Nominal, Role, Servo, Velocity, servo};
 
 /// The fourteen values of a joint and how far each is trusted.
 #[derive(Default, Clone)]
@@ -87,7 +87,7 @@ impl Nominal {
                 Role::Viscous => values.viscous = both,
                 Role::Gain => values.gain = both,
                 Role::Sharpness => values.sharpness = t.nominal,
-                Role::Declared => {}
+                Role::Declared | Role::Servo(_) => {}
             }
         }
         values
@@ -139,6 +139,9 @@ impl Nominal {
             line(out, &format!("coulomb = {:?}", of(&values.coulomb)));
             line(out, &format!("viscous = {:?}", of(&values.viscous)));
             line(out, &format!("motor_gain = {:?}", of(&values.gain)));
+        }
+        if let Some(servo) = self.servo(index) {
+            write_servo(out, servo);
         }
     }
 
@@ -206,6 +209,25 @@ fn write_channel(out: &mut String, (input, channel, sharpness): (&str, &super::C
         ("input_noise_std", channel.input_noise),
         ("torque_peak", channel.torque_peak),
         ("speed_scale", channel.speed_scale),
+    ];
+    for (key, value) in numbers {
+        if let Some(x) = value {
+            line(out, &format!("{key} = {x:?}"));
+        }
+    }
+}
+
+fn write_servo(out: &mut String, servo: &Servo) {
+    line(out, "[joint.drive]");
+    line(out, &format!("law = \"{}\"", servo.law.word()));
+    for &gain in servo.law.gains() {
+        let value = servo::written(servo.gain(gain));
+        line(out, &format!("{} = {value}", gain.key()));
+    }
+    let numbers = [
+        ("limit", servo.limit),
+        ("integral_limit", servo.integral_limit),
+        ("rate_hz", servo.rate_hz),
     ];
     for (key, value) in numbers {
         if let Some(x) = value {

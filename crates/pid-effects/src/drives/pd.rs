@@ -1,0 +1,14 @@
+//! Proportional with damping by the velocity: u = kp (r − q) − kd v.
+
+use super::{Gains, Output, Seen, p};
+use crate::scalar::Scalar;
+
+#[inline(always)]
+pub(super) fn output<D: Scalar>(k: &Gains<D>, at: &Seen<D>) -> Output<D> {
+    let own = p::output(k, at);
+    Output {
+        u: own.u - k.kd * at.v,
+        damping: k.kd,
+        ..own
+    }
+}
