@@ -165,6 +165,59 @@ mod tests {
         assert_eq!(mass.expect("a mass").value, 6.0, "nothing is identified");
     }
 
+    /// Targets and positions of a bar that follows slow sines, and its description with a loop.
+    fn behind_a_servo(folder: &Path) {
+        let joint = "[[joint]]\nname = \"a\"\ntype = \"revolute\"\n";
+        let channels =
+            format!("{joint}input = \"position\"\ninput_unit = \"rad\"\nvelocity = \"absent\"\n");
+        let files = ["train", "test"];
+        let mut manifest = format!(
+            "name = \"s\"\ntitle = \"s\"\nsource = \"s\"\nlicense = \"s\"\nkind = \"simulated\"\n{channels}"
+        );
+        for role in files {
+            manifest.push_str(&format!(
+                "[[experiment]]\nfile = \"{role}.csv\"\nrole = \"{role}\"\n"
+            ));
+            let rows: String = (0..200)
+                .map(|k| {
+                    let t = 0.01 * f64::from(k);
+                    format!(
+                        "{t},{},{}\n",
+                        0.29 * (3.0 * t - 0.1).sin(),
+                        0.3 * (3.0 * t).sin()
+                    )
+                })
+                .collect();
+            std::fs::write(
+                folder.join(format!("{role}.csv")),
+                format!("t,q1,qref1\n{rows}"),
+            )
+            .expect("written");
+        }
+        std::fs::write(folder.join("dataset.toml"), manifest).expect("written");
+        let nominal = format!(
+            "[robot]\nname = \"s\"\ngravity = [0.0, 0.0, -9.81]\n[tolerance]\nmass_rel = 0.1\ncom_abs_m = 0.0\n\
+             inertia_rel = 0.1\nrotor_inertia_rel = 0.1\nmotor_gain_rel = 0.0\nfriction_rel = 0.5\n{joint}\
+             axis = [0.0, 1.0, 0.0]\norigin = [0.0, 0.0, 0.0]\nmass = 0.5\ncom = [0.0, 0.0, -0.1]\n\
+             inertia = [0.002, 0.002, 0.0005, 0.0, 0.0, 0.0]\nrotor_inertia = 0.01\ncoulomb = 0.05\nviscous = 0.05\n\
+             motor_gain = 1.0\ninput = \"torque\"\nvelocity = \"absent\"\n[joint.drive]\nlaw = \"pd\"\nkp = 10.0\nkd = 0.5\n"
+        );
+        std::fs::write(folder.join("nominal.toml"), nominal).expect("written");
+    }
+
+    #[test]
+    fn targets_are_simulated_and_equations_of_motion_refuse_them() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = folder.path();
+        behind_a_servo(at);
+        assert_eq!(run(at, "simtrue simulate @. --out @out"), Ok(0));
+        let error = run(at, "simtrue identify @. --out @out").expect_err("targets");
+        assert!(
+            error.contains("joint `a`: the records have targets") && error.contains("--controller"),
+            "{error}"
+        );
+    }
+
     #[test]
     fn options_and_paths_that_exclude_each_other_are_told() {
         let folder = tempfile::tempdir().expect("a folder");

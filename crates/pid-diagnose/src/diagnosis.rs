@@ -414,14 +414,16 @@ impl LoopGain {
             )
         };
         let all: Vec<String> = self.together.iter().map(of).collect();
-        let product = matches!(&self.together[0], t if (t.change + 1.0).abs() < 0.2);
-        let word = if product {
-            ", as a product first of all"
-        } else {
-            ""
+        let first = &self.together[0];
+        let near = |x: f64| (first.change - x).abs() < 0.2;
+        let name = first.parameter.replace('_', " ");
+        let as_a = match (near(-1.0), near(1.0)) {
+            (true, _) => format!("; told as its product with the {name} first of all"),
+            (_, true) => format!("; told as its ratio to the {name} first of all"),
+            _ => String::new(),
         };
         format!(
-            "; 10 % more of it show as little as {} together{word}",
+            "; 10 % more of it goes unnoticed with {}{as_a}",
             all.join(", ")
         )
     }
@@ -647,7 +649,39 @@ impl Diagnosis {
 
 #[cfg(test)]
 mod tests {
-    use super::Verdict;
+    use super::{LoopGain, Told, Trade, Verdict};
+
+    #[test]
+    fn a_gain_that_is_not_told_is_not_said() {
+        let gain = |told, std, together| LoopGain {
+            joint: 2,
+            gain: "kp".to_owned(),
+            unit: "N*m/rad".to_owned(),
+            stated: Some(40.0),
+            tolerance: Some(12.0),
+            value: 31.0,
+            std: Some(std),
+            told,
+            together,
+        };
+        let words = |told, std| gain(told, std, Vec::new()).words();
+        assert_eq!(
+            words(Told::Determined, 0.42),
+            "the drive's kp at joint 2 is 31.00 ± 0.42 N·m/rad instead of 40"
+        );
+        assert!(words(Told::Determined, 5.0).ends_with(", as stated (40)"));
+        let trade = Trade {
+            parameter: "motor_gain".to_owned(),
+            joint: Some(2),
+            change: -1.0,
+        };
+        let open = gain(Told::Open, 6.0, vec![trade]).words();
+        assert!(!open.contains("31"), "{open}");
+        assert!(
+            open.contains("motor gain of joint 2 -10 %; told as its product with the motor gain"),
+            "{open}"
+        );
+    }
 
     #[test]
     fn a_verdict_is_two_fields_and_comes_back() {

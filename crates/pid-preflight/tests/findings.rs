@@ -119,6 +119,38 @@ fn a_right_record_has_no_findings() {
     );
 }
 
+/// Targets are no torques: nothing is compared with the robot, and inputs that a log without any has
+/// as zeros contradict nothing.
+#[test]
+fn targets_of_position_loops_are_not_taken_for_torques() {
+    let drive = "[joint.drive]\nlaw = \"pd\"\nkp = 40.0\nkd = 1.0\n";
+    let nominal = described(&format!("{PENDULUM}{drive}"));
+    let mut data = swinging(0.8);
+    let e = &mut data.experiments[0];
+    e.qref = Some(e.q.clone());
+    e.u.fill(0.0);
+    let wrong = |data: &Dataset| {
+        let all = check(data, &nominal, &Settings::default());
+        let worse: Vec<&Finding> = all
+            .iter()
+            .filter(|f| f.severity == Severity::Wrong)
+            .collect();
+        assert!(worse.is_empty(), "{worse:#?}");
+        let sentence = only(&all, "not-comparable").sentence;
+        assert!(sentence.contains("targets of position loops"), "{sentence}");
+    };
+    wrong(&data);
+    data.joints[0].input = InputQuantity::Position;
+    data.joints[0].input_unit = "rad".into();
+    data.experiments[0].u = data.experiments[0].q.clone();
+    wrong(&data);
+    // Without a loop zeros are a fault of the record.
+    data.joints[0].input = InputQuantity::Torque;
+    data.joints[0].input_unit = "N*m".into();
+    data.experiments[0].u.fill(0.0);
+    assert_eq!(only(&found(&data), "zero-input").severity, Severity::Wrong);
+}
+
 #[test]
 fn lost_rows_jitter_and_empty_cells_are_counted() {
     let mut data = swinging(0.8);
