@@ -47,7 +47,7 @@ use std::ops::ControlFlow;
 pub use pid_data as data;
 pub use pid_data::Dataset;
 /// ```
-/// use simtrue::fit::gap::{FreeRunSettings, free_run};
+/// use simtrue::fit::gap::metrics::{FreeRunSettings, free_run};
 /// use simtrue::{cli, data::Horizon};
 ///
 /// // Free runs of a tenth of a second stay within 0.05 rad of a record of the embedded data.
