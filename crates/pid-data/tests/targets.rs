@@ -47,7 +47,10 @@ fn a_missing_target_and_a_wrong_unit_are_told() {
         error.contains("qref1") && error.contains("its input is a position"),
         "{error}"
     );
-    for (kind, unit, expected) in [("revolute", "m", "rad"), ("prismatic", "rad", "`m`")] {
+    for (kind, unit, expected) in [
+        ("revolute", "m", "recorded in rad"),
+        ("prismatic", "rad", "recorded in m,"),
+    ] {
         let error = read(kind, unit, "t,q1,qref1\n0,0.1,0.5\n").expect_err(kind);
         assert!(
             error.contains(expected) && error.contains("position"),
