@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let file = arguments.first().ok_or("give a URDF or MJCF")?;
     let states: usize = arguments.get(1).map_or(Ok(5), |n| n.parse())?;
-    let (mechanism, names, warnings) = match file.ends_with(".urdf") {
+    let (mechanism, names, warnings) = match file.to_ascii_lowercase().ends_with(".urdf") {
         true => urdf(file, arguments.get(2))?,
         false => mjcf(file)?,
     };

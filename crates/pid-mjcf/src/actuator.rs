@@ -68,6 +68,13 @@ impl Reader {
                 self.warn(&drive, "moves no single joint; it is not read");
                 continue;
             };
+            if self.balls.iter().any(|name| name == joint) {
+                self.warn(
+                    &drive,
+                    "turns a ball joint about an axis of its own; it is not read",
+                );
+                continue;
+            }
             let Some(body) = self.joint_names.iter().position(|name| name == joint) else {
                 self.warn(
                     &drive,

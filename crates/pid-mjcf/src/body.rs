@@ -50,7 +50,10 @@ impl Reader {
                     let class = child.get("childclass").or(class);
                     self.children(child, carrier.at(&place), class)?;
                 }
-                "composite" | "flexcomp" | "replicate" | "attach" => {
+                "composite" | "flexcomp" => {
+                    self.warn(child, "is a soft body; it is not read, and has no mass");
+                }
+                "attach" => {
                     return Err(child.unsupported(
                         "makes bodies that are not written out",
                         "save the model as MuJoCo compiles it (mj_saveLastXML), and read that",
@@ -83,27 +86,28 @@ impl Reader {
                 self.warn(&joint, "is free; what it carries is held in its place");
                 continue;
             }
-            let joint = self.joint(&joint, &place)?;
-            let at = carrier.place.then(&inner).then(&Place {
-                origin: joint.anchor,
-                ..Place::IDENTITY
-            });
-            self.push(
-                body,
-                joint.clone(),
-                Carrier {
-                    place: at,
-                    ..carrier
-                },
-            );
-            inner = Place {
-                origin: joint.anchor.map(|x| -x),
-                ..Place::IDENTITY
-            };
-            carrier = Carrier {
-                body: Some(self.bodies.len() - 1),
-                place: Place::IDENTITY,
-            };
+            for joint in self.hinges(&joint, &place)? {
+                let at = carrier.place.then(&inner).then(&Place {
+                    origin: joint.anchor,
+                    ..Place::IDENTITY
+                });
+                inner = Place {
+                    origin: joint.anchor.map(|x| -x),
+                    ..Place::IDENTITY
+                };
+                self.push(
+                    body,
+                    joint,
+                    Carrier {
+                        place: at,
+                        ..carrier
+                    },
+                );
+                carrier = Carrier {
+                    body: Some(self.bodies.len() - 1),
+                    place: Place::IDENTITY,
+                };
+            }
         }
         let carrier = carrier.at(&inner);
         let all = self.inertia(body, class)?;
@@ -139,16 +143,44 @@ impl Reader {
         Ok(())
     }
 
+    /// The joint itself, or three hinges for a ball joint: about x, then the y that turned with it, then
+    /// the z that turned with both. These are the angles of the body in MuJoCo's sequence `xyz`.
+    fn hinges(&mut self, joint: &Element, place: &Place) -> Result<Vec<Joint>, MjcfError> {
+        let one = self.joint(joint, place)?;
+        if joint.get("type") != Some("ball") {
+            return Ok(vec![one]);
+        }
+        self.warn(
+            joint,
+            "is a ball joint; it is read as three hinges about x, y and z, each with its damping, friction \
+             and armature",
+        );
+        let name = one.name.clone();
+        self.balls.extend(name.clone());
+        let axes = [
+            ("x", [1.0, 0.0, 0.0]),
+            ("y", [0.0, 1.0, 0.0]),
+            ("z", [0.0, 0.0, 1.0]),
+        ];
+        let each = axes.map(|(letter, axis)| Joint {
+            name: Some(match &name {
+                Some(name) => format!("{name}_{letter}"),
+                None => format!("ball_{}_{letter}", self.bodies.len()),
+            }),
+            axis: place.vector(axis),
+            reference: 0.0,
+            // The range of a ball joint is that of its whole angle.
+            limits: None,
+            effort: None,
+            ..one.clone()
+        });
+        Ok(each.into())
+    }
+
     fn joint(&mut self, joint: &Element, place: &Place) -> Result<Joint, MjcfError> {
         let prismatic = match joint.get("type").unwrap_or("hinge") {
-            "hinge" => false,
+            "hinge" | "ball" => false,
             "slide" => true,
-            "ball" => {
-                return Err(joint.unsupported(
-                    "is a ball joint: three coordinates, which no drive of one coordinate moves",
-                    "write it as three hinges with different axes",
-                ));
-            }
             _ => return Err(joint.error("type", "use hinge, slide, ball or free")),
         };
         let unit_of = if prismatic { 1.0 } else { self.angles.unit };

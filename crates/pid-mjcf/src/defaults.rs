@@ -33,6 +33,7 @@ impl Defaults {
                 for (key, value) in &inherited.attributes {
                     if !excluded(&merged, key) {
                         merged.or_set(key, value);
+                        complete(&mut merged, key, value);
                     }
                 }
             }
@@ -76,6 +77,7 @@ impl Defaults {
             for (key, value) in &defaults.attributes {
                 if key != "class" && !excluded(element, key) {
                     out.or_set(key, value);
+                    complete(&mut out, key, value);
                 }
             }
         }
@@ -103,6 +105,22 @@ fn shared(element: &str, other: &str, key: &str) -> bool {
         "forcelimited",
     ];
     element != other && DRIVES.contains(&element) && DRIVES.contains(&other) && KEYS.contains(&key)
+}
+
+/// Sizes of a geom that states fewer of them than its class: the further ones are those of the class.
+fn complete(element: &mut Element, key: &str, inherited: &str) {
+    if (element.name.as_str(), key) != ("geom", "size") {
+        return;
+    }
+    for (name, own) in &mut element.attributes {
+        let stated = own.split_ascii_whitespace().count();
+        if name == key {
+            for word in inherited.split_ascii_whitespace().skip(stated) {
+                own.push(' ');
+                own.push_str(word);
+            }
+        }
+    }
 }
 
 /// Orientation is stated in one of several ways: one that the element states replaces all others.

@@ -35,6 +35,7 @@ mod error;
 mod geom;
 mod place;
 mod read;
+mod replicate;
 
 pub use actuator::Actuator;
 pub use error::MjcfError;

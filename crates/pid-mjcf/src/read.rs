@@ -12,6 +12,7 @@ use crate::defaults::Defaults;
 use crate::element::{self, Element};
 use crate::error::MjcfError;
 use crate::place::Angles;
+use crate::replicate;
 
 /// A range or none, or a message.
 pub(crate) type Range = Result<Option<(f64, f64)>, MjcfError>;
@@ -56,8 +57,9 @@ impl Mjcf {
     /// As [`read`](Self::read).
     pub fn parse(file: impl AsRef<Path>, text: &str) -> Result<Self, MjcfError> {
         let file = file.as_ref();
-        let root = element::read(file, text)?;
+        let mut root = element::read(file, text)?;
         let mut reader = Reader::new(&root)?;
+        replicate::expand(&mut root, &reader.angles)?;
         for world in root.all("worldbody") {
             let class = world.get("childclass");
             reader.children(world, Carrier::GROUND, class)?;
@@ -131,6 +133,8 @@ pub(crate) struct Reader {
     pub(crate) bodies: Vec<Body>,
     /// Names of their joints as written.
     pub(crate) joint_names: Vec<String>,
+    /// Names of ball joints as written.
+    pub(crate) balls: Vec<String>,
     pub(crate) actuators: Vec<Actuator>,
     pub(crate) warnings: Vec<String>,
 }
@@ -151,6 +155,7 @@ impl Reader {
             defaults: Defaults::new(root),
             bodies: Vec::new(),
             joint_names: Vec::new(),
+            balls: Vec::new(),
             actuators: Vec::new(),
             warnings: Vec::new(),
         };

@@ -361,11 +361,6 @@ fn mistakes_are_named() {
             "axis is \"0 2 x\"\n  help: write finite numbers",
         ),
         (
-            "axis=\"0 2 0\"",
-            "type=\"ball\"",
-            "joint `j` is a ball joint",
-        ),
-        (
             STATED,
             "",
             "neither they nor what they carry has mass or inertia: `arm` (joint `j`)",
@@ -389,8 +384,18 @@ fn mistakes_are_named() {
         ("mass=\"2\"", "mass=\"-2\"", "a mass is zero or positive"),
         (
             "</worldbody>",
-            "<replicate count=\"3\"/></worldbody>",
+            "<attach model=\"m\" body=\"b\" prefix=\"p\"/></worldbody>",
             "makes bodies that are not written out",
+        ),
+        (
+            "</worldbody>",
+            "<replicate count=\"1.5\"/></worldbody>",
+            "count is \"1.5\"\n  help: write a whole number",
+        ),
+        (
+            "</worldbody>",
+            "<replicate count=\"900000000\"><geom size=\"1\"/></replicate></worldbody>",
+            "help: at most 200000 elements",
         ),
         (
             "<worldbody>",
@@ -413,6 +418,99 @@ fn mistakes_are_named() {
         Mjcf::parse("a.xml", &deep),
         Err(MjcfError::Deep { .. } | MjcfError::Xml { .. })
     ));
+}
+
+/// Copies stand in frames that are done again and again: the second one is turned once and moved along
+/// the axes of the first, as MuJoCo 4.0 places them.
+#[test]
+fn replicas_stand_where_mujoco_places_them() {
+    let leaf = format!(
+        "<replicate count=\"3\" offset=\"0.1 0.02 0\" euler=\"0 0 30\" sep=\"-\"><body name=\"c\" pos=\"0 0 0.1\">\
+         <joint name=\"k\" type=\"slide\"/>{STATED}</body></replicate>"
+    );
+    let drives = "<actuator><motor name=\"d\" joint=\"k\" gear=\"3\"/></actuator>";
+    let found = read(&model(&leaf, drives));
+    let bodies = &found.mechanism.bodies;
+    let names: Vec<&str> = bodies.iter().map(|b| b.joint.as_str()).collect();
+    assert_eq!(names, ["k_0", "k_1", "k_2"]);
+    close(&bodies[0].origin, &[0.0, 0.0, 0.1]);
+    close(&bodies[1].origin, &[0.1, 0.02, 0.1]);
+    let (c, s) = (0.75_f64.sqrt(), 0.5);
+    close(
+        &bodies[2].origin,
+        &[0.1 + 0.1 * c - 0.02 * s, 0.02 + 0.1 * s + 0.02 * c, 0.1],
+    );
+    close(&bodies[2].rpy, &[0.0, 0.0, PI / 3.0]);
+    let drives: Vec<(&str, usize)> = (found.actuators.iter())
+        .map(|a| (a.name.as_str(), a.body))
+        .collect();
+    assert_eq!(drives, [("d-0", 0), ("d-1", 1), ("d-2", 2)]);
+    // One within the other: the inner number comes first, and each is as long as its count.
+    let nested = "<replicate count=\"10\" offset=\"1 0 0\" sep=\"-\"><replicate count=\"2\" offset=\"0 1 0\"><body name=\"c\">\
+                  <joint name=\"k\"/><geom size=\"0.1\"/></body></replicate></replicate>";
+    let bodies = read(&model(nested, "")).mechanism.bodies;
+    assert_eq!(bodies.len(), 20);
+    assert_eq!(
+        (bodies[3].link.as_str(), bodies[3].origin),
+        ("c1-01", [1.0, 1.0, 0.0])
+    );
+    // Of geoms that make the mass of a body.
+    let ring = "<replicate count=\"4\" euler=\"0 0 90\"><geom size=\"0.1\" pos=\"1 0 0\" mass=\"0.5\"/></replicate>";
+    let body = body_of(&model(&hinge(ring), ""));
+    close(&[body.mass, body.com[0], body.com[1]], &[2.0, 0.0, 0.0]);
+    let own = 0.4 * 2.0 * 0.01;
+    close(&body.inertia[..3], &[1.0 + own, 1.0 + own, 2.0 + own]);
+}
+
+/// Three hinges in a row turn a body as the product of the turns about x, y and z; they have the anchor of the ball
+/// joint, and the last one has the mass.
+#[test]
+fn a_ball_joint_is_three_hinges() {
+    let ball = "<joint name=\"b\" type=\"ball\" pos=\"0 0 0.2\" range=\"0 1\" damping=\"0.3\" armature=\"0.1\"/>";
+    let world = format!("<body name=\"arm\" pos=\"1 0 0\" euler=\"0 0 90\">{ball}{STATED}</body>");
+    let drives = "<actuator><motor joint=\"b\" gear=\"1 0 0\"/></actuator>";
+    let found = read(&model(&world, drives));
+    let bodies = &found.mechanism.bodies;
+    let names: Vec<&str> = bodies.iter().map(|b| b.joint.as_str()).collect();
+    assert_eq!(names, ["b_x", "b_y", "b_z"]);
+    assert_eq!(bodies[2].axis, [0.0, 0.0, 1.0]);
+    close(&bodies[0].origin, &[1.0, 0.0, 0.2]);
+    assert_eq!((bodies[1].origin, bodies[2].origin), ([0.0; 3], [0.0; 3]));
+    assert_eq!(
+        (bodies[0].mass, bodies[1].mass, bodies[2].mass),
+        (0.0, 0.0, 2.0)
+    );
+    close(&bodies[2].com, &[0.0, 0.0, -0.1]);
+    assert!(
+        bodies
+            .iter()
+            .all(|b| b.limits.is_none() && b.viscous == Some(0.3) && b.rotor == Some(0.1))
+    );
+    assert!(found.actuators.is_empty());
+    assert!(found.warnings[0].contains("joint `b` is a ball joint; it is read as three hinges"));
+    assert!(
+        found.warnings[1].contains("turns a ball joint"),
+        "{:?}",
+        found.warnings
+    );
+}
+
+/// A geom that states one size of three has the others of its class.
+#[test]
+fn sizes_that_are_not_stated_are_those_of_the_class() {
+    let default = "<default><geom type=\"box\" size=\"0.5 0.2 0.3\"/></default>";
+    let body = body_of(&model(&hinge("<geom size=\"0.1\"/>"), default));
+    close(&[body.mass], &[1000.0 * 8.0 * 0.1 * 0.2 * 0.3]);
+}
+
+/// Cloth and cables beside a robot are left out, and said to be.
+#[test]
+fn soft_bodies_are_left_out() {
+    let soft = "<flexcomp name=\"cloth\" type=\"grid\"/><composite type=\"cable\"/>";
+    let found = read(&model(&format!("{soft}{}", hinge(STATED)), ""));
+    assert_eq!(found.mechanism.bodies.len(), 1);
+    assert_eq!(found.warnings.len(), 2);
+    assert!(found.warnings[0].contains("flexcomp `cloth` is a soft body"));
 }
 
 #[test]

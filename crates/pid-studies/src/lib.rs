@@ -13,6 +13,7 @@ pub mod hock_schittkowski;
 pub mod intervals;
 pub mod net;
 pub mod paper;
+pub mod robot_files;
 pub mod scaling;
 pub mod seed_study;
 pub mod shooting_study;

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use pid_studies::{
     Failure, build_budget, constrained, coverage, dynamics_speed, hock_schittkowski, net, paper,
-    scaling, seed_study, shooting_study, untidy, withheld,
+    robot_files, scaling, seed_study, shooting_study, untidy, withheld,
 };
 
 /// Studies of the project; none is needed to use it.
@@ -32,6 +32,8 @@ enum Command {
     Coverage(coverage::CoverageArgs),
     /// Solve the Hock-Schittkowski collection.
     HockSchittkowski(Words),
+    /// Read every URDF and MJCF below a folder, and tell what is refused and why.
+    RobotFiles(robot_files::RobotFilesArgs),
     /// Measure how time and memory of an identification grow with the record.
     Scaling(Words),
     /// Identify the two-link robot from every start of a table.
@@ -68,6 +70,7 @@ fn main() -> ExitCode {
         Command::Paper(args) => paper::run(&args),
         Command::Coverage(args) => coverage::run(&args),
         Command::HockSchittkowski(args) => done(hock_schittkowski::command::run(&args.words)),
+        Command::RobotFiles(args) => done(robot_files::run(&args)),
         Command::Scaling(args) => done(scaling::run(&args.words)),
         Command::SeedStudy(args) => done(seed_study::run(&args.words)),
         Command::ShootingStudy(args) => done(shooting_study::run(&args.words)),

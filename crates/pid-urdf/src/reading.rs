@@ -41,8 +41,8 @@ pub struct Guess {
     /// Masses of links by name, kg, instead of density times volume.
     pub masses: BTreeMap<String, f64>,
     /// Mass of a link that moves nothing otherwise and whose geometry cannot be read, kg: a rod from
-    /// its origin to the farthest joint it carries, or a sphere, of the density above. `None`: such a
-    /// link stays without.
+    /// its origin to the farthest joint it carries, or a sphere, of the density above. `None`: 0.5 %
+    /// of the mass that the moving links have together, or none if they have none.
     pub otherwise: Option<f64>,
     /// Folders that hold the packages of `package://` paths; folders above the file are looked in
     /// without being named.

@@ -456,6 +456,28 @@ fn a_mass_stands_in_for_geometry() {
     );
 }
 
+/// A finger of which the file says nothing gets 0.5 % of the mass of the others when inertias are guessed; a
+/// robot without any mass or geometry is still refused.
+#[test]
+fn a_link_of_which_nothing_is_known_is_light() {
+    let finger = "<link name=\"finger\"/><joint name=\"grip\" type=\"prismatic\"><parent link=\"arm\"/><child link=\"finger\"/>\
+                  <limit lower=\"0\" upper=\"0.04\"/></joint></robot>";
+    let mut reading = Reading::default();
+    reading.missing = Missing::Guess(Guess::default());
+    let text = arm(BODY, "").replace("</robot>", finger);
+    let description = Description::parse_with("a.urdf", &text, &reading).expect("guessed");
+    let bodies = description.mechanism(GRAVITY).bodies;
+    close(&[bodies[1].mass], &[0.005 * bodies[0].mass]);
+    assert!(
+        description
+            .warnings
+            .iter()
+            .any(|w| w.contains("link `finger` has no inertia") && w.contains("as a sphere"))
+    );
+    let bare = arm("", "").replace("</robot>", finger);
+    assert!(Description::parse_with("a.urdf", &bare, &reading).is_err());
+}
+
 /// Both links of a body that was guessed are written, the one without parameters too.
 #[test]
 fn guessed_parts_are_written() {

@@ -30,7 +30,7 @@ pub(super) fn guess(
             guess_link(reader, description, (link, &shapes[link]), guess);
         }
     }
-    let Some(mass) = guess.otherwise else {
+    let Some(mass) = guess.otherwise.or_else(|| light(description)) else {
         return;
     };
     let bodies = description.rigid();
@@ -43,6 +43,17 @@ pub(super) fn guess(
             .unwrap_or(mass);
         stand_in(reader, description, link, (mass, guess.density));
     }
+}
+
+/// Share of the robot's mass that a link has of which nothing is known. A nominal description lets a link
+/// without mass have up to one hundredth; with a tolerance of the whole this is the middle of that range.
+const LIGHT: f64 = 0.005;
+
+/// Mass of a link of which nothing is known, where the other links have one.
+fn light(description: &Description) -> Option<f64> {
+    let bodies = description.mechanism([0.0; 3]).bodies;
+    let all: f64 = bodies.iter().map(|body| body.mass).sum();
+    (all > 0.0 && all.is_finite()).then_some(LIGHT * all)
 }
 
 /// A rod from the origin of a link to the farthest joint it carries, or a sphere about its origin.
