@@ -1,4 +1,4 @@
-//! Faults that are planted into clean records. Shared by the test and by the example `planted`.
+//! Faults that are planted into clean records. Shared by the test and by `pid-studies faults`.
 
 use std::f64::consts::{PI, TAU};
 

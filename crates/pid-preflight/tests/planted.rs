@@ -1,4 +1,4 @@
-//! A short form of `examples/planted`: every kind of fault in some drawn robots; what is mended; clean ones.
+//! A short form of `pid-studies faults`: every kind of fault in some drawn robots; what is mended; clean ones.
 
 use std::path::PathBuf;
 

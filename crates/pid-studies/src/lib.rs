@@ -9,6 +9,7 @@ pub mod build_budget;
 pub mod constrained;
 pub mod coverage;
 pub mod dynamics_speed;
+pub mod faults;
 pub mod hock_schittkowski;
 pub mod intervals;
 pub mod net;

@@ -4,8 +4,8 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use pid_studies::{
-    Failure, build_budget, constrained, coverage, dynamics_speed, hock_schittkowski, net, paper,
-    robot_files, scaling, seed_study, shooting_study, untidy, withheld,
+    Failure, build_budget, constrained, coverage, dynamics_speed, faults, hock_schittkowski, net,
+    paper, robot_files, scaling, seed_study, shooting_study, untidy, withheld,
 };
 
 /// Studies of the project; none is needed to use it.
@@ -30,6 +30,8 @@ enum Command {
     Paper(paper::PaperArgs),
     /// Measure by simulation how often the 95 % intervals of identifications hold the truth.
     Coverage(coverage::CoverageArgs),
+    /// Plant faults into drawn records and count what the preflight finds.
+    Faults(faults::FaultsArgs),
     /// Solve the Hock-Schittkowski collection.
     HockSchittkowski(Words),
     /// Read every URDF and MJCF below a folder, and tell what is refused and why.
@@ -69,6 +71,7 @@ fn main() -> ExitCode {
         Command::Null(args) => done(withheld::null::run(&args.words)),
         Command::Paper(args) => paper::run(&args),
         Command::Coverage(args) => coverage::run(&args),
+        Command::Faults(args) => done(faults::run(&args)),
         Command::HockSchittkowski(args) => done(hock_schittkowski::command::run(&args.words)),
         Command::RobotFiles(args) => done(robot_files::run(&args)),
         Command::Scaling(args) => done(scaling::run(&args.words)),
