@@ -60,6 +60,7 @@
 #[cfg(test)]
 mod bench;
 pub mod case;
+mod case_error;
 mod ceilings;
 pub mod channel;
 pub mod criteria;
@@ -74,6 +75,7 @@ mod initial;
 pub mod known;
 mod levels;
 pub mod locate;
+pub mod loop_gain;
 pub mod next;
 mod noise;
 mod numerics;

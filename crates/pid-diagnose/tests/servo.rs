@@ -4,11 +4,12 @@ use pid_data::{
     Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
 };
 use pid_diagnose::case::Case;
-use pid_diagnose::diagnosis::{Diagnosis, LoopGain, Told};
+use pid_diagnose::diagnosis::Diagnosis;
 use pid_diagnose::effect::Term;
 use pid_diagnose::effects::by_id;
 use pid_diagnose::extended::free_run_gap;
 use pid_diagnose::hypothesis::{Hypothesis, Run};
+use pid_diagnose::loop_gain::{LoopGain, Told};
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::predict::Runner;
 use pid_diagnose::report::Report;

@@ -5,8 +5,8 @@ use pid_interpret::nominal::{Gain, Role as Part};
 use super::magnitude::covariances;
 use crate::case::Case;
 use crate::criteria::Criteria;
-use crate::diagnosis::{LoopGain, Told, Trade};
 use crate::fit::{Fit, PRIOR};
+use crate::loop_gain::{LoopGain, Told, Trade};
 use crate::nominal::role_name;
 
 /// Deviations to either side of an interval of 95 %.
