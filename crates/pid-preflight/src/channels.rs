@@ -1,7 +1,7 @@
 //! Faults of single channels: zero, dead, frozen, doubled, at a bound, with outliers, with holes.
 
 use pid_data::signal::{central_differences, column, outliers};
-use pid_data::{Dataset, Experiment};
+use pid_data::{Dataset, Experiment, InputQuantity};
 
 use crate::criteria::Criteria;
 use crate::finding::{Channel, Finding, FindingKind, Severity, number};
@@ -24,7 +24,10 @@ pub(crate) fn check(data: &Dataset, criteria: &Criteria) -> Vec<Finding> {
             out.extend(dead(e, j));
             out.extend(frozen_position(e, j, criteria));
             out.extend(frozen_velocity(e, j, criteria));
-            out.extend(frozen_input(e, j, criteria));
+            // A target that is held is no fault.
+            if data.joints[j].input != InputQuantity::Position {
+                out.extend(frozen_input(e, j, criteria));
+            }
             out.extend(saturated(e, j, criteria));
         }
     }

@@ -144,6 +144,15 @@ fn targets_of_position_loops_are_not_taken_for_torques() {
     data.joints[0].input_unit = "rad".into();
     data.experiments[0].u = data.experiments[0].q.clone();
     wrong(&data);
+    // A target that is held while the joint goes on to it.
+    let held = data.experiments[0].u[300] + 0.01;
+    data.experiments[0].u[300..420].fill(held);
+    wrong(&data);
+    let all = check(&data, &nominal, &Settings::default());
+    assert!(
+        all.iter().all(|f| f.kind.name() != "frozen-channel"),
+        "{all:#?}"
+    );
     // Without a loop zeros are a fault of the record.
     data.joints[0].input = InputQuantity::Torque;
     data.joints[0].input_unit = "N*m".into();
