@@ -131,7 +131,7 @@ struct Asked<'a> {
 
 /// One round: the candidates on top of what is taken, best first, what became of each, and the one
 /// that is taken with where it leads: the best that pays, or one that the score does not tell from it
-/// and that shrinks free runs further.
+/// and that free runs prefer.
 fn round(
     now: &Stand,
     settings: &Settings,
@@ -193,12 +193,9 @@ fn round(
             refused,
         });
     }
-    // A gap that is hardly smaller is scatter.
-    let least = 1.0 - 0.5 * settings.criteria.least_shrink;
-    let taken = passing.into_iter().reduce(|best, next| {
-        let prefers = next.1.gap.total < least * best.1.gap.total;
-        if prefers { next } else { best }
-    });
+    let taken = passing
+        .into_iter()
+        .min_by(|(_, a), (_, b)| a.gap.total.total_cmp(&b.gap.total));
     if let Some((taken, _)) = &taken {
         for (i, c) in candidates.iter_mut().enumerate() {
             if i != *taken && c.refused.is_none() {
