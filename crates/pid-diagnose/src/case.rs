@@ -13,7 +13,9 @@ use crate::constants::{Constant, Constants};
 use crate::effect::Unit;
 use crate::hypothesis::{Hypothesis, Run};
 use crate::known::Known;
-use crate::nominal::{Joint, Nominal, NominalError};
+use crate::nominal::{Nominal, NominalError};
+use crate::outlier::least_deviation;
+pub use crate::outlier::{Channel, Outlier};
 use crate::{regular, servo};
 
 /// Fewest samples of a record.
@@ -65,6 +67,12 @@ impl Record {
     /// Whether it is empty; never so after reading.
     pub fn is_empty(&self) -> bool {
         self.u[0].is_empty()
+    }
+    /// Accelerations of all joints by central differences of the filtered velocities.
+    pub(crate) fn accelerations(&self) -> Vec<Vec<f64>> {
+        let t: Vec<f64> = (0..self.len()).map(|k| k as f64 * self.h).collect();
+        let of = |v: &Vec<f64>| signal::central_differences(&t, v);
+        self.smooth_v.iter().map(of).collect()
     }
 }
 
@@ -145,82 +153,6 @@ pub struct Case {
     pub shared_lag: f64,
     /// Part of the horizon over which slow predictions look ahead (see the module `levels`).
     pub ahead: f64,
-}
-
-/// A channel of a joint.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Channel {
-    /// Position.
-    Position,
-    /// Velocity.
-    Velocity,
-    /// Input.
-    Input,
-}
-
-/// A reading that was taken for an error of the recording ([`signal::outliers`]).
-#[derive(Debug, Clone, PartialEq)]
-pub struct Outlier {
-    /// Record.
-    pub record: String,
-    /// Joint.
-    pub joint: String,
-    /// Channel.
-    pub channel: Channel,
-    /// Its time stamp, s.
-    pub t: f64,
-}
-
-/// Share of the largest input that counts as the least deviation of an input: a commanded pulse of
-/// a few percent is no error.
-const LEAST_INPUT: f64 = 0.01;
-
-/// Deviation of a channel below which no reading is noticed: a step of the encoder or the stated
-/// noise of the reading.
-fn least_deviation(channel: Channel, joint: &Joint, x: &[f64]) -> f64 {
-    match channel {
-        Channel::Position => joint
-            .resolution
-            .unwrap_or(0.0)
-            .max(joint.position_noise.unwrap_or(0.0)),
-        Channel::Velocity => joint.velocity_noise.unwrap_or(0.0),
-        Channel::Input => {
-            let largest = x.iter().filter(|x| x.is_finite());
-            LEAST_INPUT * largest.fold(0.0, |m: f64, x| m.max(x.abs()))
-        }
-    }
-}
-
-/// One line for each channel with left-out readings: record, joint, channel, number and times.
-pub fn outlier_warnings(outliers: &[Outlier]) -> Vec<String> {
-    let mut lines = Vec::new();
-    let mut rest = outliers;
-    while let Some(first) = rest.first() {
-        let same = |o: &&Outlier| {
-            (&o.record, &o.joint, o.channel) == (&first.record, &first.joint, first.channel)
-        };
-        let count = rest.iter().take_while(same).count();
-        let (own, others) = rest.split_at(count);
-        rest = others;
-        let word = match first.channel {
-            Channel::Position => "position",
-            Channel::Velocity => "velocity",
-            Channel::Input => "input",
-        };
-        let mut times: Vec<String> = own.iter().take(5).map(|o| format!("{:.3}", o.t)).collect();
-        if count > times.len() {
-            times.push("…".to_owned());
-        }
-        let (record, joint, times) = (&first.record, &first.joint, times.join(", "));
-        let leave = match count {
-            1 => "reading leaves the motion around it for a sample or two and counts as missing",
-            _ => "readings leave the motion around them for a sample or two and count as missing",
-        };
-        lines.push(format!(
-            "record `{record}`, joint `{joint}`: {count} {word} {leave}, at t = {times} s"
-        ));
-    }
-    lines
 }
 
 /// A record in the coordinates of a description, at equal times and without wrong readings, which go
@@ -426,7 +358,7 @@ impl Case {
         let (inertia, passing) = self.inertia();
         self.passing = passing;
         let forces = match self.nominal.description.has_servos() {
-            true => self.needed(),
+            true => servo::needed(self),
             false => Vec::new(),
         };
         for j in 0..n {
@@ -501,17 +433,6 @@ impl Case {
             self.scale[second].torque / self.nominal.reach.max(0.05),
             self.last_mass().max(1e-6),
         );
-    }
-
-    /// Forces that the motion takes under the nominal structure: `[record][joint][sample]`.
-    fn needed(&self) -> Vec<Vec<Vec<f64>>> {
-        let largest = |j: usize| {
-            let speeds = self.records.iter().flat_map(|r| &r.smooth_v[j]);
-            speeds.fold(1e-9, |m: f64, v| m.max(v.abs()))
-        };
-        let speed: Vec<f64> = (0..self.n()).map(largest).collect();
-        let own = self.records.iter();
-        own.map(|r| servo::needed(self, r, &speed)).collect()
     }
 
     /// Brings [`Noise::passed`] in line with the drive noise of all joints.

@@ -247,11 +247,7 @@ pub fn inputs(case: &Case, theta: &[f64]) -> Result<Vec<Option<Alignment>>, pid_
     let mut channels = vec![Vec::new(); n];
     for r in &case.records {
         let t: Vec<f64> = (0..r.len()).map(|k| k as f64 * r.h).collect();
-        let a: Vec<Vec<f64>> = r
-            .smooth_v
-            .iter()
-            .map(|v| signal::central_differences(&t, v))
-            .collect();
+        let a = r.accelerations();
         let mut forces = vec![[const { Vec::new() }; 3]; n];
         let (mut force, none) = (vec![0.0; n], vec![0.0; model.dims().nu]);
         for k in 0..t.len() {

@@ -257,6 +257,8 @@ impl Gap {
     }
 }
 
+/// Fewest windows whose scatter tells anything.
+pub(crate) const FEW_WINDOWS: usize = 4;
 /// Draws of windows that an interval rests on.
 const RESAMPLED: usize = 400;
 

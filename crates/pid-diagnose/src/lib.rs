@@ -80,6 +80,7 @@ pub mod next;
 mod noise;
 mod numerics;
 mod observer;
+mod outlier;
 mod page;
 mod plot;
 mod point;

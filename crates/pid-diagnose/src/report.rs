@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use pid_data::Dataset;
 use pid_runtime::dynamics::Dynamics;
 
-use crate::case::{Case, CaseError, outlier_warnings};
+use crate::case::{Case, CaseError};
 use crate::ceilings::{About, ceilings, raise};
 use crate::channel::{self, inputs, readings};
 use crate::diagnosis::Ceiling;
@@ -16,6 +16,7 @@ use crate::locate::{MissingForce, locate, residual_force};
 use crate::next::{Experiment, separate};
 use crate::nominal::Nominal;
 use crate::numerics;
+use crate::outlier;
 use crate::search::{Evidence, Settings, Surroundings, Watch, search, share};
 
 /// A file of a report cannot be written.
@@ -142,7 +143,7 @@ impl Report {
             warnings: {
                 let read = dataset.warnings.iter().map(ToString::to_string);
                 let numerical = numerics::warnings(&evidence.case, &evidence.fit);
-                let odd = read.chain(outlier_warnings(&case.outliers));
+                let odd = read.chain(outlier::warnings(&case.outliers));
                 let filter = channel::shared_lag_warning(&case);
                 let cut = stopped.then(|| STOPPED.to_owned());
                 let loops = case.loop_warnings.iter().cloned();

@@ -2,7 +2,7 @@
 //! inputs, where unknown gains start, and what of a loop cannot be.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
-use pid_data::{Dataset, InputQuantity, signal};
+use pid_data::{Dataset, InputQuantity};
 use pid_interpret::links;
 use pid_interpret::nominal::{Gain, Role as Part, ServoGain, ServoLaw};
 
@@ -88,17 +88,23 @@ pub(crate) fn targets(
     Ok(Some((out, recorded)))
 }
 
-/// Forces that a motion takes under the nominal structure, friction included: `[joint][sample]`.
-pub(crate) fn needed(case: &Case, r: &Record, speed: &[f64]) -> Vec<Vec<f64>> {
+/// Forces that the motions take under the nominal structure, friction included: `[record][joint][sample]`.
+pub(crate) fn needed(case: &Case) -> Vec<Vec<Vec<f64>>> {
+    let largest = |j: usize| {
+        let speeds = case.records.iter().flat_map(|r| &r.smooth_v[j]);
+        speeds.fold(1e-9, |m: f64, v| m.max(v.abs()))
+    };
+    let speed: Vec<f64> = (0..case.n()).map(largest).collect();
+    let own = case.records.iter();
+    own.map(|r| needed_along(case, r, &speed)).collect()
+}
+
+/// The same along one record, `[joint][sample]`, with the largest speeds.
+fn needed_along(case: &Case, r: &Record, speed: &[f64]) -> Vec<Vec<f64>> {
     let n = case.n();
     let constants = Constants::<f64>::new(&case.nominal, &vec![0.0; case.nominal.size()]);
     let (mut work, mut bias) = (constants.prepared(), vec![0.0; n]);
-    let t: Vec<f64> = (0..r.len()).map(|k| k as f64 * r.h).collect();
-    let a: Vec<Vec<f64>> = r
-        .smooth_v
-        .iter()
-        .map(|v| signal::central_differences(&t, v))
-        .collect();
+    let a = r.accelerations();
     let mut out = vec![Vec::with_capacity(r.len()); n];
     let (mut q, mut v) = (vec![0.0; n], vec![0.0; n]);
     for k in 0..r.len() {
@@ -138,7 +144,6 @@ struct Followed {
 fn followed(case: &Case, j: usize, inputs: &[(&Record, Vec<f64>)]) -> Option<Followed> {
     let servo = case.nominal.description.servo(j)?;
     let width = servo.law.gains().len() + 1;
-    let mut found: Option<Followed> = None;
     // Where the limit holds, the gains do not show: which samples these are the inputs say.
     let most = servo.limit.map_or(f64::INFINITY, |limit| FREE * limit);
     let (mut gram, mut right) = (DMatrix::zeros(width, width), DVector::zeros(width));
@@ -159,22 +164,22 @@ fn followed(case: &Case, j: usize, inputs: &[(&Record, Vec<f64>)]) -> Option<Fol
         }
     }
     let variance = square - sum * sum / f64::max(count, 1.0);
-    if let Some(x) = gram.clone().lu().solve(&right) {
-        let left = square - x.dot(&right);
-        let mut gains = [0.0; 3];
-        gains[..width - 1].copy_from_slice(&x.as_slice()[1..]);
-        found = Some(Followed {
-            gains,
-            explained: 1.0 - left / variance.max(1e-300),
-        });
-    }
-    found.filter(|f| f.gains.iter().all(|x| x.is_finite()))
+    let x = gram.lu().solve(&right)?;
+    let left = square - x.dot(&right);
+    let mut gains = [0.0; 3];
+    gains[..width - 1].copy_from_slice(&x.as_slice()[1..]);
+    let found = Followed {
+        gains,
+        explained: 1.0 - left / variance.max(1e-300),
+    };
+    Some(found).filter(|f| f.gains.iter().all(|x| x.is_finite()))
 }
 
 /// Where unknown gains start, and what is odd about those that are stated. `recorded` are inputs beside
 /// targets, at equal times.
 pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>, CaseError> {
     let mut warnings = Vec::new();
+    let forces = needed(case);
     for j in 0..case.n() {
         let Some(servo) = case.nominal.description.servo(j).cloned() else {
             continue;
@@ -187,15 +192,9 @@ pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>,
         let measured = measured.filter(|f| f.explained > FOLLOWED && f.gains[0].abs() > 0.0);
         let gain = case.nominal.gain(j);
         let from_motion = || {
-            let speed: Vec<f64> = case.scale.iter().map(|s| s.speed).collect();
-            let of = |r: &Record| {
-                needed(case, r, &speed)[j]
-                    .iter()
-                    .map(|f| f / gain)
-                    .collect()
-            };
+            let of = |own: &Vec<Vec<f64>>| own[j].iter().map(|f| f / gain).collect();
             let inputs: Vec<(&Record, Vec<f64>)> =
-                case.records.iter().map(|r| (r, of(r))).collect();
+                case.records.iter().zip(forces.iter().map(of)).collect();
             followed(case, j, &inputs)
         };
         let unknown = |g: &&Gain| servo.gain(**g).value.is_none();

@@ -24,11 +24,11 @@ pub(crate) fn check(data: &Dataset, criteria: &Criteria) -> Vec<Finding> {
             out.extend(dead(e, j));
             out.extend(frozen_position(e, j, criteria));
             out.extend(frozen_velocity(e, j, criteria));
-            // A target that is held is no fault.
+            // A target that is held, or at its largest, is no fault.
             if data.joints[j].input != InputQuantity::Position {
                 out.extend(frozen_input(e, j, criteria));
+                out.extend(saturated(e, j, criteria));
             }
-            out.extend(saturated(e, j, criteria));
         }
     }
     out.extend(holes(data));

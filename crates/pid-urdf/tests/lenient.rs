@@ -3,23 +3,9 @@
 use pid_derive::mechanism::{InertiaSource, Mechanism};
 use pid_urdf::{Description, Guess, Missing, Reading, UrdfError};
 
-const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
-/// An inertial of 1 kg, 0.1 m above the joint.
-const BODY: &str = r#"<inertial><origin xyz="0 0 0.1"/><mass value="1"/>
-  <inertia ixx="0.01" iyy="0.012" izz="0.006" ixy="0" ixz="0" iyz="0"/></inertial>"#;
-const ENDS: &str = r#"<parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>"#;
-
-/// A base, an arm with this content, and a joint with this content beside its ends.
-fn arm(link: &str, joint: &str) -> String {
-    format!(
-        "<robot name=\"a\">\n<link name=\"base\"/>\n<link name=\"arm\">{link}</link>\n\
-         <joint name=\"j1\" type=\"revolute\">{ENDS}{joint}</joint>\n</robot>"
-    )
-}
-
-fn read(text: &str) -> Description {
-    Description::parse("a.urdf", text).unwrap_or_else(|e| panic!("{e}"))
-}
+#[path = "common/arm.rs"]
+mod common_arm;
+use common_arm::{BODY, ENDS, GRAVITY, arm, close, read};
 
 fn mechanism(text: &str) -> Mechanism {
     read(text).mechanism(GRAVITY)
@@ -29,14 +15,6 @@ fn strict(text: &str) -> Result<Description, UrdfError> {
     let mut reading = Reading::default();
     reading.strict = true;
     Description::parse_with("a.urdf", text, &reading)
-}
-
-#[track_caller]
-fn close(found: &[f64], expected: &[f64]) {
-    assert_eq!(found.len(), expected.len());
-    for (x, y) in found.iter().zip(expected) {
-        assert!((x - y).abs() <= 1e-12, "{found:?} for {expected:?}");
-    }
 }
 
 #[test]
@@ -221,41 +199,6 @@ fn a_massless_link_may_carry_others() {
 }
 
 #[test]
-fn geometry_is_filled() {
-    let filled = |geometry: &str| {
-        let link =
-            format!("<visual><origin xyz=\"0 0 0.5\"/><geometry>{geometry}</geometry></visual>");
-        let mut guess = Guess::default();
-        guess.density = 500.0;
-        let mut reading = Reading::default();
-        reading.missing = Missing::Guess(guess);
-        Description::parse_with("a.urdf", &arm(&link, ""), &reading)
-            .map(|d| d.mechanism(GRAVITY).bodies[0].clone())
-    };
-    let pi = std::f64::consts::PI;
-    let cylinder = filled("<cylinder radius=\"0.1\" length=\"0.6\"/>").expect("a cylinder");
-    let m = 500.0 * pi * 0.01 * 0.6;
-    close(&[cylinder.mass], &[m]);
-    close(&cylinder.com, &[0.0, 0.0, 0.5]);
-    close(
-        &cylinder.inertia[1..3],
-        &[m * (0.03 + 0.36) / 12.0, 0.5 * m * 0.01],
-    );
-    let sphere = filled("<sphere radius=\"0.1\"/>").expect("a sphere");
-    close(
-        &[sphere.inertia[0]],
-        &[0.4 * 0.01 * 500.0 * 4.0 / 3.0 * pi * 1e-3],
-    );
-    // A mesh that is not there, or of a format without a simple box: refused for the link.
-    for mesh in [
-        "<mesh filename=\"package://a/nowhere.stl\"/>",
-        "<mesh filename=\"arm.dae\"/>",
-    ] {
-        assert!(matches!(filled(mesh), Err(UrdfError::NoInertia { .. })));
-    }
-}
-
-#[test]
 fn floating_and_planar_bases_are_held() {
     for kind in ["floating", "planar"] {
         let text = arm(BODY, "").replace("<link name=\"base\"/>", "<link name=\"w\"/><link name=\"base\"/>").replace(
@@ -424,118 +367,6 @@ fn vectors_may_have_commas_or_a_number_too_many() {
         Description::parse("a.urdf", &text),
         Err(UrdfError::Value { .. })
     ));
-}
-
-#[test]
-fn a_mass_stands_in_for_geometry() {
-    let text = arm("", "").replace(
-        "</robot>",
-        "<link name=\"hand\"/><joint name=\"j2\" type=\"revolute\"><parent link=\"arm\"/><child link=\"hand\"/>\
-         <origin xyz=\"0 0.3 0.4\"/></joint></robot>",
-    );
-    let mut guess = Guess::default();
-    guess.otherwise = Some(2.0);
-    let mut reading = Reading::default();
-    reading.missing = Missing::Guess(guess);
-    let description = Description::parse_with("a.urdf", &text, &reading).expect("guessed");
-    let bodies = description.mechanism(GRAVITY).bodies;
-    assert_eq!((bodies[0].mass, bodies[1].mass), (2.0, 2.0));
-    // A rod of 0.5 m and 2 litres along (0, 3, 4)/5.
-    close(&bodies[0].com, &[0.0, 0.15, 0.2]);
-    let radius = (0.002 / (std::f64::consts::PI * 0.5)).sqrt();
-    let (across, along) = (2.0 * (3.0 * radius * radius + 0.25) / 12.0, radius * radius);
-    close(&[bodies[0].inertia[0]], &[across]);
-    close(&[bodies[0].inertia[5]], &[-0.48 * (across - along)]);
-    let sphere = (0.002_f64 * 0.75 / std::f64::consts::PI).powf(2.0 / 3.0);
-    close(&[bodies[1].inertia[2]], &[0.4 * 2.0 * sphere]);
-    assert!(
-        description
-            .warnings
-            .iter()
-            .any(|w| w.contains("2.0000 kg is taken as a rod of 0.500 m"))
-    );
-}
-
-/// A finger of which the file says nothing gets 0.5 % of the mass of the others when inertias are guessed; a
-/// robot without any mass or geometry is still refused.
-#[test]
-fn a_link_of_which_nothing_is_known_is_light() {
-    let finger = "<link name=\"finger\"/><joint name=\"grip\" type=\"prismatic\"><parent link=\"arm\"/><child link=\"finger\"/>\
-                  <limit lower=\"0\" upper=\"0.04\"/></joint></robot>";
-    let mut reading = Reading::default();
-    reading.missing = Missing::Guess(Guess::default());
-    let text = arm(BODY, "").replace("</robot>", finger);
-    let description = Description::parse_with("a.urdf", &text, &reading).expect("guessed");
-    let bodies = description.mechanism(GRAVITY).bodies;
-    close(&[bodies[1].mass], &[0.005 * bodies[0].mass]);
-    assert!(
-        description
-            .warnings
-            .iter()
-            .any(|w| w.contains("link `finger` has no inertia") && w.contains("as a sphere"))
-    );
-    let bare = arm("", "").replace("</robot>", finger);
-    assert!(Description::parse_with("a.urdf", &bare, &reading).is_err());
-}
-
-/// Both links of a body that was guessed are written, the one without parameters too.
-#[test]
-fn guessed_parts_are_written() {
-    let shape = "<collision><geometry><sphere radius=\"0.1\"/></geometry></collision>";
-    let text = arm(shape, "").replace(
-        "</robot>",
-        &format!(
-            "<link name=\"cap\">{shape}</link><joint name=\"f\" type=\"fixed\"><parent link=\"arm\"/><child link=\"cap\"/>\
-             <origin xyz=\"0 0 0.3\"/></joint></robot>"
-        ),
-    );
-    let mut reading = Reading::default();
-    reading.missing = Missing::Guess(Guess::default());
-    let description = Description::parse_with("a.urdf", &text, &reading).expect("guessed");
-    let robot = pid_urdf::robot(&description, &Default::default()).expect("a robot");
-    let value = |name: &str| {
-        robot
-            .params
-            .iter()
-            .find(|p| p.name == name)
-            .map(|p| p.nominal)
-    };
-    let written = pid_urdf::write(&description, &Default::default(), value);
-    let again = read(&written.text).mechanism(GRAVITY).bodies.remove(0);
-    let ball = 4.0 / 3.0 * std::f64::consts::PI;
-    close(&[again.mass, again.com[2]], &[2.0 * ball, 0.15]);
-}
-
-/// What was guessed gets an element of its own in the written text, in both forms of an empty link.
-#[test]
-fn guessed_inertias_are_written() {
-    for link in [
-        "<link name=\"arm\"/>",
-        "<link name=\"arm\"></link>",
-        "<link name=\"arm\">\n</link>",
-    ] {
-        let text = arm("", "").replace("<link name=\"arm\"></link>", link);
-        let mut guess = Guess::default();
-        guess.otherwise = Some(2.0);
-        let mut reading = Reading::default();
-        reading.missing = Missing::Guess(guess);
-        let description = Description::parse_with("a.urdf", &text, &reading).expect("guessed");
-        let options = Default::default();
-        let robot = pid_urdf::robot(&description, &options).expect("a robot");
-        let value = |name: &str| {
-            robot
-                .params
-                .iter()
-                .find(|p| p.name == name)
-                .map(|p| p.nominal)
-        };
-        let written = pid_urdf::write(&description, &options, value);
-        assert_eq!(written.lost, []);
-        let again = read(&written.text).mechanism(GRAVITY).bodies.remove(0);
-        let guessed = description.mechanism(GRAVITY).bodies.remove(0);
-        assert_eq!((again.mass, again.com), (guessed.mass, guessed.com));
-        close(&again.inertia, &guessed.inertia);
-    }
 }
 
 #[test]

@@ -31,7 +31,7 @@ use crate::diagnosis::Ceiling;
 use crate::effect::{Class, Effect, Term};
 use crate::effects;
 use crate::fit::{Basis, Effort, Fit, Point, fit};
-use crate::gap::{Gap, draws, gap, within};
+use crate::gap::{FEW_WINDOWS, Gap, draws, gap, within};
 use crate::levels::{SHORT, WHOLE, follow_slowly, settle};
 use crate::search::{Watch, directions};
 use laws::ClassLaw;
@@ -39,8 +39,6 @@ use shrunk::{Answering, Enter, Heights, fitted};
 
 /// Steps of the model before laws are tried.
 const STEPS: usize = 6;
-/// Fewest windows whose scatter tells an interval.
-const FEW: usize = 4;
 /// Two classes whose corrections of the test records are this much alike (cosine) are confounded: either
 /// takes the place of the other up to a fifth of its squares.
 const ALIKE: f64 = 0.9;
@@ -223,7 +221,7 @@ fn removed(about: &About<'_>, with: &Gap) -> (f64, Option<(f64, f64)>) {
     let share = |left: f64| (whole * (1.0 - scale * left)).clamp(0.0, 1.0);
     let n = old.len().min(new.len());
     let point = share(left((all(old), all(new))));
-    if n < FEW {
+    if n < FEW_WINDOWS {
         return (point, None);
     }
     let drawn = draws(n, 0xce11).map(|draw| {

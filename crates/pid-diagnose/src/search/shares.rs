@@ -22,11 +22,8 @@ use super::measure::{measured, share};
 use super::settings::Settings;
 use crate::case::Case;
 use crate::fit::{Basis, Effort, Fit, Point, fit};
-use crate::gap::{Gap, draws, within};
+use crate::gap::{FEW_WINDOWS, Gap, draws, within};
 use crate::hypothesis::Hypothesis;
-
-/// Fewest windows whose scatter tells an interval.
-const FEW: usize = 4;
 
 /// Gaps with and without one effect.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,7 +108,7 @@ pub(super) fn shares(parts: &[Parts], before: &Gap, after: &Gap, floor: f64) -> 
     };
     let all = of(&|gap| gap.total * gap.total);
     let n = before.windows.len();
-    let drawn: Vec<Vec<f64>> = match n < FEW {
+    let drawn: Vec<Vec<f64>> = match n < FEW_WINDOWS {
         true => Vec::new(),
         false => draws(n, 0x5a4e)
             .map(|draw| of(&|gap| gap.square_of(&draw)))

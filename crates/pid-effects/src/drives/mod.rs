@@ -71,8 +71,8 @@ pub fn output<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>, integral: D)
     }
 }
 
-/// The part of the integral after a substep of length `dt`, s. It stops where the output is limited and the error pushes further (conditional integration: K. J.
-/// Åström, L. Rundqwist, ACC 1989).
+/// The part of the integral after a substep of length `dt`, s. It stops where the output is limited and
+/// the error pushes further (conditional integration: K. J. Åström, L. Rundqwist, ACC 1989).
 #[inline(always)]
 pub fn integrated<D: Scalar>(
     servo: &Servo,

@@ -7,13 +7,10 @@ use crate::case::Case;
 use crate::criteria::Criteria;
 use crate::effect::{Term, Unit};
 use crate::fit::{Fit, ranges};
-use crate::gap::Gap;
+use crate::gap::{FEW_WINDOWS, Gap};
 use crate::levels::{errors, left};
 use crate::search::candidates::END;
 use crate::search::refit::Refit;
-
-/// Fewest windows with a scatter of their own.
-const FEW: usize = 4;
 
 /// Sums of squares of every joint and channel under a fit, and numbers of independent samples, on
 /// the records of a role.
@@ -100,7 +97,7 @@ fn certainty(before: &[f64], after: &[f64]) -> f64 {
         .collect();
     let n = d.len() as f64;
     let mean = d.iter().sum::<f64>() / n.max(1.0);
-    if d.len() < FEW {
+    if d.len() < FEW_WINDOWS {
         // Too few windows for a scatter: the gap itself decides.
         return if mean > 0.0 { f64::INFINITY } else { 0.0 };
     }
