@@ -5,7 +5,7 @@ use pid_urdf::{Description, Guess, Missing, Reading, UrdfError};
 
 #[path = "common/arm.rs"]
 mod common_arm;
-use common_arm::{BODY, ENDS, GRAVITY, arm, close, read};
+use common_arm::{BODY, GRAVITY, arm, close, read};
 
 fn mechanism(text: &str) -> Mechanism {
     read(text).mechanism(GRAVITY)
