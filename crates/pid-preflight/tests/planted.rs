@@ -1,6 +1,7 @@
 //! A short form of `pid-studies faults`: every kind of fault in some drawn robots; what is mended; clean ones.
 
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 use pid_data::Dataset;
 use pid_preflight::{Finding, FindingKind, Settings, Severity, check, fix};
@@ -9,10 +10,11 @@ use pid_withheld::{Plan, lay_out};
 use crate::findings::PENDULUM;
 use crate::plant::{Draws, KINDS, Planted, described, names, plant};
 
-/// Drawn cases of up to two joints, and where they lie.
+/// Drawn cases of up to two joints.
 const CASES: usize = 3;
 
-fn drawn(i: usize) -> (Dataset, String) {
+/// Laid out once: tests run side by side, and one must not read a file that another is writing.
+static DRAWN: LazyLock<Vec<(Dataset, String)>> = LazyLock::new(|| {
     let plan = Plan {
         seed: 2024,
         cases: CASES,
@@ -20,10 +22,13 @@ fn drawn(i: usize) -> (Dataset, String) {
         nulls: false,
     };
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("preflight");
-    let here = lay_out(&plan, i, &folder).unwrap();
-    let text = std::fs::read_to_string(here.join("nominal.toml")).unwrap();
-    (Dataset::read(&here).unwrap(), text)
-}
+    let case = |i| {
+        let here = lay_out(&plan, i, &folder).unwrap();
+        let text = std::fs::read_to_string(here.join("nominal.toml")).unwrap();
+        (Dataset::read(&here).unwrap(), text)
+    };
+    (0..CASES).map(case).collect()
+});
 
 fn settings() -> Settings {
     Settings {
@@ -46,8 +51,8 @@ fn mendable(planted: &Planted) -> bool {
 }
 
 fn all_kinds(i: usize) {
-    let (data, text) = drawn(i);
-    let found = check(&data, &described(&text), &settings());
+    let (data, text) = &DRAWN[i];
+    let found = check(data, &described(text), &settings());
     assert!(
         wrong(&found).is_empty(),
         "case {i}, clean: {:#?}",
@@ -56,7 +61,7 @@ fn all_kinds(i: usize) {
     let mut draws = Draws(7 + i as u64);
     let mut planted_kinds = 0;
     for kind in KINDS {
-        let Some(planted) = plant(kind, &data, &text, &mut draws) else {
+        let Some(planted) = plant(kind, data, text, &mut draws) else {
             continue;
         };
         planted_kinds += 1;
@@ -89,7 +94,7 @@ fn every_kind_is_found_and_mended_in_drawn_robots() {
 
 #[test]
 fn mended_columns_are_those_of_the_clean_record() {
-    let two = (0..CASES).map(drawn).find(|(data, _)| data.nq() == 2);
+    let two = DRAWN.iter().find(|(data, _)| data.nq() == 2);
     let (data, text) = two.unwrap();
     for kind in [
         "swapped inputs",
@@ -98,9 +103,9 @@ fn mended_columns_are_those_of_the_clean_record() {
         "wrapped angle",
         "milliseconds",
     ] {
-        let planted = plant(kind, &data, &text, &mut Draws(3)).unwrap();
-        assert_ne!(planted.data, data, "{kind} changes the records");
-        let found = check(&planted.data, &described(&text), &settings());
+        let planted = plant(kind, data, text, &mut Draws(3)).unwrap();
+        assert_ne!(&planted.data, data, "{kind} changes the records");
+        let found = check(&planted.data, &described(text), &settings());
         let (mended, _) = fix(&planted.data, &found);
         for (a, b) in mended.experiments.iter().zip(&data.experiments) {
             // A wrapped angle may come back whole turns off, which is the same angle.
@@ -128,7 +133,7 @@ fn mended_columns_are_those_of_the_clean_record() {
 
 #[test]
 fn whole_turns_are_no_fault() {
-    let (mut data, text) = drawn(0);
+    let (mut data, text) = DRAWN[0].clone();
     let hinge = data.joints.iter().position(|j| !j.prismatic).unwrap();
     let n = data.nq();
     for e in &mut data.experiments {
@@ -143,12 +148,12 @@ fn whole_turns_are_no_fault() {
 
 #[test]
 fn two_faults_in_one_record_are_both_found() {
-    let two = (0..CASES).map(drawn).find(|(data, _)| data.nq() == 2);
+    let two = DRAWN.iter().find(|(data, _)| data.nq() == 2);
     let (data, text) = two.unwrap();
     let mut draws = Draws(5);
     let once = plant("swapped inputs", &data, &text, &mut draws).unwrap();
     let twice = plant("milliseconds", &once.data, &text, &mut draws).unwrap();
-    let found = check(&twice.data, &described(&text), &settings());
+    let found = check(&twice.data, &described(text), &settings());
     assert!(
         found.iter().any(|f| names(f, &once)) && found.iter().any(|f| names(f, &twice)),
         "{found:#?}"
@@ -163,7 +168,7 @@ fn two_faults_in_one_record_are_both_found() {
 
 #[test]
 fn a_data_set_of_another_robot_is_said_to_be_one() {
-    let two = (0..CASES).map(drawn).find(|(data, _)| data.nq() == 2);
+    let two = DRAWN.iter().find(|(data, _)| data.nq() == 2);
     let found = check(&two.unwrap().0, &described(PENDULUM), &settings());
     assert_eq!(found[0].kind, FindingKind::NotComparable);
     assert!(found[0].sentence.contains("has 2 joints"), "{}", found[0]);
