@@ -148,7 +148,11 @@ fn msh(bytes: &[u8]) -> Option<Mesh> {
         let word = |k: usize| b[4 * k..4 * k + 4].try_into().map(u32::from_le_bytes);
         [0, 1, 2].map(|k| word(k).map_or(usize::MAX, |n| n as usize))
     };
-    let triangles: Vec<[usize; 3]> = bytes.get(second..end)?.chunks_exact(12).map(corner).collect();
+    let triangles: Vec<[usize; 3]> = bytes
+        .get(second..end)?
+        .chunks_exact(12)
+        .map(corner)
+        .collect();
     Some(Mesh::indexed(all, &triangles))
 }
 
@@ -159,7 +163,9 @@ mod tests {
     #[test]
     fn a_triangle_in_four_formats() {
         let corners = [[0.0_f32, 0.0, 1.0], [2.0, 0.0, -1.0], [0.0, 3.0, 0.5]];
-        let floats: Vec<u8> = (corners.iter().flatten()).flat_map(|x| x.to_le_bytes()).collect();
+        let floats: Vec<u8> = (corners.iter().flatten())
+            .flat_map(|x| x.to_le_bytes())
+            .collect();
         let mut binary = vec![0; 80];
         binary.extend(1_u32.to_le_bytes());
         binary.extend([0; 12]);
@@ -169,15 +175,24 @@ mod tests {
             let line = |c: &[f32; 3]| format!("  {word} {} {} {}\n", c[0], c[1], c[2]);
             corners.iter().map(line).collect()
         };
-        let mut packed: Vec<u8> = [3_u32, 0, 0, 1].iter().flat_map(|n| n.to_le_bytes()).collect();
+        let mut packed: Vec<u8> = [3_u32, 0, 0, 1]
+            .iter()
+            .flat_map(|n| n.to_le_bytes())
+            .collect();
         packed.extend(&floats);
         packed.extend([0_u32, 1, 2].iter().flat_map(|n| n.to_le_bytes()));
         let expected = corners.map(|c| c.map(f64::from));
         for (bytes, extension) in [
             (binary.clone(), "STL"),
-            (format!("solid a\n{}endsolid", text("vertex")).into_bytes(), "stl"),
+            (
+                format!("solid a\n{}endsolid", text("vertex")).into_bytes(),
+                "stl",
+            ),
             (format!("{}f 1/1 2//2 3\n", text("v")).into_bytes(), "obj"),
-            (format!("{}f -3 -2 -1\nf 1 2 9\n", text("v")).into_bytes(), "obj"),
+            (
+                format!("{}f -3 -2 -1\nf 1 2 9\n", text("v")).into_bytes(),
+                "obj",
+            ),
             (packed.clone(), "msh"),
         ] {
             let mesh = Mesh::parse(&bytes, extension).expect("a mesh");
@@ -195,7 +210,12 @@ mod tests {
     #[test]
     fn a_face_of_four_corners_is_two_triangles() {
         let mesh = Mesh::parse(b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n", "obj");
-        let p = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let p = [
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [1.0, 1.0, 0.0],
+            [0.0, 1.0, 0.0],
+        ];
         assert_eq!(
             mesh.expect("a mesh").triangles,
             [[p[0], p[1], p[2]], [p[0], p[2], p[3]]]

@@ -66,7 +66,9 @@ const MOST: usize = 20_000;
 fn elsewhere(file: &Path, name: &str) -> Option<PathBuf> {
     let rest = Path::new(name.split_once("://").map_or(name, |(_, rest)| rest));
     let mut words = rest.components();
-    words.all(|c| matches!(c, Component::Normal(_))).then_some(())?;
+    words
+        .all(|c| matches!(c, Component::Normal(_)))
+        .then_some(())?;
     let folder = file.parent()?;
     let meshes = folder.ancestors().take(ABOVE).map(|f| f.join(MESHES));
     let meshes = meshes.into_iter().find(|f| f.is_dir())?;

@@ -175,7 +175,9 @@ fn undeclared_base(reader: &Reader<'_>, links: &[Link], joints: &[Node<'_, '_>])
         let line = joints.first().map_or(1, |j| reader.line(j.range().start));
         reader.warn(
             line,
-            format!("link `{base}` carries the others and is not declared; it is taken as the base"),
+            format!(
+                "link `{base}` carries the others and is not declared; it is taken as the base"
+            ),
         );
         Link::bare(&base, 0)
     })
