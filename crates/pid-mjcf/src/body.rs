@@ -303,7 +303,7 @@ impl Reader {
                     if group < self.groups.0 || group > self.groups.1 {
                         continue;
                     }
-                    match crate::geom::filled(&geom, &self.angles)? {
+                    match crate::geom::filled(&geom, &self.angles, &mut self.meshes)? {
                         Ok(part) => all = all.with(&part.placed(place)),
                         Err(what) => self.warn(
                             &geom,

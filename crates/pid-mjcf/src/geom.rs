@@ -6,34 +6,46 @@ use pid_derive::mechanism::{Distribution, Place};
 
 use crate::element::Element;
 use crate::error::MjcfError;
+use crate::mesh::Meshes;
 use crate::place::{Angles, from_z, unit};
 
 /// Density of a geom that states neither density nor mass, kg/m³: that of MuJoCo.
 const DENSITY: f64 = 1000.0;
 
 /// The mass distribution of a geom in the frame of its body; `None` for one without volume, such as a
-/// plane, and an error word for one whose volume is not computed here.
+/// plane, and words for one whose volume is not computed here.
 pub(crate) fn filled(
     geom: &Element,
     angles: &Angles,
-) -> Result<Result<Distribution, &'static str>, MjcfError> {
+    meshes: &mut Meshes,
+) -> Result<Result<Distribution, String>, MjcfError> {
     let mass = geom.number("mass")?;
     let density = geom.number("density")?.unwrap_or(DENSITY);
     if mass == Some(0.0) || (mass.is_none() && density == 0.0) {
         return Ok(Ok(Distribution::default()));
     }
-    let kind = match geom.get("mesh") {
-        // A primitive may be fitted to a mesh; its sizes are then not in the file.
-        Some(_) => "mesh",
-        None => geom.get("type").unwrap_or("sphere"),
-    };
     let (place, half) = placed(geom, angles)?;
+    if let Some(name) = geom.get("mesh") {
+        // A primitive that is fitted to a mesh is taken as the mesh.
+        return Ok(meshes.filled(name).map(|unit| {
+            let density = mass.map_or(density, |mass| mass / unit.mass);
+            let own = Distribution {
+                mass: density * unit.mass,
+                inertia: unit.inertia.map(|x| density * x),
+                ..unit
+            };
+            own.placed(&place)
+        }));
+    }
+    let kind = geom.get("type").unwrap_or("sphere");
     let size = geom.list("size")?.unwrap_or_default();
     let at = |k: usize| -> Result<f64, MjcfError> {
         let found = size.get(k).copied().filter(|x| *x > 0.0);
         found.ok_or_else(|| geom.error("size", format!("a {kind} needs more positive sizes")))
     };
     let length = |k: usize| half.map_or_else(|| at(k), Ok);
+    // Between two ends a geom is as wide across as it is in the first direction, whatever else is stated.
+    let across = || at(usize::from(half.is_none()));
     // Volume, and moments of unit density about the centre.
     let (volume, moments) = match kind {
         "sphere" => {
@@ -45,11 +57,11 @@ pub(crate) fn filled(
         "cylinder" => {
             let (r, h) = (at(0)?, length(1)?);
             let v = 2.0 * PI * r * r * h;
-            let across = v * (3.0 * r * r + 4.0 * h * h) / 12.0;
-            (v, [across, across, 0.5 * v * r * r])
+            let aside = v * (3.0 * r * r + 4.0 * h * h) / 12.0;
+            (v, [aside, aside, 0.5 * v * r * r])
         }
         "ellipsoid" => {
-            let [a, b, c] = [at(0)?, at(1)?, length(2)?];
+            let [a, b, c] = [at(0)?, across()?, length(2)?];
             let v = 4.0 / 3.0 * PI * a * b * c;
             (
                 v,
@@ -57,7 +69,7 @@ pub(crate) fn filled(
             )
         }
         "box" => {
-            let [a, b, c] = [at(0)?, at(1)?, length(2)?];
+            let [a, b, c] = [at(0)?, across()?, length(2)?];
             let v = 8.0 * a * b * c;
             (
                 v,
@@ -65,8 +77,8 @@ pub(crate) fn filled(
             )
         }
         "plane" | "hfield" => return Ok(Ok(Distribution::default())),
-        "mesh" => return Ok(Err("a mesh")),
-        "sdf" => return Ok(Err("a signed distance field")),
+        "mesh" => return Ok(Err("a mesh without a name".to_owned())),
+        "sdf" => return Ok(Err("a signed distance field".to_owned())),
         _ => return Err(geom.error("type", "use a type of geom of MuJoCo")),
     };
     let density = mass.map_or(density, |mass| mass / volume);

@@ -33,6 +33,7 @@ mod defaults;
 mod element;
 mod error;
 mod geom;
+mod mesh;
 mod place;
 mod read;
 mod replicate;

@@ -11,6 +11,7 @@ use crate::body::Carrier;
 use crate::defaults::Defaults;
 use crate::element::{self, Element};
 use crate::error::MjcfError;
+use crate::mesh::Meshes;
 use crate::place::Angles;
 use crate::replicate;
 
@@ -59,6 +60,8 @@ impl Mjcf {
         let file = file.as_ref();
         let mut root = element::read(file, text)?;
         let mut reader = Reader::new(&root)?;
+        let folder = file.parent().unwrap_or(Path::new(""));
+        reader.meshes = Meshes::new(&root, &reader.defaults, &reader.angles, folder)?;
         replicate::expand(&mut root, &reader.angles)?;
         for world in root.all("worldbody") {
             let class = world.get("childclass");
@@ -130,6 +133,7 @@ pub(crate) struct Reader {
     /// Mass of all bodies so far, those that do not move too.
     pub(crate) weighed: f64,
     pub(crate) defaults: Defaults,
+    pub(crate) meshes: Meshes,
     pub(crate) bodies: Vec<Body>,
     /// Names of their joints as written.
     pub(crate) joint_names: Vec<String>,
@@ -153,6 +157,7 @@ impl Reader {
             total: None,
             weighed: 0.0,
             defaults: Defaults::new(root),
+            meshes: Meshes::default(),
             bodies: Vec::new(),
             joint_names: Vec::new(),
             balls: Vec::new(),

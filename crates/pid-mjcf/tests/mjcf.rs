@@ -531,3 +531,19 @@ fn included_files_stand_where_they_are_included() {
     assert_eq!(found.expect("the included arm"), [0.0, 0.0, 2.0]);
     assert!(matches!(endless, Err(MjcfError::Deep { .. })));
 }
+
+/// Between two ends a box or an ellipsoid has one further size, for both directions across.
+#[test]
+fn a_box_between_two_ends_is_square() {
+    for (kind, further) in [("box", ""), ("box", " 7 9"), ("ellipsoid", " 7 9")] {
+        let ends = format!(
+            "<geom type=\"{kind}\" size=\"0.1{further}\" fromto=\"0 0 1 2 0 1\" mass=\"3\"/>"
+        );
+        let body = body_of(&model(&hinge(&ends), ""));
+        let sizes = format!("<geom type=\"{kind}\" size=\"1 0.1 0.1\" pos=\"1 0 1\" mass=\"3\"/>");
+        let expected = body_of(&model(&hinge(&sizes), ""));
+        close(&[body.mass], &[3.0]);
+        close(&body.com, &expected.com);
+        close(&body.inertia, &expected.inertia);
+    }
+}

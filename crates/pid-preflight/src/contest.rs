@@ -1,12 +1,14 @@
 //! Explanations of a record against each other: order, sign, unit, gravity, clock of the inputs. Each is
 //! judged by the share of the recorded torque that the nominal robot leaves unexplained.
 
+use crate::channels::quantile;
 use crate::criteria::Criteria;
 use crate::faults::{flipped, gravity_finding, scale_finding, swapped, unit_finding};
 use crate::finding::{Channel, Finding, FindingKind, Severity, number};
 use crate::lag;
 use crate::motion::Motion;
 use crate::open;
+use crate::orders::orders;
 use crate::torque::{Bench, Fit, Torques, fit, friction, sums};
 
 /// Factors to SI and names of units of inputs.
@@ -28,6 +30,13 @@ const INPUT_UNITS: [(f64, &str); 6] = [
 /// a unit of its own.
 const ALONE: f64 = 30.0;
 
+/// Shares of the inputs that a drive passes on as they are, when it is asked whether it gives less than asked
+/// for: from a twelfth of them to all but a twelfth.
+const LIMITS: usize = 12;
+
+/// A share left that falls by less than this factor is the same.
+const SAME: f64 = 0.8;
+
 /// Points at which orders of whole joints are compared: 720 orders of six joints take half a second.
 const FEW: usize = 150;
 
@@ -36,8 +45,10 @@ struct Rival {
     finding: Finding,
     /// Fall of the sum over joints of the logarithms of the shares left, less the price of its changes.
     gain: f64,
-    /// Largest share left at the joints it changes.
+    /// Largest share left at the joints that say something about it.
     left: f64,
+    /// Largest share left at any joint.
+    worst: f64,
 }
 
 /// The record beside the robot.
@@ -158,7 +169,7 @@ impl<'a> Contest<'a> {
             r.gain > 0.0 && r.left < limit
         };
         rivals.retain(explained);
-        let good = |r: &Rival| r.left < self.criteria.convincing;
+        let good = |r: &Rival| r.worst < self.criteria.convincing;
         if self.suspicious() && !rivals.iter().any(good) {
             rivals.extend(self.whole_orders().filter(explained));
         }
@@ -209,10 +220,27 @@ impl<'a> Contest<'a> {
     }
 
     /// Gain and share left of other torques of the robot, inputs in place.
-    fn judged(&self, fits: &[Fit], changes: usize) -> (f64, f64) {
+    fn judged(&self, fits: &[Fit], changes: usize) -> (f64, [f64; 2]) {
         let after: f64 = self.active.iter().map(|&j| self.log(j, fits[j].left)).sum();
         let price = self.criteria.margin * changes as f64;
-        (self.total() - after - price, self.worst(fits))
+        let left = self.lefts(&[], self, fits);
+        (self.total() - after - price, left)
+    }
+
+    /// Largest shares left of an alternative: at the joints that say something about it, and at any joint that
+    /// it knows. Where none of the former is known, all decide.
+    fn lefts(&self, changed: &[usize], other: &Self, fits: &[Fit]) -> [f64; 2] {
+        let worst = other.worst(fits);
+        let told = |&j: &usize| changed.contains(&j) || !self.silent(j, &fits[j]);
+        let left = other.known().filter(told).map(|j| fits[j].left);
+        [left.max_by(f64::total_cmp).unwrap_or(worst), worst]
+    }
+
+    /// Whether a joint says nothing about an alternative: something else than faults of the record acts there,
+    /// and its torque stays as little explained as it is.
+    fn silent(&self, j: usize, after: &Fit) -> bool {
+        let before = self.base[j].left;
+        before > self.criteria.explained && after.left > SAME * before
     }
 
     /// Orders and signs of the inputs: all permutations up to six joints, exchanges of two beyond.
@@ -267,6 +295,7 @@ impl<'a> Contest<'a> {
             finding,
             gain,
             left: worst,
+            worst,
         })
     }
 
@@ -274,7 +303,7 @@ impl<'a> Contest<'a> {
     fn flipped_inputs(&self, joints: &[usize], gain: f64) -> Finding {
         let or_other = match joints {
             [j] => {
-                let (other, _) = self.flipped_motion(j - 1);
+                let (other, _) = self.flipped_motion(*j - 1);
                 other > gain - 0.5 * self.criteria.margin
             }
             _ => false,
@@ -282,13 +311,13 @@ impl<'a> Contest<'a> {
         flipped(Channel::Input, joints, or_other)
     }
 
-    fn flipped_motion(&self, j: usize) -> (f64, f64) {
+    fn flipped_motion(&self, j: usize) -> (f64, [f64; 2]) {
         let motion = self.motion.scaled(j, -1.0);
-        self.other_motion(&motion, 1)
+        self.other_motion(&motion, &[j], 1)
     }
 
-    /// Gain and share left of another motion under the same inputs.
-    fn other_motion(&self, motion: &Motion, changes: usize) -> (f64, f64) {
+    /// Gain and share left of another motion of some joints under the same inputs.
+    fn other_motion(&self, motion: &Motion, changed: &[usize], changes: usize) -> (f64, [f64; 2]) {
         let torques = self.bench.torques(motion);
         let other = Contest::new(self.bench, motion, &torques, self.criteria);
         let price = self.criteria.margin * changes as f64;
@@ -297,7 +326,8 @@ impl<'a> Contest<'a> {
             .iter()
             .map(|&j| other.log(j, other.base[j].left))
             .sum();
-        (self.total() - after - price, other.worst(&other.base))
+        let left = self.lefts(changed, &other, &other.base);
+        (self.total() - after - price, left)
     }
 
     /// Other orders of whole joints, looked for at few points first; it is asked last, since it costs most.
@@ -323,13 +353,14 @@ impl<'a> Contest<'a> {
             .map(|order| (total(&few, &order), order))
             .min_by(|a, b| a.0.total_cmp(&b.0))?;
         let motion = self.motion.ordered(&order).with_inputs_ordered(&order);
-        let changes = (0..n).filter(|&j| order[j] != j).count();
-        let (gain, left) = self.other_motion(&motion, changes);
+        let changed: Vec<usize> = (0..n).filter(|&j| order[j] != j).collect();
+        let (gain, [left, worst]) = self.other_motion(&motion, &changed, changed.len());
         let finding = swapped(Channel::All, &order);
         Some(Rival {
             finding,
             gain,
             left,
+            worst,
         })
     }
 
@@ -338,35 +369,39 @@ impl<'a> Contest<'a> {
         let n = self.motion.n;
         let mut out = Vec::new();
         for j in 0..n {
-            let (gain, left) = self.flipped_motion(j);
+            let (gain, [left, worst]) = self.flipped_motion(j);
             let finding = flipped(Channel::Motion, &[j + 1], false);
             // A tie with the sign of the input goes to the input.
             out.push(Rival {
                 finding,
                 gain: gain - 0.05,
                 left,
+                worst,
             });
         }
         for j in 0..n {
             let motion = self.motion.scaled(j, -1.0).with_input_scaled(j, -1.0);
-            let (gain, left) = self.other_motion(&motion, 2);
+            let (gain, [left, worst]) = self.other_motion(&motion, &[j], 2);
             let finding = flipped(Channel::All, &[j + 1], false);
             out.push(Rival {
                 finding,
                 gain,
                 left,
+                worst,
             });
         }
         for i in 0..n {
             for j in i + 1..n {
                 let mut order: Vec<usize> = (0..n).collect();
                 order.swap(i, j);
-                let (gain, left) = self.other_motion(&self.motion.exchanged(i, j), 2);
+                let (gain, [left, worst]) =
+                    self.other_motion(&self.motion.exchanged(i, j), &[i, j], 2);
                 let finding = swapped(Channel::Motion, &order);
                 out.push(Rival {
                     finding,
                     gain: gain - 0.05,
                     left,
+                    worst,
                 });
             }
         }
@@ -383,7 +418,7 @@ impl<'a> Contest<'a> {
             let motion = joints
                 .iter()
                 .fold(self.motion.points(), |m, &j| m.scaled(j, factor));
-            let (gain, left) = self.other_motion(&motion, 1);
+            let (gain, [left, worst]) = self.other_motion(&motion, &joints, 1);
             let finding = unit_finding(
                 Channel::Motion,
                 &joints.iter().map(|j| j + 1).collect::<Vec<_>>(),
@@ -394,6 +429,7 @@ impl<'a> Contest<'a> {
                 finding,
                 gain,
                 left,
+                worst,
             });
         }
         out
@@ -422,11 +458,12 @@ impl<'a> Contest<'a> {
             .map(|g| {
                 let rigid = self.torques.with(g);
                 let fits: Vec<Fit> = (0..n).map(|j| self.one(&rigid, j, j, 1.0)).collect();
-                let (gain, left) = self.judged(&fits, 1);
+                let (gain, [left, worst]) = self.judged(&fits, 1);
                 Rival {
                     finding: gravity_finding(stated, g),
                     gain,
                     left,
+                    worst,
                 }
             })
             .collect()
@@ -483,6 +520,10 @@ impl<'a> Contest<'a> {
                 .collect();
             let (gain, _) = self.judged(&fits, 1);
             let left = set.iter().map(|&j| fits[j].left).fold(0.0, f64::max);
+            let limited = |&j: &usize| self.left_of_limited(&rigid, j) < fits[j].left;
+            if near.is_none() && set.iter().all(limited) {
+                continue;
+            }
             let joints: Vec<usize> = if set.len() == self.active.len() && set.len() > 1 {
                 (1..=n).collect()
             } else {
@@ -496,9 +537,33 @@ impl<'a> Contest<'a> {
                 finding: finding.with("slope of the input over the robot's torque", slope, "1"),
                 gain,
                 left,
+                worst: left,
             });
         }
         out
+    }
+
+    /// Share left at joint `j` if its drive gives no more than some torque, whatever its input asks for: that
+    /// is an effect of the drive, and looks like an input that is too large by some factor.
+    fn left_of_limited(&self, rigid: &[f64], j: usize) -> f64 {
+        let gain = self.bench.gain[j];
+        let torque: Vec<f64> = self
+            .motion
+            .column(&self.motion.u, j)
+            .map(|u| gain * u)
+            .collect();
+        let sizes: Vec<f64> = torque.iter().map(|x| x.abs()).collect();
+        let left = |k: usize| {
+            let limit = quantile(&sizes, k as f64 / LIMITS as f64);
+            fit(
+                self.motion.column(rigid, j),
+                &self.friction[j],
+                torque.iter().map(|x| x.clamp(-limit, limit)),
+                self.criteria,
+            )
+            .left
+        };
+        (1..LIMITS).map(left).fold(f64::INFINITY, f64::min)
     }
 
     /// The clock of the inputs.
@@ -522,56 +587,7 @@ impl<'a> Contest<'a> {
             finding: lag::finding(&found, self.motion.n),
             gain: found.gain,
             left: found.left,
+            worst: found.left,
         })
     }
-}
-
-/// Share of the torque of gravity that inertia and friction do not balance, at the worst joint that moves;
-/// `None` where no joint moves under gravity.
-pub(crate) fn left_of_free_motion(
-    bench: &Bench,
-    motion: &Motion,
-    torques: &Torques,
-    criteria: &Criteria,
-) -> Option<f64> {
-    let stated = bench.stated();
-    let all = torques.with(stated);
-    let moving = (0..motion.n).filter(|&j| motion.moves(j));
-    let left = moving.filter_map(|j| {
-        let inertia = motion.column(&torques.rigid, j);
-        let gravity = motion
-            .column(&all, j)
-            .zip(inertia.clone())
-            .map(|(all, rest)| rest - all);
-        let found = fit(inertia, &friction(motion, j), gravity, criteria);
-        (found.size > 0.0).then_some(found.left)
-    });
-    left.max_by(f64::total_cmp)
-}
-
-/// Orders of `n` columns: all up to six, exchanges of two beyond.
-fn orders(n: usize) -> Vec<Vec<usize>> {
-    let identity: Vec<usize> = (0..n).collect();
-    if n > 6 {
-        let mut out = vec![identity.clone()];
-        for i in 0..n {
-            for j in i + 1..n {
-                let mut order = identity.clone();
-                order.swap(i, j);
-                out.push(order);
-            }
-        }
-        return out;
-    }
-    let mut out = vec![Vec::new()];
-    for _ in 0..n {
-        out = out
-            .into_iter()
-            .flat_map(|o: Vec<usize>| {
-                let rest: Vec<usize> = (0..n).filter(|k| !o.contains(k)).collect();
-                rest.into_iter().map(move |k| [o.as_slice(), &[k]].concat())
-            })
-            .collect();
-    }
-    out
 }

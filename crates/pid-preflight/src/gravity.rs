@@ -8,7 +8,7 @@ use crate::criteria::Criteria;
 use crate::finding::{Channel, Finding, FindingKind, Severity, number};
 use crate::motion::Motion;
 use crate::open;
-use crate::torque::{Bench, Fit, Torques, friction};
+use crate::torque::{Bench, Fit, Torques, fit, friction};
 
 /// Weight of the stated vector, over the largest information that the record gives on a component: what the
 /// record does not tell stays as stated.
@@ -174,4 +174,27 @@ pub(crate) fn at_rest(
         }
     }
     out
+}
+
+/// Share of the torque of gravity that inertia and friction do not balance, at the worst joint that moves;
+/// `None` where no joint moves under gravity.
+pub(crate) fn left_of_free_motion(
+    bench: &Bench,
+    motion: &Motion,
+    torques: &Torques,
+    criteria: &Criteria,
+) -> Option<f64> {
+    let stated = bench.stated();
+    let all = torques.with(stated);
+    let moving = (0..motion.n).filter(|&j| motion.moves(j));
+    let left = moving.filter_map(|j| {
+        let inertia = motion.column(&torques.rigid, j);
+        let gravity = motion
+            .column(&all, j)
+            .zip(inertia.clone())
+            .map(|(all, rest)| rest - all);
+        let found = fit(inertia, &friction(motion, j), gravity, criteria);
+        (found.size > 0.0).then_some(found.left)
+    });
+    left.max_by(f64::total_cmp)
 }

@@ -29,6 +29,7 @@ mod lag;
 mod limits;
 mod motion;
 mod open;
+mod orders;
 mod read;
 mod torque;
 mod units;
@@ -123,7 +124,7 @@ pub fn check(data: &Dataset, nominal: &Nominal, settings: &Settings) -> Vec<Find
 fn free_motion(findings: &mut [Finding], data: &Dataset, bench: &Bench, settings: &Settings) {
     let motion = Motion::sample(data, settings);
     let torques = bench.torques(&motion);
-    let left = contest::left_of_free_motion(bench, &motion, &torques, &settings.criteria);
+    let left = gravity::left_of_free_motion(bench, &motion, &torques, &settings.criteria);
     let Some(left) = left.filter(|left| *left < settings.criteria.free) else {
         return;
     };

@@ -50,6 +50,8 @@ pub(crate) struct Planted {
     pub(crate) kind: &'static str,
     /// Its joints, from 1; empty: all.
     pub(crate) joints: Vec<usize>,
+    /// Where it is, if not throughout.
+    pub(crate) place: String,
     /// The records with it.
     pub(crate) data: Dataset,
     /// The description with it.
@@ -86,6 +88,7 @@ pub(crate) fn plant(
     let one = *movers.get(draws.below(movers.len().max(1)))?;
     let other = (n > 1).then(|| (one + 1 + draws.below(n - 1)) % n);
     let mut joints = vec![one + 1];
+    let mut place = String::new();
     let has_velocity = clean.experiments.iter().all(|e| e.v.is_some());
     match kind {
         "swapped inputs" | "swapped motion" => {
@@ -156,7 +159,7 @@ pub(crate) fn plant(
                 .iter_mut()
                 .for_each(|e| e.t.iter_mut().for_each(|t| *t *= 1e3));
         }
-        "frozen channel" => freeze(&mut data, one, draws)?,
+        "frozen channel" => place = freeze(&mut data, one, draws)?,
         "offset clock" => {
             joints.clear();
             // Late by 20 rows or 25 ms at least; early (a delay looks alike up to 30 ms) by 60 ms at least.
@@ -223,13 +226,14 @@ pub(crate) fn plant(
     Some(Planted {
         kind,
         joints,
+        place,
         data,
         nominal: text,
     })
 }
 
-/// Holds one value of a position, a velocity or an input for 0.3 s of motion in one record.
-fn freeze(data: &mut Dataset, j: usize, draws: &mut Draws) -> Option<()> {
+/// Holds one value of a position, a velocity or an input for 0.3 s of motion in one record, and says where.
+fn freeze(data: &mut Dataset, j: usize, draws: &mut Draws) -> Option<String> {
     let n = data.nq();
     let k = draws.below(data.experiments.len());
     let e = &mut data.experiments[k];
@@ -242,14 +246,18 @@ fn freeze(data: &mut Dataset, j: usize, draws: &mut Draws) -> Option<()> {
         .filter(|&i| (q[i + rows] - q[i]).abs() > 0.05 * range)
         .collect();
     let start = *fits.get(draws.below(fits.len().max(1)))?;
-    let x = match (&mut e.v, draws.below(4)) {
-        (Some(v), 0) => v,
-        (_, 1) => &mut e.u,
-        _ => &mut e.q,
+    let (x, channel) = match (&mut e.v, draws.below(4)) {
+        (Some(v), 0) => (v, "dq"),
+        (_, 1) => (&mut e.u, "u"),
+        _ => (&mut e.q, "q"),
     };
     let held = x[start * n + j];
     (start..start + rows).for_each(|i| x[i * n + j] = held);
-    Some(())
+    Some(format!(
+        "{channel}{} in {rows} rows from {start} of record `{}`",
+        j + 1,
+        e.name
+    ))
 }
 
 /// Whether a finding names the planted fault: its kind and its joints.

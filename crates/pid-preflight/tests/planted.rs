@@ -70,8 +70,9 @@ fn all_kinds(i: usize) {
         let named = found.iter().filter(|f| names(f, &planted)).count();
         assert!(
             named > 0,
-            "case {i}, {kind} at {:?}: {found:#?}",
-            planted.joints
+            "case {i}, {kind} at {:?} {}: {found:#?}",
+            planted.joints,
+            planted.place
         );
         if mendable(&planted) {
             let (mended, done) = fix(&planted.data, &found);

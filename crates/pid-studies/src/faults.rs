@@ -134,7 +134,10 @@ pub fn case(plan: &Plan, i: usize, folder: &std::path::Path) -> Result<Case, Fai
         let wrong = |f: &&Finding| f.severity == Severity::Wrong && !names(f, &planted);
         let others = found.iter().filter(wrong).count();
         if !named || others > 0 {
-            let what = format!("planted {} at {:?}", planted.kind, planted.joints);
+            let what = format!(
+                "planted {} at {:?} {}",
+                planted.kind, planted.joints, planted.place
+            );
             tell(&what, &found);
         }
         Planted {

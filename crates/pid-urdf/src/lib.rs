@@ -45,6 +45,7 @@
 mod bodies;
 pub mod description;
 mod error;
+pub mod mesh;
 pub mod names;
 mod read;
 pub mod reading;

@@ -41,6 +41,37 @@ fn geometry_is_filled() {
     }
 }
 
+/// A path that lost its beginning: the one file below `meshes` that it ends is read, of two none.
+#[test]
+fn a_mesh_whose_path_lost_its_beginning_is_found() {
+    let package = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("moved_meshes");
+    let _ = std::fs::remove_dir_all(&package);
+    let mesh = |folder: &str, side: f64| {
+        let folder = package.join("meshes").join(folder);
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let text = format!("v 0 0 0\nv {side} {side} {side}\n");
+        std::fs::write(folder.join("arm.obj"), text).expect("a mesh");
+    };
+    mesh("b/collision", 0.1);
+    mesh("b/visual", 0.2);
+    std::fs::create_dir_all(package.join("urdf")).expect("a folder");
+    let file = package.join("urdf").join("b.urdf");
+    let link = "<collision><geometry><mesh filename=\"package://collision/arm.obj\"/></geometry></collision>";
+    let mut reading = Reading::default();
+    reading.missing = Missing::Guess(Guess::default());
+    let parsed = || Description::parse_with(&file, &arm(link, ""), &reading);
+    let description = parsed().expect("guessed");
+    close(&[description.mechanism(GRAVITY).bodies[0].mass], &[1.0]);
+    assert!(
+        (description.warnings.iter())
+            .any(|w| w.contains("`package://collision/arm.obj` leads nowhere")),
+        "{:?}",
+        description.warnings
+    );
+    mesh("c/collision", 0.3);
+    assert!(matches!(parsed(), Err(UrdfError::NoInertia { .. })));
+}
+
 #[test]
 fn a_mass_stands_in_for_geometry() {
     let text = arm("", "").replace(

@@ -121,12 +121,44 @@ fn the_ground_need_not_be_declared() {
     let description = read(&text);
     assert_eq!(description.links[description.root].name, "world");
     assert_eq!(description.mechanism(GRAVITY), mechanism(&arm(BODY, "")));
-    // Any other name is a mistake.
-    let error = Description::parse("a.urdf", &text.replace("\"world\"", "\"ground\"")).unwrap_err();
+    assert_eq!(description.warnings, [""; 0]);
+    // A part of a robot hangs on a link of another file: the base, with a warning.
+    let part = read(&text.replace("\"world\"", "\"pelvis\""));
+    assert_eq!(part.links[part.root].name, "pelvis");
+    assert_eq!(part.mechanism(GRAVITY), mechanism(&arm(BODY, "")));
+    let [warning] = &part.warnings[..] else {
+        panic!("{:?}", part.warnings)
+    };
     assert!(
-        error.to_string().contains("there is no link `ground`"),
-        "{error}"
+        warning.contains("link `pelvis` carries the others and is not declared"),
+        "{warning}"
     );
+    // A name beside a root that is declared, two such names, and one that is carried are mistakes.
+    let weld = |parent: &str, child: &str| {
+        let joint = "<joint name=\"NAME\" type=\"fixed\"><parent link=\"PARENT\"/><child link=\"CHILD\"/></joint></robot>";
+        let joint = joint.replace("NAME", &format!("to_{child}"));
+        joint.replace("PARENT", parent).replace("CHILD", child)
+    };
+    let camera = arm(BODY, "").replace("</robot>", "<link name=\"camera\"/></robot>");
+    let end = |more: &str| camera.replace("</robot>", more);
+    let second = weld("sky", "base") + &weld("ground", "camera");
+    for (text, unknown) in [
+        (end(&weld("ground", "camera")), "ground"),
+        (end(&second.replacen("</robot>", "", 1)), "sky"),
+        (
+            text.replace("\"world\"", "\"ground\"").replace(
+                "</robot>",
+                &weld("ground", "ground").replace("to_ground", "self"),
+            ),
+            "ground",
+        ),
+    ] {
+        let error = Description::parse("a.urdf", &text).unwrap_err().to_string();
+        assert!(
+            error.contains(&format!("there is no link `{unknown}`")),
+            "{error}"
+        );
+    }
 }
 
 #[test]

@@ -104,29 +104,36 @@ impl Shape {
         &self,
         file: &std::path::Path,
         guess: &Guess,
-    ) -> Result<(Distribution, &'static str), String> {
+    ) -> Result<(Distribution, String), String> {
         let at = |com: [f64; 3], sides: [f64; 3]| Distribution {
             com,
             ..cuboid(sides)
         };
         Ok(match self.form.as_ref().map_err(Clone::clone)? {
-            Form::Box(sides) => (cuboid(*sides), "box"),
+            Form::Box(sides) => (cuboid(*sides), "box".to_owned()),
             Form::Sphere(r) => {
                 let mass = 4.0 / 3.0 * std::f64::consts::PI * r.powi(3);
                 let j = 0.4 * mass * r * r;
-                (body(mass, [j, j, j]), "sphere")
+                (body(mass, [j, j, j]), "sphere".to_owned())
             }
             Form::Cylinder { radius, length } => {
                 let mass = std::f64::consts::PI * radius * radius * length;
                 let across = mass * (3.0 * radius * radius + length * length) / 12.0;
                 let along = 0.5 * mass * radius * radius;
-                (body(mass, [across, across, along]), "cylinder")
+                (body(mass, [across, across, along]), "cylinder".to_owned())
             }
             Form::Mesh { path, scale } => {
-                let bounds = mesh::bounds(file, path, &guess.packages)?;
+                let (bounds, moved) = mesh::bounds(file, path, &guess.packages)?;
                 let sides = [0, 1, 2].map(|k| ((bounds.high[k] - bounds.low[k]) * scale[k]).abs());
                 let com = [0, 1, 2].map(|k| 0.5 * (bounds.high[k] + bounds.low[k]) * scale[k]);
-                (at(com, sides), "bounding box of a mesh")
+                let word = moved.map_or_else(
+                    || "bounding box of a mesh".to_owned(),
+                    |found| {
+                        let found = found.display();
+                        format!("bounding box of a mesh: `{path}` leads nowhere, {found} is read")
+                    },
+                );
+                (at(com, sides), word)
             }
         })
     }

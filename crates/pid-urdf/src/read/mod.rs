@@ -10,7 +10,7 @@ mod reader;
 mod tolerant;
 mod tree;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
@@ -116,8 +116,8 @@ fn elements<'a>(reader: &Reader<'a>) -> Result<(Description, Vec<Shapes>), UrdfE
             _ => {}
         }
     }
-    if let Some(world) = implicit_world(&links, &raw_joints) {
-        links.push(world);
+    if let Some(base) = undeclared_base(reader, &links, &raw_joints) {
+        links.push(base);
         shapes.push(Shapes::default());
     }
     let by_name = reader.apart(
@@ -153,14 +153,34 @@ fn elements<'a>(reader: &Reader<'a>) -> Result<(Description, Vec<Shapes>), UrdfE
     Ok((description, shapes))
 }
 
-/// The ground, where a joint hangs on it and no element declares it.
-fn implicit_world(links: &[Link], joints: &[Node<'_, '_>]) -> Option<Link> {
-    let is_parent = |joint: &Node<'_, '_>| {
-        let mut parents = joint.children().filter(|n| n.has_tag_name("parent"));
-        parents.any(|parent| parent.attribute("link") == Some(WORLD))
+/// The base, where joints hang on it and no element declares it: the ground, or a link of a further file
+/// that is the only root. Nothing moves it, so its inertia enters nothing.
+fn undeclared_base(reader: &Reader<'_>, links: &[Link], joints: &[Node<'_, '_>]) -> Option<Link> {
+    let ends = |name: &'static str| {
+        let of = move |joint: &Node<'_, '_>| {
+            let end = joint.children().find(|n| n.has_tag_name(name));
+            end.and_then(|n| n.attribute("link")).map(str::to_owned)
+        };
+        joints.iter().filter_map(of)
     };
-    let known = links.iter().any(|link| link.name == WORLD);
-    (!known && joints.iter().any(is_parent)).then(|| Link::bare(WORLD, 0))
+    let declared: BTreeSet<&str> = links.iter().map(|link| link.name.as_str()).collect();
+    let carried: BTreeSet<String> = ends("child").collect();
+    let mut missing = ends("parent").filter(|name| !declared.contains(name.as_str()));
+    let base = missing.next()?;
+    if base == WORLD {
+        return Some(Link::bare(WORLD, 0));
+    }
+    let only = missing.all(|name| name == base) && declared.iter().all(|l| carried.contains(*l));
+    (only && !carried.contains(&base)).then(|| {
+        let line = joints.first().map_or(1, |j| reader.line(j.range().start));
+        reader.warn(
+            line,
+            format!(
+                "link `{base}` carries the others and is not declared; it is taken as the base"
+            ),
+        );
+        Link::bare(&base, 0)
+    })
 }
 
 /// Names with their places in a list.

@@ -1,0 +1,105 @@
+//! Masses and inertias of meshes, against those of bodies by hand.
+
+use pid_derive::mechanism::Body;
+use pid_mjcf::Mjcf;
+
+fn model(world: &str, rest: &str) -> String {
+    format!("<mujoco>{rest}<worldbody>{world}</worldbody></mujoco>")
+}
+
+/// A body with this content on a hinge.
+fn hinge(content: &str) -> String {
+    format!("<body><joint/>{content}</body>")
+}
+
+fn read(text: &str) -> Mjcf {
+    Mjcf::parse("a.xml", text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn body_of(text: &str) -> Body {
+    read(text).mechanism.bodies.remove(0)
+}
+
+#[track_caller]
+fn close(found: &[f64], expected: &[f64]) {
+    assert_eq!(found.len(), expected.len());
+    for (x, y) in found.iter().zip(expected) {
+        assert!(
+            (x - y).abs() <= 1e-9 * (1.0 + y.abs()),
+            "{found:?} for {expected:?}"
+        );
+    }
+}
+
+/// A cuboid of 2 x 4 x 6 as a mesh, off its frame, turned, scaled, of a stated mass: the inertia of a box.
+#[test]
+fn meshes_are_filled() {
+    let corner = |k: usize| [1, 2, 4].map(|bit| if k & bit == 0 { 0.0 } else { 1.0 });
+    let vertices: Vec<String> = (0..8)
+        .map(|k| corner(k).map(|x| x.to_string()).join(" "))
+        .collect();
+    let faces = "0 2 3 0 3 1 4 5 7 4 7 6 0 1 5 0 5 4 2 6 7 2 7 3 0 4 6 0 6 2 1 3 7 1 7 5";
+    let asset = |more: &str| {
+        format!(
+            "<asset><mesh name=\"m\" scale=\"2 4 6\" vertex=\"{}\" face=\"{faces}\" {more}/></asset>",
+            vertices.join(" ")
+        )
+    };
+    let geom = "<geom type=\"mesh\" mesh=\"m\" pos=\"0 0 1\" euler=\"90 0 0\"/>";
+    let of = |geom: &str, more: &str| body_of(&model(&hinge(geom), &asset(more)));
+    let filled = of(geom, "");
+    close(&[filled.mass], &[48_000.0]);
+    // The z axis of the mesh points along -y.
+    close(&filled.com, &[1.0, -3.0, 3.0]);
+    let moments = [16.0 + 36.0, 4.0 + 16.0, 4.0 + 36.0].map(|x| 4000.0 * x);
+    let expected = [moments[0], moments[1], moments[2], 0.0, 0.0, 0.0];
+    close(&filled.inertia, &expected);
+    close(&of(geom, "inertia=\"exact\"").inertia, &expected);
+    let stated = of(&geom.replace("/>", " mass=\"3\"/>"), "");
+    close(&[stated.mass], &[3.0]);
+    close(&stated.inertia, &expected.map(|x| x / 16_000.0));
+    // The frame of the mesh half way along its first edge.
+    let moved = of(geom, "refpos=\"0.5 0 0\"");
+    close(&moved.com, &[0.0, -3.0, 3.0]);
+    // The surface of 88 square metres.
+    close(&[of(geom, "inertia=\"shell\"").mass], &[88_000.0]);
+    // Faces the other way round enclose the same; files that are not there leave the mass out, with a word.
+    let turned = asset("inertia=\"exact\"").replace("0 2 3 0 3 1", "0 3 2 0 1 3");
+    assert!(body_of(&model(&hinge(geom), &turned)).mass < 48_000.0);
+    let missing = "<asset><mesh name=\"m\" file=\"nowhere.stl\"/></asset>";
+    let ball = "<geom size=\"0.1\" mass=\"2\"/>";
+    let read = read(&model(&hinge(&format!("{geom}{ball}")), missing));
+    assert_eq!(read.mechanism.bodies[0].mass, 2.0);
+    assert!(
+        read.warnings[0].contains("is mesh `m`, which cannot be read"),
+        "{:?}",
+        read.warnings
+    );
+}
+
+/// A file beside the model, found by `meshdir`; its stem is its name.
+#[test]
+fn mesh_files_are_found() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("mjcf_meshes");
+    std::fs::create_dir_all(folder.join("parts")).expect("a folder");
+    let tetrahedron = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    std::fs::write(folder.join("parts/tip.obj"), tetrahedron).expect("a mesh");
+    let text = |compiler: &str, file: &str| {
+        let rest = format!("<compiler {compiler}/><asset><mesh file=\"{file}\"/></asset>");
+        model(
+            &hinge("<geom type=\"mesh\" mesh=\"tip\" density=\"6\"/>"),
+            &rest,
+        )
+    };
+    for (compiler, file) in [
+        ("meshdir=\"parts\"", "tip.obj"),
+        ("assetdir=\"parts\"", "tip.obj"),
+        ("", "parts/tip.obj"),
+        ("meshdir=\"parts\" strippath=\"true\"", "C/D/tip.obj"),
+    ] {
+        let read = Mjcf::parse(folder.join("a.xml"), &text(compiler, file));
+        let body = read.expect("a model").mechanism.bodies.remove(0);
+        close(&[body.mass], &[1.0]);
+        close(&body.com, &[0.25; 3]);
+    }
+}
