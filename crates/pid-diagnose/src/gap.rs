@@ -20,6 +20,7 @@ use crate::case::{Case, Record, Velocity, smoothed};
 use crate::hypothesis::Hypothesis;
 use crate::initial;
 use crate::nominal::EncoderSide;
+use crate::effect::Pick;
 use crate::predict::{Runner, gains};
 use crate::simulate::State;
 
@@ -41,14 +42,14 @@ pub struct Gap {
 }
 
 /// The windows of one record: its number of samples and the states the predictor has at their starts.
-struct Windows {
-    length: usize,
-    starts: Vec<State<f64>>,
+pub(crate) struct Windows {
+    pub(crate) length: usize,
+    pub(crate) starts: Vec<State<f64>>,
     /// Position and velocity that the predictor has of each joint, at every sample.
     path: Vec<(Vec<f64>, Vec<f64>)>,
 }
 
-fn windows(
+pub(crate) fn windows(
     case: &Case,
     record: &Record,
     hypothesis: &Hypothesis,
@@ -96,43 +97,43 @@ fn windows(
 /// Free run over one window: positions and velocities as the drive reports them, joint by joint at
 /// each of the samples after the first. `noise` is added to every position and every measured
 /// velocity before filters.
-fn free_run(
+pub(crate) fn free_run<D: Pick>(
     case: &Case,
-    runner: &mut Runner<'_, '_, f64>,
+    runner: &mut Runner<'_, '_, D>,
     record: &Record,
-    start: &State<f64>,
+    start: &State<D>,
     k: usize,
     length: usize,
     noise: &mut dyn FnMut(usize) -> (f64, f64),
-) -> Vec<(f64, f64)> {
+) -> Vec<(D, D)> {
     let n = case.n();
     let fade = case.nominal.velocity_filter_hz.map_or(0.0, |hz| {
         (-2.0 * std::f64::consts::PI * hz * record.h).exp()
     });
-    let lag: Vec<f64> = (0..n)
-        .map(|j| runner.velocity_fade(j).unwrap_or(0.0))
+    let lag: Vec<D> = (0..n)
+        .map(|j| runner.velocity_fade(j).unwrap_or_else(D::nil))
         .collect();
     // A reading that is missing where a window starts is the smoothed one.
-    let or = |x: f64, smooth: f64| if x.is_finite() { x } else { smooth };
-    let mut previous: Vec<f64> = (0..n)
+    let or = |x: f64, smooth: f64| D::constant(if x.is_finite() { x } else { smooth });
+    let mut previous: Vec<D> = (0..n)
         .map(|j| or(record.q[j][k], record.smooth_q[j][k]))
         .collect();
-    let mut filtered: Vec<f64> = (0..n)
+    let mut filtered: Vec<D> = (0..n)
         .map(|j| or(record.v[j][k], record.smooth_v[j][k]))
         .collect();
     let mut shown = filtered.clone();
-    let mut out = vec![(0.0, 0.0); n * length];
+    let mut out = vec![(D::nil(), D::nil()); n * length];
     runner.free(start, k, length, &mut |i, j, q, v| {
         let (nq, nv) = noise(j);
         let q = q + nq;
         let read = if case.velocity[j] == Velocity::Derived {
-            filtered[j] = fade * filtered[j] + (1.0 - fade) * (q - previous[j]) / record.h;
+            filtered[j] = filtered[j] * fade + (q - previous[j]) * ((1.0 - fade) / record.h);
             previous[j] = q;
             filtered[j]
         } else {
             v
         };
-        shown[j] = lag[j] * shown[j] + (1.0 - lag[j]) * read;
+        shown[j] = lag[j] * shown[j] + (-lag[j] + 1.0) * read;
         out[(i - 1) * n + j] = (q, shown[j] + nv);
     });
     out
@@ -277,7 +278,8 @@ pub(crate) fn within(values: impl Iterator<Item = f64>) -> (f64, f64) {
     (at(0.025), at(0.975))
 }
 
-fn deviations(record: &Record, n: usize) -> Vec<(f64, f64)> {
+/// Standard deviations of the position and velocity readings of every joint of a record.
+pub(crate) fn deviations(record: &Record, n: usize) -> Vec<(f64, f64)> {
     (0..n)
         .map(|j| (deviation(&record.q[j]), deviation(&record.v[j])))
         .collect()

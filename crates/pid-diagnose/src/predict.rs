@@ -496,8 +496,14 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
     }
 
     /// Factor exp(−h/T) of an additional velocity filter of joint `j`.
-    pub fn velocity_fade(&self, j: usize) -> Option<f64> {
-        velocity_lag(self.case, &self.machine, j)
-            .map(|t| (-self.record.h / t.value().max(1e-9)).exp())
+    pub fn velocity_fade(&self, j: usize) -> Option<D> {
+        let time = velocity_lag(self.case, &self.machine, j)?;
+        // No time at all is no lag.
+        let some = time.value() > 1e-9;
+        Some(if some {
+            (D::constant(-self.record.h) / time).exponential()
+        } else {
+            D::nil()
+        })
     }
 }

@@ -119,15 +119,11 @@ pub fn linearise(
     out
 }
 
-/// Innovations of one record, each followed by its derivatives in the directions, at most `N`.
-fn one_pass<const N: usize>(
-    case: &Case,
-    record: &Record,
-    hypothesis: &Hypothesis,
+/// Deviations and parameters with a derivative in each of the directions, at most `N`.
+pub(super) fn lifted<const N: usize>(
     at: &Point,
-    gains: &[Gain],
     directions: &[Direction<'_>],
-) -> Vec<f64>
+) -> (Vec<Lanes<N>>, Vec<Lanes<N>>)
 where
     Lanes<N>: Pick,
 {
@@ -143,6 +139,22 @@ where
             Direction::Effect(i) => e[*i].eps[lane] = 1.0,
         }
     }
+    (theta, e)
+}
+
+/// Innovations of one record, each followed by its derivatives in the directions, at most `N`.
+fn one_pass<const N: usize>(
+    case: &Case,
+    record: &Record,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    gains: &[Gain],
+    directions: &[Direction<'_>],
+) -> Vec<f64>
+where
+    Lanes<N>: Pick,
+{
+    let (theta, e) = lifted::<N>(at, directions);
     let mut rows = Vec::with_capacity(record.len() * case.n() * 2 * (1 + directions.len()));
     Runner::<Lanes<N>>::new(case, record, hypothesis, &theta, &e).predict(
         gains,

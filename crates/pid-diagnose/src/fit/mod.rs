@@ -8,6 +8,7 @@
 //! (0.55: the standard deviation of a value anywhere within 95 % of its tolerance). The Jacobian is
 //! exact, a few directions per pass.
 
+mod free_run;
 mod linear;
 mod quadratic;
 #[cfg(test)]
@@ -21,6 +22,7 @@ use crate::case::{Case, Record};
 use crate::hypothesis::Hypothesis;
 use crate::observer::Gain;
 pub use crate::point::Point;
+pub(crate) use free_run::fit_free_runs;
 use crate::predict::Runner;
 pub(crate) use linear::basis_as_run;
 pub use linear::{Basis, Direction, Linear, basis, basis_beside, linearise};

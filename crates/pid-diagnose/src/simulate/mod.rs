@@ -42,6 +42,24 @@ pub struct State<D> {
     gained: Vec<D>,
 }
 
+impl State<f64> {
+    /// The same state as constants of another scalar.
+    pub(crate) fn lift<D: Pick>(&self) -> State<D> {
+        let all = |x: &[f64]| x.iter().map(|&x| D::constant(x)).collect();
+        State {
+            q: all(&self.q),
+            v: all(&self.v),
+            drive_q: all(&self.drive_q),
+            drive_v: all(&self.drive_v),
+            memory: all(&self.memory),
+            load: all(&self.load),
+            acceleration: all(&self.acceleration),
+            loops: self.loops.iter().map(Memory::lift).collect(),
+            gained: all(&self.gained),
+        }
+    }
+}
+
 /// The robot under a hypothesis, ready to step.
 pub(crate) struct Machine<'h, D: Pick> {
     /// The constants, those of the effects included.

@@ -22,6 +22,17 @@ pub(crate) struct Memory<D> {
     due: f64,
 }
 
+impl Memory<f64> {
+    /// The same as constants of another scalar.
+    pub(super) fn lift<D: Pick>(&self) -> Memory<D> {
+        Memory {
+            integral: D::constant(self.integral),
+            held: D::constant(self.held),
+            due: self.due,
+        }
+    }
+}
+
 impl<D: Pick> Memory<D> {
     /// Of a loop that has not read yet.
     pub(super) fn new() -> Self {

@@ -16,6 +16,7 @@
 //! lags that a signal shows by itself are asked for before every round (see the module `shown`).
 
 mod exchange;
+mod finish;
 mod judge;
 mod shown;
 #[cfg(test)]
@@ -31,7 +32,7 @@ use super::nameless::{described, free_laws, imitated_in_part};
 use super::odds::{plain, within_round};
 use super::refit::{Refit, refit};
 use super::settings::Settings;
-use super::shares::{Parts, Portion, parts, shares, without};
+use super::shares::{Parts, Portion, without};
 use crate::case::Case;
 use crate::criteria::Budget;
 use crate::diagnosis::{Remainder, Round, Tried};
@@ -43,6 +44,7 @@ use crate::levels::{WHOLE, follow_slowly, settle};
 use crate::noise;
 use crate::screen::screen;
 use exchange::exchange;
+use finish::{freely, smallest_dropped};
 use judge::{Gained, at_an_end, gained, grows, judge, shrinks, sums_of};
 use shown::{Shown, shown, stays, take_shown};
 
@@ -413,6 +415,12 @@ fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Sett
             now = whole;
         }
     }
+    if !taken.is_empty() && !settings.watch.stopped() {
+        settings
+            .watch
+            .step("shares of the gap: all parameters to free runs");
+        now = freely(now, &settings.criteria);
+    }
     // Noise alone leaves no more than what is reached.
     let gaps = (&before, floor.min(now.gap.total));
     let (shares, small) = smallest_dropped(&mut now, &mut taken, settings, sensors, gaps);
@@ -444,39 +452,6 @@ fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Sett
         shares,
         refits,
         law,
-    }
-}
-
-/// Drops effects of hardly any share, the smallest first, unless free runs leave more without them
-/// than is nearly the same. The gaps with and without each of the others with their shares, and the
-/// labels of those dropped.
-fn smallest_dropped(
-    now: &mut Stand,
-    taken: &mut Vec<(Refit, f64)>,
-    settings: &Settings,
-    sensors: &[(f64, f64)],
-    (before, floor): (&Gap, f64),
-) -> (Vec<(Parts, Portion)>, Vec<String>) {
-    let mut dropped = Vec::new();
-    loop {
-        let gaps = (before, &now.gap);
-        let parts = parts(&now.case, &now.directions, settings, &now.fit, gaps);
-        let own = shares(&parts, before, &now.gap, floor);
-        let smallest = (0..own.len()).min_by(|&a, &b| own[a].share.total_cmp(&own[b].share));
-        let criteria = &settings.criteria;
-        let nothing = |i: usize| {
-            let same = parts[i].without.total < criteria.near * now.gap.total;
-            own[i].share < criteria.least_share && same
-        };
-        match smallest.filter(|&i| own.len() > 1 && nothing(i)) {
-            None => return (parts.into_iter().zip(own).collect(), dropped),
-            Some(i) => {
-                let less = without(&now.case, &now.directions, settings, &now.fit, i);
-                (now.fit, now.directions) = renewed(&mut now.case, settings, &less, sensors);
-                now.gap = measured(&now.case, &now.fit);
-                dropped.push(taken.remove(i).0.term.label());
-            }
-        }
     }
 }
 

@@ -1,0 +1,390 @@
+//! Fit to free runs: what the gap counts, on the train records.
+//!
+//! ```text
+//! minimise  Σ_w w |e_w(θ, e)|²  +  Σ (θ_k / 0.55)²,    e_w = errors of the free run over window w
+//! ```
+//!
+//! (simulation error in place of prediction error: M. Farina, L. Piroddi, Automatica 47(10), 2011).
+//! Errors are relative to their level, each joint and channel with its own, and count as many as are
+//! independent. Windows have the weights of Student's distribution: one in which a joint sticks at
+//! another moment than its model says nothing of the rest. Free runs are rough in the parameters of
+//! friction, so they serve from a point near the optimum. States at the starts of windows are those of
+//! the predictor at the point; derivatives hold them.
+
+use nalgebra::{DMatrix, DVector};
+use pid_data::Role;
+use rayon::prelude::*;
+
+use super::linear::{Basis, Direction, Linear, lifted};
+use super::quadratic::Quadratic;
+use super::value::PRIOR;
+use super::{Effort, Fit, Point, fit, ranges};
+use crate::case::{Case, Velocity};
+use crate::effect::{FEW, LANES, Pick};
+use crate::gap::{Windows, deviations, free_run, gap, windows};
+use crate::hypothesis::Hypothesis;
+use crate::levels::shared;
+use crate::predict::Runner;
+use crate::scalar::Lanes;
+
+/// Turns of weights and steps.
+const TURNS: usize = 3;
+/// Steps of one turn.
+const STEPS: usize = 5;
+/// Largest error that counts, in the deviations of the motion.
+const LARGEST: f64 = 10.0;
+/// Decrease of the objective, relative, below which a turn has come to rest.
+const REST: f64 = 1e-3;
+
+/// Degrees of freedom of the distribution of errors: Student's with four has tails that are long enough
+/// for most data (K. L. Lange, R. J. A. Little, J. M. G. Taylor, JASA 84, 1989).
+const FREEDOM: f64 = 4.0;
+/// Rounds of [`scale`]; it converges by a factor of about 0.2 each.
+const ROUNDS: usize = 24;
+
+/// Errors of a window, one after the other: sample by sample, joint by joint, position and velocity, in
+/// deviations of the motion; NaN where nothing was read.
+type Window<D> = Vec<D>;
+
+/// The windows of the train records at a point.
+struct Starts(Vec<(usize, Windows)>);
+
+impl Starts {
+    fn new(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Self {
+        let train = case.records.par_iter().enumerate();
+        let train = train.filter(|(_, r)| r.role == Role::Train);
+        let own = train.map(|(i, r)| (i, windows(case, r, hypothesis, &at.theta, &at.e)));
+        Starts(own.collect())
+    }
+
+    /// Every window: its record, first sample and state there.
+    fn each(&self) -> Vec<(usize, usize, &Windows, usize)> {
+        let each = self.0.iter().flat_map(|(record, w)| {
+            (0..w.starts.len()).map(move |i| (*record, i * w.length, w, i))
+        });
+        each.collect()
+    }
+}
+
+/// Errors of one window under constants that may carry derivatives.
+fn errors_of<D: Pick>(
+    case: &Case,
+    hypothesis: &Hypothesis,
+    (theta, e): (&[D], &[D]),
+    &(record, k, w, i): &(usize, usize, &Windows, usize),
+) -> Window<D> {
+    let n = case.n();
+    let record = &case.records[record];
+    let size = deviations(record, n);
+    let mut runner = Runner::<D>::new(case, record, hypothesis, theta, e);
+    let start = w.starts[i].lift();
+    let run = free_run(case, &mut runner, record, &start, k, w.length, &mut |_| {
+        (0.0, 0.0)
+    });
+    let mut out = Vec::with_capacity(2 * run.len());
+    for (i, (q, v)) in run.into_iter().enumerate() {
+        let (j, at) = (i % n, k + 1 + i / n);
+        out.push((q - record.q[j][at]) / size[j].0);
+        out.push(match case.velocity[j] {
+            Velocity::Absent => D::constant(f64::NAN),
+            _ => (v - record.v[j][at]) / size[j].1,
+        });
+    }
+    out
+}
+
+/// Errors of all windows.
+fn errors(case: &Case, hypothesis: &Hypothesis, at: &Point, starts: &Starts) -> Vec<Window<f64>> {
+    let each = starts.each();
+    let own = each.par_iter();
+    own.map(|w| errors_of::<f64>(case, hypothesis, (&at.theta, &at.e), w))
+        .collect()
+}
+
+/// Square of the scale of Student's distribution under which mean squares, each of so many independent
+/// samples, are most likely: few large ones do not decide it.
+fn scale(squares: &[(f64, f64)]) -> f64 {
+    let number: f64 = squares.iter().map(|(_, n)| n).sum();
+    let mut scale = squares.iter().map(|(x, n)| n * x).sum::<f64>() / number.max(1e-300);
+    for _ in 0..ROUNDS {
+        let weighted = squares.iter().map(|(x, n)| {
+            let weight = (FREEDOM + n) / (FREEDOM + n * x / scale.max(1e-300));
+            weight * n * x
+        });
+        scale = weighted.sum::<f64>() / number.max(1e-300);
+    }
+    scale.max(1e-300)
+}
+
+/// What an error of each window, joint and channel is multiplied by.
+struct Weights(Vec<Vec<f64>>);
+
+impl Weights {
+    fn new(case: &Case, errors: &[Window<f64>]) -> Self {
+        let channels = 2 * case.n();
+        let mut out = vec![vec![0.0; channels]; errors.len()];
+        for c in 0..channels {
+            let of = |w: &Window<f64>| -> Vec<f64> {
+                let own = w.iter().skip(c).step_by(channels).copied();
+                own.filter(|x| !x.is_nan()).map(within).collect()
+            };
+            let all: Vec<Vec<f64>> = errors.iter().map(of).collect();
+            let square = |x: &Vec<f64>| x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
+            let read = all.iter().filter(|x| !x.is_empty());
+            let squares = read.map(|x| (square(x).max(1e-12), x.len() as f64 / shared(x)));
+            let level = scale(&squares.collect::<Vec<_>>());
+            for (x, out) in all.iter().zip(&mut out).filter(|(x, _)| !x.is_empty()) {
+                let shared = shared(x);
+                let n = x.len() as f64 / shared;
+                let over = (FREEDOM + n * square(x) / level) / (FREEDOM + n);
+                out[c] = (level * shared * over).sqrt().recip();
+            }
+        }
+        Weights(out)
+    }
+
+    fn of(&self, window: usize, i: usize) -> f64 {
+        let own = &self.0[window];
+        own[i % own.len()]
+    }
+}
+
+fn within(x: f64) -> f64 {
+    x.clamp(-LARGEST, LARGEST)
+}
+
+/// The objective.
+fn objective(weights: &Weights, errors: &[Window<f64>], at: &Point) -> f64 {
+    let prior: f64 = at.theta.iter().map(|t| (t / PRIOR).powi(2)).sum();
+    let square = |(w, x): (usize, &Window<f64>)| -> f64 {
+        let own = x.iter().enumerate().filter(|(_, x)| !x.is_nan());
+        own.map(|(i, x)| (weights.of(w, i) * within(*x)).powi(2))
+            .sum()
+    };
+    prior + errors.iter().enumerate().map(square).sum::<f64>()
+}
+
+/// Weighted errors and their derivatives.
+fn linearise(
+    case: &Case,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    (starts, weights): (&Starts, &Weights),
+    directions: &[Direction<'_>],
+) -> Linear {
+    let each = starts.each();
+    let mut passes: Vec<&[Direction<'_>]> = directions.chunks(LANES).collect();
+    if passes.is_empty() {
+        passes.push(directions);
+    }
+    let jobs = (0..each.len()).flat_map(|w| (0..passes.len()).map(move |p| (w, p)));
+    let jobs: Vec<(usize, usize)> = jobs.collect();
+    let rows: Vec<Vec<f64>> = jobs
+        .par_iter()
+        .map(|&(w, p)| match passes[p].len() {
+            0..=FEW => one_pass::<FEW>(case, hypothesis, at, (&each[w], w, weights), passes[p]),
+            _ => one_pass::<LANES>(case, hypothesis, at, (&each[w], w, weights), passes[p]),
+        })
+        .collect();
+    let of_window = |w: usize| &rows[w * passes.len()..(w + 1) * passes.len()];
+    let lengths: Vec<usize> = (0..each.len())
+        .map(|w| of_window(w)[0].len() / (1 + passes[0].len()))
+        .collect();
+    let number = lengths.iter().sum();
+    let mut out = Linear {
+        r: DVector::zeros(number),
+        j: DMatrix::zeros(number, directions.len()),
+    };
+    let mut row = 0;
+    for (w, length) in lengths.iter().enumerate() {
+        for (p, rows) in of_window(w).iter().enumerate() {
+            for (i, x) in rows.chunks_exact(1 + passes[p].len()).enumerate() {
+                out.r[row + i] = x[0];
+                for (lane, slope) in x[1..].iter().enumerate() {
+                    out.j[(row + i, p * LANES + lane)] = *slope;
+                }
+            }
+        }
+        row += length;
+    }
+    out
+}
+
+/// Weighted errors of one window, each followed by its derivatives.
+fn one_pass<const N: usize>(
+    case: &Case,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    (window, w, weights): (&(usize, usize, &Windows, usize), usize, &Weights),
+    directions: &[Direction<'_>],
+) -> Vec<f64>
+where
+    Lanes<N>: Pick,
+{
+    let (theta, e) = lifted::<N>(at, directions);
+    let errors = errors_of(case, hypothesis, (&theta, &e), window);
+    let mut rows = Vec::with_capacity(errors.len() * (1 + directions.len()));
+    for (i, x) in errors.iter().enumerate().filter(|(_, x)| !x.re.is_nan()) {
+        let weight = weights.of(w, i);
+        rows.push(weight * within(x.re));
+        let counts = x.re.abs() < LARGEST && x.eps.iter().all(|e| e.abs() < 1e9);
+        let slopes = x.eps[..directions.len()].iter();
+        rows.extend(slopes.map(|e| if counts { weight * e } else { 0.0 }));
+    }
+    rows
+}
+
+/// The fit from where it is, if free runs on the train records leave less there.
+pub(crate) fn fit_free_runs(case: &Case, basis: &Basis, from: &Fit) -> Option<Fit> {
+    let hypothesis = &from.hypothesis;
+    let columns = basis.directions();
+    let directions = columns.iter().map(|c| Direction::Theta(c));
+    let effects = (0..from.point.e.len()).map(Direction::Effect);
+    let directions: Vec<Direction<'_>> = directions.chain(effects).collect();
+    if directions.is_empty() {
+        return None;
+    }
+    let bounds = ranges(case, hypothesis);
+    let left = |at: &Point| gap(case, hypothesis, &at.theta, &at.e, Role::Train).total;
+    let (before, mut at) = (left(&from.point), from.point.clone());
+    let mut best: Option<(f64, Point)> = None;
+    for _ in 0..TURNS {
+        let start = at.clone();
+        let mut starts = Starts::new(case, hypothesis, &at);
+        let mut now = errors(case, hypothesis, &at, &starts);
+        let weights = Weights::new(case, &now);
+        let mut damping = 1e-3;
+        for _ in 0..STEPS {
+            let lin = linearise(case, hypothesis, &at, (&starts, &weights), &directions);
+            let quadratic = Quadratic::new(basis, &lin, &at);
+            let bound = objective(&weights, &now, &at);
+            let Some((next, their, there)) = stepped(&at, &quadratic, &bounds, &mut damping, |next| {
+                let starts = Starts::new(case, hypothesis, next);
+                let there = errors(case, hypothesis, next, &starts);
+                (objective(&weights, &there, next) < bound).then_some((starts, there))
+            }) else {
+                break;
+            };
+            let resting = bound - objective(&weights, &there, &next) < REST * bound;
+            (at, starts, now) = (next, their, there);
+            if resting {
+                break;
+            }
+        }
+        if at == start {
+            break;
+        }
+        let own = left(&at);
+        if own < best.as_ref().map_or(before, |b| b.0) {
+            best = Some((own, at.clone()));
+        }
+    }
+    let (_, point) = best?;
+    Some(fit(case, basis, hypothesis, point, Effort::full(0)))
+}
+
+/// The first point that `better` takes, from the full step on with growing damping.
+fn stepped<T>(
+    at: &Point,
+    quadratic: &Quadratic,
+    bounds: &[(f64, f64)],
+    damping: &mut f64,
+    better: impl Fn(&Point) -> Option<(Starts, T)>,
+) -> Option<(Point, Starts, T)> {
+    const TRIALS: usize = 6;
+    let size = at.theta.len();
+    let number = size + at.e.len();
+    let place = |i: usize| match i.checked_sub(size) {
+        None => (at.theta[i], (-1.0, 1.0)),
+        Some(e) => (at.e[e], bounds[e]),
+    };
+    let low = DVector::from_fn(number, |i, _| place(i).1.0 - place(i).0);
+    let high = DVector::from_fn(number, |i, _| place(i).1.1 - place(i).0);
+    for _ in 0..TRIALS {
+        let mut damped = quadratic.clone();
+        for i in 0..number {
+            damped.h[(i, i)] += *damping * (quadratic.h[(i, i)] + 1e-300);
+        }
+        let (x, _) = damped.minimise(&low, &high);
+        let mut next = at.clone();
+        let all = next.theta.iter_mut().chain(&mut next.e);
+        all.zip(x.iter()).for_each(|(t, x)| *t += x);
+        if let Some((starts, there)) = better(&next) {
+            *damping = (*damping * 0.1).max(1e-6);
+            return Some((next, starts, there));
+        }
+        *damping = (*damping * 10.0).max(1e-2);
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::{SIZE, named, pendulum};
+    use crate::fit::basis;
+
+    fn at(e: &[f64]) -> Point {
+        Point {
+            theta: vec![0.0; SIZE],
+            e: e.to_vec(),
+        }
+    }
+
+    #[test]
+    fn one_large_square_does_not_decide_the_scale() {
+        assert!((scale(&[(4.0, 3.0); 20]) - 4.0).abs() < 1e-12);
+        let mut squares = [(4.0, 3.0); 20];
+        squares[7].0 = 1e6;
+        let own = scale(&squares);
+        assert!((3.9..6.0).contains(&own), "{own}");
+    }
+
+    #[test]
+    fn derivatives_are_those_of_the_errors() {
+        let hypothesis = named(&["spring"]);
+        let case = pendulum(&hypothesis, &[0.9, 0.2], 6.0, &|_| {});
+        let here = at(&[0.7, 0.1]);
+        let starts = Starts::new(&case, &hypothesis, &here);
+        let weights = Weights::new(&case, &errors(&case, &hypothesis, &here, &starts));
+        let mut one = vec![0.0; SIZE];
+        one[0] = 1.0;
+        let directions = [Direction::Theta(&one), Direction::Effect(0)];
+        let lin = linearise(&case, &hypothesis, &here, (&starts, &weights), &directions);
+        let moved = |theta: f64, e: f64| {
+            let mut there = here.clone();
+            there.theta[0] += theta;
+            there.e[0] += e;
+            linearise(&case, &hypothesis, &there, (&starts, &weights), &[]).r
+        };
+        let h = 1e-5;
+        for (column, (theta, e)) in [(h, 0.0), (0.0, h)].into_iter().enumerate() {
+            let slope = (moved(theta, e) - moved(-theta, -e)) / (2.0 * h);
+            let error = (&slope - lin.j.column(column)).amax();
+            assert!(error < 1e-4 * slope.amax(), "{column}: {error}");
+            assert!(slope.amax() > 0.0);
+        }
+    }
+
+    #[test]
+    fn a_fit_that_stopped_early_ends_at_the_truth_beside_a_window_that_nothing_explains() {
+        let hypothesis = named(&["spring"]);
+        let truth = [0.9, 0.2];
+        let mut case = pendulum(&hypothesis, &truth, 8.0, &|_| {});
+        // Someone holds the pendulum for a fifth of a second.
+        let record = &mut case.records[0];
+        let (from, to) = (record.len() / 2, record.len() / 2 + (0.2 / record.h) as usize);
+        for k in from..to {
+            record.q[0][k] = record.q[0][from];
+            record.v[0][k] = 0.0;
+        }
+        let own = basis(&case);
+        let early = fit(&case, &own, &hypothesis, at(&[0.6, 0.0]), Effort::full(0));
+        let end = fit_free_runs(&case, &own, &early).expect("a better fit");
+        for (x, y) in end.point.e.iter().zip(&truth) {
+            assert!((x - y).abs() < 0.02, "{:?}", end.point.e);
+        }
+        let left = |f: &Fit| gap(&case, &hypothesis, &f.point.theta, &f.point.e, Role::Train);
+        assert!(left(&end).total < left(&early).total);
+    }
+}
