@@ -17,10 +17,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use crate::case::{Case, Record, Velocity, smoothed};
+use crate::effect::Pick;
 use crate::hypothesis::Hypothesis;
 use crate::initial;
 use crate::nominal::EncoderSide;
-use crate::effect::Pick;
 use crate::predict::{Runner, gains};
 use crate::simulate::State;
 

@@ -258,11 +258,13 @@ pub(crate) fn fit_free_runs(case: &Case, basis: &Basis, from: &Fit) -> Option<Fi
             let lin = linearise(case, hypothesis, &at, (&starts, &weights), &directions);
             let quadratic = Quadratic::new(basis, &lin, &at);
             let bound = objective(&weights, &now, &at);
-            let Some((next, their, there)) = stepped(&at, &quadratic, &bounds, &mut damping, |next| {
-                let starts = Starts::new(case, hypothesis, next);
-                let there = errors(case, hypothesis, next, &starts);
-                (objective(&weights, &there, next) < bound).then_some((starts, there))
-            }) else {
+            let Some((next, their, there)) =
+                stepped(&at, &quadratic, &bounds, &mut damping, |next| {
+                    let starts = Starts::new(case, hypothesis, next);
+                    let there = errors(case, hypothesis, next, &starts);
+                    (objective(&weights, &there, next) < bound).then_some((starts, there))
+                })
+            else {
                 break;
             };
             let resting = bound - objective(&weights, &there, &next) < REST * bound;
@@ -373,7 +375,10 @@ mod tests {
         let mut case = pendulum(&hypothesis, &truth, 8.0, &|_| {});
         // Someone holds the pendulum for a fifth of a second.
         let record = &mut case.records[0];
-        let (from, to) = (record.len() / 2, record.len() / 2 + (0.2 / record.h) as usize);
+        let (from, to) = (
+            record.len() / 2,
+            record.len() / 2 + (0.2 / record.h) as usize,
+        );
         for k in from..to {
             record.q[0][k] = record.q[0][from];
             record.v[0][k] = 0.0;

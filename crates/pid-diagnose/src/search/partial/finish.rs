@@ -38,8 +38,8 @@ fn stand_without(now: &Stand, settings: &Settings, sensors: &[(f64, f64)], i: us
 }
 
 /// Drops effects of hardly any share, the smallest first, and those that are smaller than their
-/// deviation, unless free runs leave more without them than is nearly the same. The gaps with and without each of the others with their shares, and the
-/// labels of those dropped.
+/// deviation, unless free runs leave more without them than is nearly the same. The gaps with and without
+/// each of the others with their shares, and the labels of those dropped.
 pub(super) fn smallest_dropped(
     now: &mut Stand,
     taken: &mut Vec<(Refit, f64)>,
