@@ -152,8 +152,8 @@ fn two_faults_in_one_record_are_both_found() {
     let two = DRAWN.iter().find(|(data, _)| data.nq() == 2);
     let (data, text) = two.unwrap();
     let mut draws = Draws(5);
-    let once = plant("swapped inputs", &data, &text, &mut draws).unwrap();
-    let twice = plant("milliseconds", &once.data, &text, &mut draws).unwrap();
+    let once = plant("swapped inputs", data, text, &mut draws).unwrap();
+    let twice = plant("milliseconds", &once.data, text, &mut draws).unwrap();
     let found = check(&twice.data, &described(text), &settings());
     assert!(
         found.iter().any(|f| names(f, &once)) && found.iter().any(|f| names(f, &twice)),

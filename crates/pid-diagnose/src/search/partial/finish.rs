@@ -1,7 +1,7 @@
 //! How a list of effects ends: all parameters to free runs, and without what is hardly there.
 
+use super::Stand;
 use super::judge::grows;
-use super::{Stand, renewed};
 use crate::criteria::Criteria;
 use crate::fit::fit_free_runs;
 use crate::gap::Gap;
@@ -9,7 +9,7 @@ use crate::search::magnitude::sizes;
 use crate::search::measure::measured;
 use crate::search::refit::Refit;
 use crate::search::settings::Settings;
-use crate::search::shares::{Parts, Portion, parts, shares, without};
+use crate::search::shares::{Parts, Portion, parts, shares, taken_out};
 
 /// Where free runs on the train records lead, unless they grow on the test records.
 pub(super) fn freely(now: Stand, criteria: &Criteria) -> Stand {
@@ -23,18 +23,16 @@ pub(super) fn freely(now: Stand, criteria: &Criteria) -> Stand {
     }
 }
 
-/// A stand without one of its effects, all parameters to free runs.
-fn stand_without(now: &Stand, settings: &Settings, sensors: &[(f64, f64)], i: usize) -> Stand {
-    let less = without(&now.case, &now.directions, settings, &now.fit, i);
-    let mut case = now.case.clone();
-    let (fit, directions) = renewed(&mut case, settings, &less, sensors);
+/// A stand without one of its effects, all other parameters to free runs from where they are.
+fn stand_without(now: &Stand, criteria: &Criteria, i: usize) -> Stand {
+    let fit = taken_out(&now.case, &now.directions, &now.fit, i);
     let less = Stand {
-        gap: measured(&case, &fit),
-        case,
-        directions,
+        gap: measured(&now.case, &fit),
+        case: now.case.clone(),
+        directions: now.directions.clone(),
         fit,
     };
-    freely(less, &settings.criteria)
+    freely(less, criteria)
 }
 
 /// Drops effects of hardly any share, the smallest first, and those that are smaller than their
@@ -44,7 +42,6 @@ pub(super) fn smallest_dropped(
     now: &mut Stand,
     taken: &mut Vec<(Refit, f64)>,
     settings: &Settings,
-    sensors: &[(f64, f64)],
     (before, floor): (&Gap, f64),
 ) -> (Vec<(Parts, Portion)>, Vec<String>) {
     let mut dropped = Vec::new();
@@ -57,7 +54,7 @@ pub(super) fn smallest_dropped(
         let small = smallest.filter(|&i| own.len() > 1 && own[i].share < criteria.least_share);
         let sizes = sizes(&now.case, criteria, &now.fit);
         let small = small.or_else(|| (0..own.len()).find(|&i| sizes[i] <= 1.0));
-        let less = small.map(|i| (i, stand_without(now, settings, sensors, i)));
+        let less = small.map(|i| (i, stand_without(now, criteria, i)));
         let nearly_same = |less: &Stand| less.gap.total < criteria.near * now.gap.total;
         match less.filter(|(_, less)| nearly_same(less)) {
             None => return (parts.into_iter().zip(own).collect(), dropped),

@@ -423,7 +423,7 @@ fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Sett
     }
     // Noise alone leaves no more than what is reached.
     let gaps = (&before, floor.min(now.gap.total));
-    let (shares, small) = smallest_dropped(&mut now, &mut taken, settings, sensors, gaps);
+    let (shares, small) = smallest_dropped(&mut now, &mut taken, settings, gaps);
     if let Some(last) = rounds.last_mut() {
         last.dropped.extend(small);
     }
