@@ -1,35 +1,9 @@
 //! Masses and inertias of meshes, against those of bodies by hand.
 
-use pid_derive::mechanism::Body;
+mod common;
+
+use common::{body_of, close, hinge, model, read};
 use pid_mjcf::Mjcf;
-
-fn model(world: &str, rest: &str) -> String {
-    format!("<mujoco>{rest}<worldbody>{world}</worldbody></mujoco>")
-}
-
-/// A body with this content on a hinge.
-fn hinge(content: &str) -> String {
-    format!("<body><joint/>{content}</body>")
-}
-
-fn read(text: &str) -> Mjcf {
-    Mjcf::parse("a.xml", text).unwrap_or_else(|e| panic!("{e}"))
-}
-
-fn body_of(text: &str) -> Body {
-    read(text).mechanism.bodies.remove(0)
-}
-
-#[track_caller]
-fn close(found: &[f64], expected: &[f64]) {
-    assert_eq!(found.len(), expected.len());
-    for (x, y) in found.iter().zip(expected) {
-        assert!(
-            (x - y).abs() <= 1e-9 * (1.0 + y.abs()),
-            "{found:?} for {expected:?}"
-        );
-    }
-}
 
 /// A cuboid of 2 x 4 x 6 as a mesh, off its frame, turned, scaled, of a stated mass: the inertia of a box.
 #[test]
@@ -53,8 +27,11 @@ fn meshes_are_filled() {
     close(&filled.com, &[1.0, -3.0, 3.0]);
     let moments = [16.0 + 36.0, 4.0 + 16.0, 4.0 + 36.0].map(|x| 4000.0 * x);
     let expected = [moments[0], moments[1], moments[2], 0.0, 0.0, 0.0];
-    close(&filled.inertia, &expected);
-    close(&of(geom, "inertia=\"exact\"").inertia, &expected);
+    // In t m².
+    let tons = |x: [f64; 6]| x.map(|x| x / 1000.0);
+    close(&tons(filled.inertia), &tons(expected));
+    let exact = of(geom, "inertia=\"exact\"").inertia;
+    close(&tons(exact), &tons(expected));
     let stated = of(&geom.replace("/>", " mass=\"3\"/>"), "");
     close(&[stated.mass], &[3.0]);
     close(&stated.inertia, &expected.map(|x| x / 16_000.0));
@@ -68,12 +45,12 @@ fn meshes_are_filled() {
     assert!(body_of(&model(&hinge(geom), &turned)).mass < 48_000.0);
     let missing = "<asset><mesh name=\"m\" file=\"nowhere.stl\"/></asset>";
     let ball = "<geom size=\"0.1\" mass=\"2\"/>";
-    let read = read(&model(&hinge(&format!("{geom}{ball}")), missing));
-    assert_eq!(read.mechanism.bodies[0].mass, 2.0);
+    let warned = read(&model(&hinge(&format!("{geom}{ball}")), missing));
+    assert_eq!(warned.mechanism.bodies[0].mass, 2.0);
     assert!(
-        read.warnings[0].contains("is mesh `m`, which cannot be read"),
+        warned.warnings[0].contains("is mesh `m`, which cannot be read"),
         "{:?}",
-        read.warnings
+        warned.warnings
     );
 }
 

@@ -1,40 +1,15 @@
 //! What is read of a model, against values by hand; messages.
 
+mod common;
+
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use pid_derive::mechanism::{Body, Place};
+use common::{body_of, close, hinge, model, read};
+use pid_derive::mechanism::Place;
 use pid_mjcf::{Mjcf, MjcfError};
-
-fn model(world: &str, rest: &str) -> String {
-    format!("<mujoco model=\"test_robot\">{rest}<worldbody>{world}</worldbody></mujoco>")
-}
-
-fn read(text: &str) -> Mjcf {
-    Mjcf::parse("a.xml", text).unwrap_or_else(|e| panic!("{e}"))
-}
 
 fn refused(text: &str) -> String {
     Mjcf::parse("a.xml", text).expect_err(text).to_string()
-}
-
-/// A body with this content on a hinge about y.
-fn hinge(content: &str) -> String {
-    format!("<body name=\"arm\"><joint name=\"j\" axis=\"0 2 0\"/>{content}</body>")
-}
-
-fn body_of(text: &str) -> Body {
-    read(text).mechanism.bodies.remove(0)
-}
-
-#[track_caller]
-fn close(found: &[f64], expected: &[f64]) {
-    assert_eq!(found.len(), expected.len());
-    for (x, y) in found.iter().zip(expected) {
-        assert!(
-            (x - y).abs() <= 1e-12 * (1.0 + y.abs()),
-            "{found:?} for {expected:?}"
-        );
-    }
 }
 
 const STATED: &str = "<inertial pos=\"0 0 0.1\" mass=\"2\" diaginertia=\"0.03 0.02 0.01\"/>";

@@ -11,11 +11,11 @@
 //! friction, so they serve from a point near the optimum. States at the starts of windows are those of
 //! the predictor at the point; derivatives hold them.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use pid_data::Role;
 use rayon::prelude::*;
 
-use super::linear::{Basis, Direction, Linear, lifted};
+use super::linear::{Basis, Direction, Linear, gathered, lifted};
 use super::quadratic::Quadratic;
 use super::value::PRIOR;
 use super::{Effort, Fit, Point, fit, ranges};
@@ -26,6 +26,7 @@ use crate::hypothesis::Hypothesis;
 use crate::levels::shared;
 use crate::predict::Runner;
 use crate::scalar::Lanes;
+use crate::simulate::State;
 
 /// Turns of weights and steps.
 const TURNS: usize = 3;
@@ -47,20 +48,49 @@ const ROUNDS: usize = 24;
 type Window<D> = Vec<D>;
 
 /// The windows of the train records at a point.
-struct Starts(Vec<(usize, Windows)>);
+struct Starts(Vec<Cut>);
+
+/// A record in its windows.
+struct Cut {
+    record: usize,
+    windows: Windows,
+    /// Deviations of the readings of every joint.
+    size: Vec<(f64, f64)>,
+}
+
+/// One window.
+struct Place<'a> {
+    record: usize,
+    /// First sample.
+    k: usize,
+    length: usize,
+    start: &'a State<f64>,
+    /// Deviations of the readings of every joint.
+    size: &'a [(f64, f64)],
+}
 
 impl Starts {
     fn new(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Self {
         let train = case.records.par_iter().enumerate();
         let train = train.filter(|(_, r)| r.role == Role::Train);
-        let own = train.map(|(i, r)| (i, windows(case, r, hypothesis, &at.theta, &at.e)));
+        let own = train.map(|(record, r)| Cut {
+            record,
+            windows: windows(case, r, hypothesis, &at.theta, &at.e),
+            size: deviations(r, case.n()),
+        });
         Starts(own.collect())
     }
 
-    /// Every window: its record, first sample and state there.
-    fn each(&self) -> Vec<(usize, usize, &Windows, usize)> {
-        let each = self.0.iter().flat_map(|(record, w)| {
-            (0..w.starts.len()).map(move |i| (*record, i * w.length, w, i))
+    fn each(&self) -> Vec<Place<'_>> {
+        let each = self.0.iter().flat_map(|cut| {
+            let (length, starts) = (cut.windows.length, &cut.windows.starts);
+            starts.iter().enumerate().map(move |(i, start)| Place {
+                record: cut.record,
+                k: i * length,
+                length,
+                start,
+                size: &cut.size,
+            })
         });
         each.collect()
     }
@@ -71,26 +101,35 @@ fn errors_of<D: Pick>(
     case: &Case,
     hypothesis: &Hypothesis,
     (theta, e): (&[D], &[D]),
-    &(record, k, w, i): &(usize, usize, &Windows, usize),
+    place: &Place<'_>,
 ) -> Window<D> {
     let n = case.n();
-    let record = &case.records[record];
-    let size = deviations(record, n);
+    let (record, k) = (&case.records[place.record], place.k);
     let mut runner = Runner::<D>::new(case, record, hypothesis, theta, e);
-    let start = w.starts[i].lift();
-    let run = free_run(case, &mut runner, record, &start, k, w.length, &mut |_| {
+    let start = place.start.lift();
+    let length = place.length;
+    let run = free_run(case, &mut runner, record, &start, k, length, &mut |_| {
         (0.0, 0.0)
     });
     let mut out = Vec::with_capacity(2 * run.len());
     for (i, (q, v)) in run.into_iter().enumerate() {
         let (j, at) = (i % n, k + 1 + i / n);
-        out.push((q - record.q[j][at]) / size[j].0);
+        out.push(error(q, record.q[j][at], place.size[j].0));
         out.push(match case.velocity[j] {
             Velocity::Absent => D::constant(f64::NAN),
-            _ => (v - record.v[j][at]) / size[j].1,
+            _ => error(v, record.v[j][at], place.size[j].1),
         });
     }
     out
+}
+
+/// An error where something was read, NaN elsewhere; a run that diverged is as far off as counts.
+fn error<D: Pick>(x: D, reading: f64, size: f64) -> D {
+    match (reading.is_finite(), x.value().is_nan()) {
+        (false, _) => D::constant(f64::NAN),
+        (true, true) => D::constant(LARGEST),
+        (true, false) => (x - reading) / size,
+    }
 }
 
 /// Errors of all windows.
@@ -173,41 +212,14 @@ fn linearise(
     directions: &[Direction<'_>],
 ) -> Linear {
     let each = starts.each();
-    let mut passes: Vec<&[Direction<'_>]> = directions.chunks(LANES).collect();
-    if passes.is_empty() {
-        passes.push(directions);
-    }
-    let jobs = (0..each.len()).flat_map(|w| (0..passes.len()).map(move |p| (w, p)));
-    let jobs: Vec<(usize, usize)> = jobs.collect();
-    let rows: Vec<Vec<f64>> = jobs
-        .par_iter()
-        .map(|&(w, p)| match passes[p].len() {
-            0..=FEW => one_pass::<FEW>(case, hypothesis, at, (&each[w], w, weights), passes[p]),
-            _ => one_pass::<LANES>(case, hypothesis, at, (&each[w], w, weights), passes[p]),
-        })
-        .collect();
-    let of_window = |w: usize| &rows[w * passes.len()..(w + 1) * passes.len()];
-    let lengths: Vec<usize> = (0..each.len())
-        .map(|w| of_window(w)[0].len() / (1 + passes[0].len()))
-        .collect();
-    let number = lengths.iter().sum();
-    let mut out = Linear {
-        r: DVector::zeros(number),
-        j: DMatrix::zeros(number, directions.len()),
-    };
-    let mut row = 0;
-    for (w, length) in lengths.iter().enumerate() {
-        for (p, rows) in of_window(w).iter().enumerate() {
-            for (i, x) in rows.chunks_exact(1 + passes[p].len()).enumerate() {
-                out.r[row + i] = x[0];
-                for (lane, slope) in x[1..].iter().enumerate() {
-                    out.j[(row + i, p * LANES + lane)] = *slope;
-                }
-            }
-        }
-        row += length;
-    }
-    out
+    gathered(each.len(), directions, |w, own| {
+        let over = if own.len() > FEW {
+            one_pass::<LANES>
+        } else {
+            one_pass::<FEW>
+        };
+        over(case, hypothesis, at, (&each[w], w, weights), own)
+    })
 }
 
 /// Weighted errors of one window, each followed by its derivatives.
@@ -215,14 +227,14 @@ fn one_pass<const N: usize>(
     case: &Case,
     hypothesis: &Hypothesis,
     at: &Point,
-    (window, w, weights): (&(usize, usize, &Windows, usize), usize, &Weights),
+    (place, w, weights): (&Place<'_>, usize, &Weights),
     directions: &[Direction<'_>],
 ) -> Vec<f64>
 where
     Lanes<N>: Pick,
 {
     let (theta, e) = lifted::<N>(at, directions);
-    let errors = errors_of(case, hypothesis, (&theta, &e), window);
+    let errors = errors_of(case, hypothesis, (&theta, &e), place);
     let mut rows = Vec::with_capacity(errors.len() * (1 + directions.len()));
     for (i, x) in errors.iter().enumerate().filter(|(_, x)| !x.re.is_nan()) {
         let weight = weights.of(w, i);
@@ -340,6 +352,13 @@ mod tests {
         squares[7].0 = 1e6;
         let own = scale(&squares);
         assert!((3.9..6.0).contains(&own), "{own}");
+    }
+
+    #[test]
+    fn a_run_that_diverged_is_far_off_and_a_missing_reading_is_not() {
+        assert_eq!(error(f64::NAN, 0.3, 0.1), LARGEST);
+        assert!(error(0.5, f64::NAN, 0.1).is_nan());
+        assert!((error(0.5, 0.3, 0.1) - 2.0).abs() < 1e-12);
     }
 
     #[test]

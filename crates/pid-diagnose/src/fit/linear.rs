@@ -68,6 +68,24 @@ pub fn linearise(
     let records: Vec<usize> = (0..case.records.len())
         .filter(|&i| case.records[i].role == role)
         .collect();
+    gathered(records.len(), directions, |part, own| {
+        let r = records[part];
+        let over = if own.len() > FEW {
+            one_pass::<LANES>
+        } else {
+            one_pass::<FEW>
+        };
+        over(case, &case.records[r], hypothesis, at, &gains[r], own)
+    })
+}
+
+/// The errors of parts of the records and their derivatives, a few directions per pass. `one_pass`
+/// gives those of a part, each followed by its derivatives in at most [`LANES`] directions.
+pub(super) fn gathered(
+    parts: usize,
+    directions: &[Direction<'_>],
+    one_pass: impl Fn(usize, &[Direction<'_>]) -> Vec<f64> + Sync,
+) -> Linear {
     // Wide passes as long as they are more than half full.
     let mut passes: Vec<&[Direction<'_>]> = Vec::new();
     let mut left = directions;
@@ -80,32 +98,24 @@ pub fn linearise(
         passes.push(left);
     }
     let jobs: Vec<(usize, usize)> = (0..passes.len())
-        .flat_map(|p| records.iter().map(move |&r| (p, r)))
+        .flat_map(|pass| (0..parts).map(move |part| (pass, part)))
         .collect();
     let results: Vec<Vec<f64>> = jobs
         .par_iter()
-        .map(|&(pass, r)| {
-            let own = passes[pass];
-            let over = if own.len() > FEW {
-                one_pass::<LANES>
-            } else {
-                one_pass::<FEW>
-            };
-            over(case, &case.records[r], hypothesis, at, &gains[r], own)
-        })
+        .map(|&(pass, part)| one_pass(part, passes[pass]))
         .collect();
     let width = |pass: usize| 1 + passes[pass].len();
-    let lengths: Vec<usize> = (0..records.len())
-        .map(|slot| results[slot].len() / width(0))
+    let lengths: Vec<usize> = (0..parts)
+        .map(|part| results[part].len() / width(0))
         .collect();
     let mut out = Linear {
         r: DVector::zeros(lengths.iter().sum()),
         j: DMatrix::zeros(lengths.iter().sum(), directions.len()),
     };
     let mut column = 0;
-    for (pass, of_records) in results.chunks(records.len().max(1)).enumerate() {
+    for (pass, of_parts) in results.chunks(parts.max(1)).enumerate() {
         let mut row = 0;
-        for rows in of_records {
+        for rows in of_parts {
             for x in rows.chunks_exact(width(pass)) {
                 out.r[row] = x[0];
                 for (lane, slope) in x[1..].iter().enumerate() {
