@@ -521,7 +521,9 @@ impl<'a> Contest<'a> {
             let (gain, _) = self.judged(&fits, 1);
             let left = set.iter().map(|&j| fits[j].left).fold(0.0, f64::max);
             let limited = |&j: &usize| self.left_of_limited(&rigid, j) < fits[j].left;
-            if near.is_none() && set.iter().all(limited) {
+            // Factors beyond those of a limit are units, whatever else acts.
+            let small = near.is_none_or(|(_, f, _)| f.ln().abs() <= ALONE.ln());
+            if small && set.iter().all(limited) {
                 continue;
             }
             let joints: Vec<usize> = if set.len() == self.active.len() && set.len() > 1 {
