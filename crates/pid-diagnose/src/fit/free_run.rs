@@ -11,12 +11,12 @@
 //! friction, so they serve from a point near the optimum. States at the starts of windows are those of
 //! the predictor at the point; derivatives hold them.
 
-use nalgebra::DVector;
 use pid_data::Role;
 use rayon::prelude::*;
 
 use super::linear::{Basis, Direction, Linear, gathered, lifted};
 use super::quadratic::Quadratic;
+use super::step::Damping;
 use super::value::PRIOR;
 use super::{Effort, Fit, Point, fit, ranges};
 use crate::case::{Case, Velocity};
@@ -32,6 +32,8 @@ use crate::simulate::State;
 const TURNS: usize = 3;
 /// Steps of one turn.
 const STEPS: usize = 5;
+/// Trials of one step.
+const TRIALS: usize = 6;
 /// Largest error that counts, in the deviations of the motion.
 const LARGEST: f64 = 10.0;
 /// Decrease of the objective, relative, below which a turn has come to rest.
@@ -265,18 +267,17 @@ pub(crate) fn fit_free_runs(case: &Case, basis: &Basis, from: &Fit) -> Option<Fi
         let mut starts = Starts::new(case, hypothesis, &at);
         let mut now = errors(case, hypothesis, &at, &starts);
         let weights = Weights::new(case, &now);
-        let mut damping = 1e-3;
+        let mut damping = Damping::new(None);
         for _ in 0..STEPS {
             let lin = linearise(case, hypothesis, &at, (&starts, &weights), &directions);
             let quadratic = Quadratic::new(basis, &lin, &at);
             let bound = objective(&weights, &now, &at);
-            let Some((next, their, there)) =
-                stepped(&at, &quadratic, &bounds, &mut damping, |next| {
-                    let starts = Starts::new(case, hypothesis, next);
-                    let there = errors(case, hypothesis, next, &starts);
-                    (objective(&weights, &there, next) < bound).then_some((starts, there))
-                })
-            else {
+            let stepped = damping.step((&at, &bounds), &quadratic, TRIALS, |next| {
+                let starts = Starts::new(case, hypothesis, next);
+                let there = errors(case, hypothesis, next, &starts);
+                (objective(&weights, &there, next) < bound).then_some((starts, there))
+            });
+            let Some((next, (their, there))) = stepped.to else {
                 break;
             };
             let resting = bound - objective(&weights, &there, &next) < REST * bound;
@@ -295,41 +296,6 @@ pub(crate) fn fit_free_runs(case: &Case, basis: &Basis, from: &Fit) -> Option<Fi
     }
     let (_, point) = best?;
     Some(fit(case, basis, hypothesis, point, Effort::full(0)))
-}
-
-/// The first point that `better` takes, from the full step on with growing damping.
-fn stepped<T>(
-    at: &Point,
-    quadratic: &Quadratic,
-    bounds: &[(f64, f64)],
-    damping: &mut f64,
-    better: impl Fn(&Point) -> Option<(Starts, T)>,
-) -> Option<(Point, Starts, T)> {
-    const TRIALS: usize = 6;
-    let size = at.theta.len();
-    let number = size + at.e.len();
-    let place = |i: usize| match i.checked_sub(size) {
-        None => (at.theta[i], (-1.0, 1.0)),
-        Some(e) => (at.e[e], bounds[e]),
-    };
-    let low = DVector::from_fn(number, |i, _| place(i).1.0 - place(i).0);
-    let high = DVector::from_fn(number, |i, _| place(i).1.1 - place(i).0);
-    for _ in 0..TRIALS {
-        let mut damped = quadratic.clone();
-        for i in 0..number {
-            damped.h[(i, i)] += *damping * (quadratic.h[(i, i)] + 1e-300);
-        }
-        let (x, _) = damped.minimise(&low, &high);
-        let mut next = at.clone();
-        let all = next.theta.iter_mut().chain(&mut next.e);
-        all.zip(x.iter()).for_each(|(t, x)| *t += x);
-        if let Some((starts, there)) = better(&next) {
-            *damping = (*damping * 0.1).max(1e-6);
-            return Some((next, starts, there));
-        }
-        *damping = (*damping * 10.0).max(1e-2);
-    }
-    None
 }
 
 #[cfg(test)]

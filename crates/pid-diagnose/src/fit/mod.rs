@@ -11,6 +11,7 @@
 mod free_run;
 mod linear;
 mod quadratic;
+mod step;
 #[cfg(test)]
 mod tests;
 mod value;
@@ -27,6 +28,7 @@ pub(crate) use free_run::fit_free_runs;
 pub(crate) use linear::basis_as_run;
 pub use linear::{Basis, Direction, Linear, basis, basis_beside, linearise};
 pub use quadratic::Quadratic;
+use step::Damping;
 pub use value::{PRIOR, Value, all_gains, log_dets, value, value_below};
 
 /// Ranges of the parameters of a hypothesis, SI.
@@ -133,6 +135,9 @@ impl Fit {
 const REST: (f64, f64) = (0.05, 1e-4);
 /// Share of the predicted decrease that borrowed derivatives must bring to be kept.
 const TRUSTED: f64 = 0.5;
+
+/// What the damping adds to the curvature of a deviation: about that of the prior.
+const OF_THETA: f64 = 4.0;
 
 /// Derivatives of one step: those along the basis may be borrowed, those in the effects' parameters are new.
 fn slopes(
@@ -245,7 +250,7 @@ struct Path<'a> {
     at: Point,
     gains: Vec<Vec<Gain>>,
     now: Value,
-    damping: f64,
+    damping: Damping,
     unsettled: usize,
 }
 
@@ -273,7 +278,7 @@ impl<'a> Path<'a> {
             at,
             gains,
             now,
-            damping: 1e-3,
+            damping: Damping::new(Some(OF_THETA)),
             unsettled: 0,
         }
     }
@@ -300,60 +305,22 @@ impl<'a> Path<'a> {
         );
     }
 
-    /// How far every unknown may move: (θ, e) less the point.
-    fn room(&self) -> (DVector<f64>, DVector<f64>) {
-        let (size, ne) = (self.at.theta.len(), self.at.e.len());
-        let mut low = DVector::zeros(size + ne);
-        let mut high = DVector::zeros(size + ne);
-        for i in 0..size {
-            (low[i], high[i]) = (-1.0 - self.at.theta[i], 1.0 - self.at.theta[i]);
-        }
-        for i in 0..ne {
-            let (lower, upper) = self.bounds[i];
-            (low[size + i], high[size + i]) = (lower - self.at.e[i], upper - self.at.e[i]);
-        }
-        (low, high)
-    }
-
-    /// One step: the damping grows until the objective decreases, in at most `trials` trials.
+    /// One step, in at most `trials` trials.
     fn step(&mut self, quadratic: &Quadratic, trials: usize) -> Tried {
-        let (size, ne) = (self.at.theta.len(), self.at.e.len());
-        let (low, high) = self.room();
+        let bound = self.now.objective();
+        let stepped = (self.damping).step((&self.at, &self.bounds), quadratic, trials, |next| {
+            value_below(bound, self.case, self.hypothesis, next, &self.gains)
+        });
+        self.unsettled += stepped.unsettled;
         let mut tried = Tried {
             improved: false,
             decrease: 0.0,
-            predicted: 0.0,
+            predicted: stepped.predicted,
         };
-        for _ in 0..trials {
-            let mut damped = quadratic.clone();
-            for i in 0..size {
-                damped.h[(i, i)] += self.damping * 4.0;
-            }
-            for i in 0..ne {
-                let k = size + i;
-                damped.h[(k, k)] += self.damping * quadratic.h[(k, k)] + 1e-300;
-            }
-            let (x, minimal) = damped.minimise(&low, &high);
-            self.unsettled += usize::from(!minimal);
-            tried.predicted = -2.0 * quadratic.at(&x);
-            let mut next = self.at.clone();
-            for i in 0..size {
-                next.theta[i] += x[i];
-            }
-            for i in 0..ne {
-                next.e[i] += x[size + i];
-            }
-            let bound = self.now.objective();
-            if let Some(there) = value_below(bound, self.case, self.hypothesis, &next, &self.gains)
-            {
-                tried.decrease = bound - there.objective();
-                tried.improved = true;
-                self.at = next;
-                self.now = there;
-                self.damping = (self.damping * 0.1).max(1e-6);
-                break;
-            }
-            self.damping = (self.damping * 10.0).max(1e-2);
+        if let Some((next, there)) = stepped.to {
+            tried.decrease = bound - there.objective();
+            tried.improved = true;
+            (self.at, self.now) = (next, there);
         }
         tried
     }
