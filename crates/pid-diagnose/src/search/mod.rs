@@ -60,27 +60,52 @@ pub fn search(case: &Case, settings: &Settings) -> Evidence {
     shares::with_shares(on_whole_records(case, evidence), settings)
 }
 
-/// Effects within the tolerances; where none explains the records, friction outside its tolerance;
-/// where that does not either, what effects explain in part, within the tolerances or outside them.
-fn explain(case: &Case, settings: &Settings) -> Evidence {
+/// A search for effects that explain the records.
+enum Whole {
+    /// They do.
+    Explained(Evidence),
+    /// They do not within the tolerances, nor with friction outside its own where that was tried.
+    Unexplained {
+        stated: Evidence,
+        wider: Option<Box<Evidence>>,
+    },
+}
+
+/// Effects within the tolerances; where none explains the records, friction outside its tolerance.
+fn whole(case: &Case, settings: &Settings) -> Whole {
     let started = Instant::now();
     let select = |case: &Case| {
         let selection = forward::select(case, settings);
         Evidence::of_selection(selection, &settings.criteria, started)
     };
-    let mut stated = select(case);
+    let stated = select(case);
     if !stated.unexplained || stated.remainder.is_some() || settings.watch.stopped() {
-        return stated;
+        return Whole::Explained(stated);
     }
     settings.watch.step("friction outside its tolerance");
     let wider = tolerance::widened(case, settings, &stated).map(|wide| select(&wide));
+    match wider {
+        Some(mut wider) if !wider.unexplained => {
+            wider.refits += stated.refits;
+            Whole::Explained(tolerance::beyond(stated, wider, settings))
+        }
+        wider => Whole::Unexplained {
+            stated,
+            wider: wider.map(Box::new),
+        },
+    }
+}
+
+/// What explains the records, or what effects explain in part, within the tolerances or outside them.
+fn explain(case: &Case, settings: &Settings) -> Evidence {
+    let (mut stated, wider) = match whole(case, settings) {
+        Whole::Explained(evidence) => return evidence,
+        Whole::Unexplained { stated, wider } => (stated, wider),
+    };
     let Some(mut wider) = wider else {
         return partial::add_part(stated, settings, SHORT, Some(WHOLE));
     };
     wider.refits += stated.refits;
-    if !wider.unexplained {
-        return tolerance::beyond(stated, wider, settings);
-    }
     stated.refits = wider.refits;
     let within = partial::add_part(stated.clone(), settings, SHORT, Some(WHOLE));
     // Nothing is left that other friction could explain.
@@ -91,7 +116,7 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
     // Other friction imitates laws of friction: it has to leave less than what the library explains
     // within the tolerances.
     wider.refits = within.refits;
-    let wider = partial::add_part(wider, settings, within.case.ahead, None);
+    let wider = partial::add_part(*wider, settings, within.case.ahead, None);
     let shrunk = (1.0 - settings.criteria.least_shrink) * within.after.total;
     if wider.after.total < shrunk {
         return tolerance::beyond(stated, wider, settings);
@@ -131,11 +156,11 @@ fn with_a_test_record(case: &Case, settings: &Settings, evidence: Evidence) -> E
     };
     let mut wider = case.clone();
     wider.records[worst].role = Role::Train;
-    let mut again = explain(&wider, settings);
     // What no train record shows and the library explains only in part is no verdict.
-    if !explained(&again) {
-        return evidence;
-    }
+    let mut again = match whole(&wider, settings) {
+        Whole::Explained(again) if explained(&again) => again,
+        _ => return evidence,
+    };
     again.promoted = Some(case.records[worst].name.clone());
     again.before.total = evidence.before.total;
     again

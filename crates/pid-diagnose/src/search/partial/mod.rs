@@ -327,7 +327,7 @@ fn pruned(
 }
 
 /// Takes the effects that pay in predictions over a part of the horizon, and over another one where the
-/// first leaves more than noise; the search that leaves the smaller gap.
+/// first explains less than most of the gap; the search that leaves the smaller gap.
 ///
 /// Over a short part friction and timing are found where motion sticks and slips, over all of it play
 /// and what acts slowly.
@@ -335,7 +335,9 @@ fn over(first: f64, then: Option<f64>, evidence: &Evidence, settings: &Settings)
     let nominal = tuned_within(evidence, settings);
     let mut found = partial(evidence, first, &nominal, settings);
     let noise = settings.criteria.near * evidence.floor;
-    let further = then.filter(|_| found.now.gap.total >= noise && !settings.watch.stopped());
+    let explained = share(found.before.total, found.now.gap.total, evidence.floor);
+    let little = found.now.gap.total >= noise && explained < settings.criteria.majority;
+    let further = then.filter(|_| little && !settings.watch.stopped());
     if let Some(part) = further {
         let mut other = partial(evidence, part, &nominal, settings);
         if other.now.gap.total < found.now.gap.total {
@@ -486,7 +488,7 @@ fn renewed(case: &mut Case, settings: &Settings, at: &Fit, sensors: &[(f64, f64)
 }
 
 /// Adds to the evidence of a search that explains nothing what the library explains in part, by
-/// predictions over a part of the horizon, and over another one where that leaves more than noise.
+/// predictions over a part of the horizon, and over another one where that explains little.
 pub(super) fn add_part(
     evidence: Evidence,
     settings: &Settings,
