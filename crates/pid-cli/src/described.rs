@@ -4,7 +4,8 @@
 use std::path::Path;
 
 use pid_data::Dataset;
-use pid_interpret::nominal::{Effect, Nominal};
+use pid_diagnose::with_effects::gain_name;
+use pid_interpret::nominal::{Effect, Nominal, Servo};
 use pid_runtime::dynamics::ParamInfo;
 
 use crate::args::source::Source;
@@ -66,7 +67,11 @@ pub(crate) fn write_identified(
         // The equations of motion took another effect in its place.
         return Ok(());
     };
-    let Some(text) = nominal.extended(&own, effects, None).to_toml() else {
+    let mut extended = nominal.extended(&own, effects, None);
+    if nominal.has_servos() {
+        extended = extended.with_servos(fitted_loops(nominal, &value));
+    }
+    let Some(text) = extended.to_toml() else {
         return Ok(());
     };
     make_folder(out)?;
@@ -74,6 +79,21 @@ pub(crate) fn write_identified(
     write(&file, &text)?;
     output::message(&format!("written: {}", file.display()));
     Ok(())
+}
+
+/// The position loops with the gains of a fit.
+fn fitted_loops(nominal: &Nominal, value: &dyn Fn(&str) -> Option<f64>) -> Vec<Option<Servo>> {
+    let joints = nominal.robot().joints.iter().enumerate();
+    joints
+        .map(|(j, joint)| {
+            let mut servo = nominal.servo(j)?.clone();
+            for &gain in servo.law.gains() {
+                let own = &mut servo.gains[gain as usize];
+                own.value = value(&gain_name(gain, &joint.name)).or(own.value);
+            }
+            Some(servo)
+        })
+        .collect()
 }
 
 /// An effect with the values of a fit; `None` where the fit has not all of them.
@@ -206,16 +226,23 @@ mod tests {
     }
 
     #[test]
-    fn targets_are_simulated_and_equations_of_motion_refuse_them() {
+    fn targets_are_simulated_and_their_loop_is_identified() {
         let folder = tempfile::tempdir().expect("a folder");
         let at = folder.path();
         behind_a_servo(at);
         assert_eq!(run(at, "simtrue simulate @. --out @out"), Ok(0));
-        let error = run(at, "simtrue identify @. --out @out").expect_err("targets");
-        assert!(
-            error.contains("joint `a`: the records have targets") && error.contains("--controller"),
-            "{error}"
+        assert_eq!(run(at, "simtrue identify @. --out @fit"), Ok(0));
+        let found = report(at, "fit");
+        let kp = found.parameters.iter().find(|p| p.name == "kp_a");
+        let kp = kp.expect("a gain");
+        assert_eq!(
+            (kp.value, kp.unit.as_str()),
+            (10.0, "N*m/rad"),
+            "it is exact"
         );
+        let written = Nominal::read(at.join("fit/identified.toml")).expect("a description");
+        let servo = written.servo(0).expect("a loop");
+        assert_eq!(servo.gains[0].value, Some(10.0));
     }
 
     #[test]

@@ -40,9 +40,9 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Log(Box<pid_logs::LogError>),
     #[error(
-        "joint `{joint}`: the records have targets of its position loop and no input of its motor, and the equations of motion hold no [drive]\n  help: `simtrue diagnose` fits the gains of [drive] too; with known gains, --controller FILE closes the loop (docs/controller-format.md)"
+        "the records have targets of position loops and no inputs of the motors, which a regression needs\n  help: `simtrue identify` and `simtrue diagnose` take targets; a column u1 … of motor torques or currents makes a regression possible"
     )]
-    BehindLoop { joint: String },
+    OnlyTargets,
     #[error(
         "{}: the robot is given without a log\n  help: name the logs after it, or a folder with dataset.toml", robot.display()
     )]

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use pid_data::{Dataset, InputHold, InputQuantity};
+use pid_data::{Dataset, InputHold};
+use pid_diagnose::servo;
 use pid_diagnose::with_effects::Assembled;
 use pid_fit::wrap::controllers::{ControlError, Controllers};
 use pid_fit::wrap::lag::Lagging;
@@ -109,21 +110,13 @@ impl Subject {
 
     /// Of a description with its effects; records get the columns that these need.
     fn of_description(nominal: Nominal, dataset: &mut Dataset) -> Result<Self, CliError> {
-        let with = match nominal.effects() {
-            [] => Assembled::without_effects(&nominal)?,
-            _ => Assembled::new(&nominal, dataset)?,
-        };
-        Ok(Self::described(nominal, with))
-    }
-
-    fn described(nominal: Nominal, with: Assembled) -> Self {
-        let dims = with.model.dims();
-        Self {
+        let with = Assembled::new(&nominal, dataset)?;
+        Ok(Self {
             name: with.model.name().to_owned(),
-            summary: size(dims),
+            summary: size(with.model.dims()),
             source: nominal.file().display().to_string(),
             origin: Origin::Nominal(Box::new((with, nominal))),
-        }
+        })
     }
 
     fn compiled(name: &str, terms: &[Request]) -> Result<Self, CliError> {
@@ -219,7 +212,10 @@ pub(crate) fn load(source: &Source) -> Result<(Subject, Dataset), CliError> {
 /// As [`load`], with the recorded inputs whatever controllers there are, and effects in their linear form.
 pub(crate) fn load_open(source: &Source) -> Result<(Subject, Dataset), CliError> {
     match described(source)? {
-        Some(opened) => load_described(opened, source),
+        Some(opened) => {
+            with_inputs_of_motors(&opened)?;
+            load_described(opened, source)
+        }
         None => load_with(source, None, true),
     }
 }
@@ -230,14 +226,14 @@ pub(crate) fn load_described(
     source: &Source,
 ) -> Result<(Subject, Dataset), CliError> {
     let logs = robot_and_logs(&source.paths).is_some();
-    with_inputs_of_motors(&opened)?;
     let dataset = match logs {
         // Gains entered where the logs were read.
         true => with_inputs(opened.records.dataset, source)?,
         false => as_stated(opened.records.dataset, source)?,
     };
-    let mut dataset = dataset.merged(also(source)?)?;
-    let mut subject = Subject::of_description(opened.nominal, &mut dataset)?;
+    let dataset = dataset.merged(also(source)?)?;
+    let (nominal, mut dataset) = behind_loops(opened.nominal, dataset)?;
+    let mut subject = Subject::of_description(nominal, &mut dataset)?;
     if logs {
         // A description made of a robot file has no file of its own.
         subject.source = source.paths[0].display().to_string();
@@ -245,29 +241,28 @@ pub(crate) fn load_described(
     checked(subject, dataset)
 }
 
-/// Equations of motion take inputs of motors; a position loop of the description is not part of them.
-fn with_inputs_of_motors(opened: &Opened) -> Result<(), CliError> {
-    let (nominal, data) = (&opened.nominal, &opened.records.dataset);
+/// Records and description as equations of motion take them: where only targets are recorded, the position
+/// loops of the drives are part of the model, and gains that nobody knows start where the motions say.
+fn behind_loops(nominal: Nominal, dataset: Dataset) -> Result<(Nominal, Dataset), CliError> {
     if !nominal.has_servos() {
-        return Ok(());
+        return Ok((nominal, dataset));
     }
-    let silent = |j: usize| {
-        let all = data.experiments.iter();
-        all.flat_map(|e| e.u.iter().skip(j).step_by(e.nu().max(1)))
-            .all(|u| *u == 0.0)
-    };
-    let looped = (0..data.nq()).filter(|&j| nominal.servo(j).is_some());
-    for j in looped {
-        if data.joints[j].input == InputQuantity::Position || silent(j) {
-            return Err(CliError::BehindLoop {
-                joint: data.joints[j].name.clone(),
-            });
-        }
+    if servo::only_targets(&nominal, &dataset) {
+        return Ok(servo::commanded(&nominal, &dataset)?);
     }
     output::message(
-        "note: the recorded inputs act; the position loops of [drive] are not part of the equations of motion",
+        "note: the recorded inputs of the motors act; the position loops of [drive] are left out",
     );
-    Ok(())
+    Ok((nominal, dataset))
+}
+
+/// Refuses records without the inputs of motors.
+fn with_inputs_of_motors(opened: &Opened) -> Result<(), CliError> {
+    let (nominal, data) = (&opened.nominal, &opened.records.dataset);
+    match nominal.has_servos() && servo::only_targets(nominal, data) {
+        true => Err(CliError::OnlyTargets),
+        false => Ok(()),
+    }
 }
 
 /// The further records.

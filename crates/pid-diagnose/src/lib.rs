@@ -89,7 +89,7 @@ mod regular;
 pub mod report;
 pub mod screen;
 pub mod search;
-mod servo;
+pub mod servo;
 mod simulate;
 pub mod timing;
 mod windows;

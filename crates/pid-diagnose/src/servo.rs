@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use pid_data::{Dataset, InputQuantity};
 use pid_interpret::links;
-use pid_interpret::nominal::{Gain, Role as Part, ServoGain, ServoLaw};
+use pid_interpret::nominal::{self as description, Gain, Role as Part, ServoGain, ServoLaw};
 
 use crate::case::{Case, CaseError, Record};
 use crate::constants::{Constant, Constants};
@@ -86,6 +86,43 @@ pub(crate) fn targets(
         recorded.push(own);
     }
     Ok(Some((out, recorded)))
+}
+
+/// Whether the records hold targets of a position loop and no input of its motor.
+pub fn only_targets(nominal: &description::Nominal, dataset: &Dataset) -> bool {
+    let silent = |j: usize| {
+        let mut all = dataset.experiments.iter();
+        all.all(|e| {
+            let own = e.u.iter().skip(j).step_by(e.nu().max(1));
+            own.copied().all(|u| u == 0.0)
+        })
+    };
+    let mut looped = (0..dataset.nq()).filter(|&j| nominal.servo(j).is_some());
+    looped.any(|j| dataset.joints[j].input == InputQuantity::Position || silent(j))
+}
+
+/// Records with targets as inputs where the drives of a description have position loops, and the
+/// description with a value for every gain: an unknown one where the motions say it is.
+///
+/// # Errors
+/// As [`Case::new`].
+pub fn commanded(
+    nominal: &description::Nominal,
+    dataset: &Dataset,
+) -> Result<(description::Nominal, Dataset), CaseError> {
+    let case = Case::new(Nominal::new(nominal.clone()), dataset)?;
+    let servos = case.nominal.servos(&vec![0.0; case.nominal.size()]);
+    let mut records = match targets(&case.nominal, dataset)? {
+        Some((records, _)) => records,
+        None => dataset.clone(),
+    };
+    for (j, channel) in records.joints.iter_mut().enumerate() {
+        if nominal.servo(j).is_some() {
+            channel.input = InputQuantity::Position;
+            channel.input_unit = channel.unit().to_owned();
+        }
+    }
+    Ok((nominal.clone().with_servos(servos), records))
 }
 
 /// Forces that the motions take under the nominal structure, friction included: `[record][joint][sample]`.

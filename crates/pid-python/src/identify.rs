@@ -7,6 +7,7 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 use simtrue::data::{Dataset, Horizon};
 use simtrue::diagnosis::search::Listener;
+use simtrue::diagnosis::servo;
 use simtrue::diagnosis::with_effects::Assembled;
 use simtrue::diagnosis::write::write_whole;
 use simtrue::dynamics::Hessian;
@@ -76,18 +77,18 @@ pub(crate) fn identify(
 /// A description with its effects: tolerances are bounds and priors, stated noise is that of the channels.
 fn described(
     nominal: &Nominal,
-    mut dataset: Dataset,
+    dataset: Dataset,
     asked: &Asked,
     watch: &Arc<Watch>,
 ) -> Result<simtrue::report::Report, String> {
-    let with = match nominal.effects() {
-        [] => Assembled::without_effects(nominal),
-        _ => Assembled::new(nominal, &mut dataset),
+    let (nominal, mut dataset) = match servo::only_targets(nominal, &dataset) {
+        true => servo::commanded(nominal, &dataset).map_err(|e| e.to_string())?,
+        false => (nominal.clone(), dataset),
     };
-    let with = with.map_err(|e| e.to_string())?;
+    let with = Assembled::new(&nominal, &mut dataset).map_err(|e| e.to_string())?;
     fitted(
         with.model.as_ref(),
-        Some((nominal, &with)),
+        Some((&nominal, &with)),
         &dataset,
         asked,
         watch,

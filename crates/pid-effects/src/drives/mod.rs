@@ -53,14 +53,20 @@ pub struct Output<D> {
     pub damping: D,
 }
 
-/// Output of a loop; `integral` is the part of its integral, in the unit of the input.
+/// Output of a law without limits; `integral` is the part of its integral, in the unit of the input.
 #[inline(always)]
-pub fn output<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>, integral: D) -> Output<D> {
-    let free = match servo.law {
+pub fn unlimited<D: Scalar>(law: ServoLaw, k: &Gains<D>, at: &Seen<D>, integral: D) -> Output<D> {
+    match law {
         ServoLaw::P => p::output(k, at),
         ServoLaw::Pd => pd::output(k, at),
         _ => pid::output(k, at, integral),
-    };
+    }
+}
+
+/// Output of a loop; `integral` is the part of its integral, in the unit of the input.
+#[inline(always)]
+pub fn output<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>, integral: D) -> Output<D> {
+    let free = unlimited(servo.law, k, at, integral);
     match servo.limit {
         Some(limit) if free.u.value().abs() > limit => Output {
             u: D::constant(limit * free.u.value().signum()),

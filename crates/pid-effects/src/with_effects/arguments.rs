@@ -31,6 +31,24 @@ pub(super) fn arguments<const MOST: usize>(
     x
 }
 
+/// Where a variable z of a model stands once further coordinates, each with an input, follow its own:
+/// `before` are its sizes, `after` those with them. The order of variables stays.
+pub(super) fn widened(before: &Dims, after: &Dims, z: usize) -> usize {
+    if z < before.v() {
+        z
+    } else if z < before.a() {
+        after.v() + z - before.v()
+    } else if z < before.u() {
+        after.a() + z - before.a()
+    } else if z < before.u() + before.nq {
+        after.u() + z - before.u()
+    } else if z < before.p() {
+        after.u() + after.nq - before.nq + z - before.u()
+    } else {
+        after.p() + z - before.p()
+    }
+}
+
 /// Rows and columns of the derivatives of some rows by the active arguments, row by row.
 pub(super) fn jacobian_places(
     places: &[Option<usize>],

@@ -4,15 +4,15 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use pid_data::Dataset;
+use pid_data::{Dataset, InputQuantity};
 use pid_fit::transcribe::Prior;
 use pid_fit::wrap::lag::{Lag, LagError, Lagging};
 use pid_interpret::Model;
-use pid_interpret::nominal::{self as description, NominalError, Role, Velocity};
+use pid_interpret::nominal::{self as description, EncoderSide, NominalError, Role, Velocity};
 use pid_runtime::dynamics::{Dynamics, Hessian};
 
 use super::states::{self, Drives, WithStates};
-use super::{EffectError, Obstacle, Placed, WithEffects, group, with_masses};
+use super::{EffectError, Obstacle, Placed, WithEffects, WithLoops, gain_name, group, with_masses};
 use crate::circumstances::Circumstances;
 use crate::effect::Effect;
 use crate::effects::by_id;
@@ -51,15 +51,27 @@ impl Assembled {
     /// tolerance/√3.
     pub fn priors(&self, nominal: &description::Nominal) -> Vec<Prior> {
         let all = nominal.tolerances().iter().filter(|t| t.half_width > 0.0);
-        all.filter_map(|t| {
-            let mut params = self.model.params().iter();
-            Some(Prior {
-                parameter: params.position(|p| p.name == t.name)?,
-                mean: t.nominal,
-                deviation: t.half_width / 3.0_f64.sqrt(),
+        let all = all.map(|t| (t.name.clone(), t.nominal, t.half_width));
+        let joints = &nominal.robot().joints;
+        let gains = joints.iter().enumerate().flat_map(|(j, joint)| {
+            let servo = nominal.servo(j);
+            let all = servo.map_or(&[][..], |servo| servo.law.gains());
+            all.iter().filter_map(move |&gain| {
+                let own = servo?.gain(gain);
+                let stated = (gain_name(gain, &joint.name), own.value?, own.half_width);
+                Some(stated).filter(|_| own.half_width > 0.0)
             })
-        })
-        .collect()
+        });
+        all.chain(gains)
+            .filter_map(|(name, mean, half_width)| {
+                let mut params = self.model.params().iter();
+                Some(Prior {
+                    parameter: params.position(|p| p.name == name)?,
+                    mean,
+                    deviation: half_width / 3.0_f64.sqrt(),
+                })
+            })
+            .collect()
     }
 }
 
@@ -99,6 +111,51 @@ fn clash(smooth: &[Placed], stateful: &[Placed]) -> Result<(), EffectError> {
     Ok(())
 }
 
+/// Whether the input of a joint in the records is a target that the loop of its drive follows.
+fn follows(nominal: &description::Nominal, dataset: &Dataset, joint: usize) -> bool {
+    let input = dataset.joints.get(joint).map(|j| j.input);
+    nominal.servo(joint).is_some() && input == Some(InputQuantity::Position)
+}
+
+/// Refuses the limit of an integral.
+fn without_integral_limits(
+    nominal: &description::Nominal,
+    dataset: &Dataset,
+) -> Result<(), EffectError> {
+    for (j, joint) in nominal.robot().joints.iter().enumerate() {
+        let servo = nominal.servo(j).filter(|_| follows(nominal, dataset, j));
+        if let Some(servo) = servo.filter(|s| s.integral_limit.is_some()) {
+            let place = servo.place.as_ref();
+            return Err(EffectError::IntegralLimit {
+                joint: joint.name.clone(),
+                place: place.map_or_else(|| "drive".to_owned(), ToString::to_string),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Refuses what stands between a target and the loop that follows it: a law of the command, and a gear
+/// before the reading of the loop.
+fn before_loops(
+    nominal: &description::Nominal,
+    placed: &[Placed],
+    dataset: &Dataset,
+) -> Result<(), EffectError> {
+    let motor_side = nominal.measurement().encoder_side == EncoderSide::Motor;
+    for own in placed {
+        let effect = &*own.term.effect;
+        let geared = motor_side && states::moves_reading(effect);
+        if follows(nominal, dataset, own.term.joint) && (effect.before_drive() || geared) {
+            return Err(EffectError::Obstacle {
+                effect: own.term.label(),
+                obstacle: Obstacle::Loop,
+            });
+        }
+    }
+    Ok(())
+}
+
 /// Whether an effect is a filter of a velocity reading.
 fn filters(own: &Placed) -> bool {
     let e = vec![1.0; own.ranges.len()];
@@ -118,8 +175,9 @@ impl Assembled {
         })
     }
 
-    /// Of a description with its effects. Records get columns for states that no sensor reads, for
-    /// inputs that act later, and for velocities whose readings lag.
+    /// Of a description with its effects, behind the loops of its drives where the records have targets
+    /// as inputs. Records get columns for states that no sensor reads, for inputs that act later, and for
+    /// velocities whose readings lag.
     ///
     /// # Errors
     /// [`AssembleError`].
@@ -137,17 +195,32 @@ impl Assembled {
         let (stateful, smooth): (Vec<_>, Vec<_>) =
             (placed.into_iter()).partition(|own| states::takes(&*own.term.effect));
         clash(&smooth, &stateful)?;
+        before_loops(nominal, &stateful, dataset)?;
+        before_loops(nominal, &smooth, dataset)?;
         let mut model: Box<dyn Hessian> = Box::new(Model::new(&robot)?);
         if !smooth.is_empty() {
             model = Box::new(WithEffects::new(model, &smooth)?);
         }
         let mut noise = stated_noise(nominal);
-        let wide = !stateful.is_empty() || !lags.is_empty();
+        let joints = 0..dataset.nq();
+        let looped = joints.clone().any(|j| follows(nominal, dataset, j));
+        let wide = !stateful.is_empty() || !lags.is_empty() || looped;
         let read = wide.then(|| dataset.clone());
         if !stateful.is_empty() {
             let drives = drives(nominal, model.as_ref());
             let with = WithStates::new(model, &stateful, &drives, dataset)?;
             noise = with.noise(&noise);
+            model = Box::new(with);
+        }
+        if looped {
+            without_integral_limits(nominal, dataset)?;
+            let servos: Vec<_> = joints.map(|j| nominal.servo(j)).collect();
+            let before = model.dims().nq;
+            let with = WithLoops::new(model, &servos, dataset);
+            for _ in 0..with.integrals() {
+                noise.insert(before, Some(f64::INFINITY));
+                noise.push(Some(f64::INFINITY));
+            }
             model = Box::new(with);
         }
         let with = Self { model, noise, read };

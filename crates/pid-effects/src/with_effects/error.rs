@@ -1,8 +1,8 @@
-//! Effects that a model cannot have.
+//! Effects and loops that a model cannot have.
 
 use std::fmt;
 
-/// An effect that a model cannot take.
+/// An effect or a position loop that a model cannot take.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EffectError {
@@ -34,6 +34,16 @@ pub enum EffectError {
         /// The parameter.
         parameter: String,
     },
+    /// The integral of a loop has a limit of its own, at which equations of motion would have a corner.
+    #[error(
+        "{place}: joint `{joint}`: equations of motion do not hold `integral_limit`\n  help: leave it out where `limit` stops the integral too; `simtrue simulate` and `simtrue diagnose` take it"
+    )]
+    IntegralLimit {
+        /// The joint.
+        joint: String,
+        /// Where its loop stands.
+        place: String,
+    },
 }
 
 /// Why equations of motion cannot take an effect.
@@ -56,6 +66,8 @@ pub enum Obstacle {
     Structure,
     /// It changes friction or input of a joint where another effect's state takes their place.
     Together,
+    /// It stands between a target and the position loop that follows it.
+    Loop,
 }
 
 impl fmt::Display for Obstacle {
@@ -81,6 +93,9 @@ impl fmt::Display for Obstacle {
             }
             Obstacle::Together => {
                 "a state of another effect takes the place of the friction or input that it changes\n  help: leave one of the two out; `simtrue simulate` and `simtrue diagnose` take both"
+            }
+            Obstacle::Loop => {
+                "it stands between the target and the position loop of its drive\n  help: leave it out; `simtrue simulate` and `simtrue diagnose` take it"
             }
             Obstacle::Structure => {
                 "it changes masses or gravity, which only a nominal description states\n  help: state it in the description (--nominal) or declare it"

@@ -14,7 +14,7 @@ pub struct Smooth(pub HyperDual64);
 /// any drive's noise.
 pub(super) const ROUND: f64 = 1e-3;
 /// Rounding of a limit, share of the distance between the two: the corner is left by 0.25 % of that.
-const CORNER: f64 = 5e-3;
+pub(super) const CORNER: f64 = 5e-3;
 /// Beyond this tanh is ±1 to rounding, and its exponentials would overflow.
 const SATURATED: f64 = 20.0;
 

@@ -22,6 +22,7 @@ use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
 };
 
+use super::arguments::widened;
 use super::group::REST;
 use super::merge::Merged;
 use super::smooth::Smooth;
@@ -31,8 +32,8 @@ use crate::scalar::Scalar;
 use member::{
     A, COULOMB, GAIN, Kind, Member, OWN, Q, ROTOR, S, SAMPLES, U, V, VISCOUS, W, W_DOT, kind,
 };
-pub(super) use records::step;
-use records::{add_past, add_state};
+use records::add_past;
+pub(super) use records::{add_state, step};
 
 /// Sides of the gear and rotor inertias, which only a description states.
 #[derive(Debug, Clone)]
@@ -76,6 +77,11 @@ pub(super) fn moves_friction(effect: &dyn Effect) -> bool {
         Ok(Kind::Memory) => member::flowing(effect).is_some_and(|f| f.friction.is_some()),
         _ => false,
     }
+}
+
+/// Whether a reading at the motor is that of a coordinate of its own.
+pub(super) fn moves_reading(effect: &dyn Effect) -> bool {
+    kind(effect) == Ok(Kind::Gear)
 }
 
 /// A model that is being widened.
@@ -192,7 +198,12 @@ impl Widening<'_> {
                 joint: Some(state),
             };
             self.inputs.insert(state, idle);
-            add_state(dataset, joint, kind, &format!("{word}_{name}"));
+            add_state(
+                dataset,
+                joint,
+                kind == Kind::Gear,
+                &format!("{word}_{name}"),
+            );
         }
         let mut member = Member {
             effect: own.term.effect.clone(),
@@ -211,23 +222,9 @@ impl Widening<'_> {
 
     /// Places of the model within in the widened z; they keep their order.
     fn moved(&self, list: &[u32]) -> Vec<u32> {
-        let (before, dims) = (self.inner.dims(), &self.dims);
-        let place = |z: usize| {
-            if z < before.v() {
-                z
-            } else if z < before.a() {
-                dims.v() + z - before.v()
-            } else if z < before.u() {
-                dims.a() + z - before.a()
-            } else if z < before.u() + before.nq {
-                dims.u() + z - before.u()
-            } else if z < before.p() {
-                dims.u() + self.states + z - before.u()
-            } else {
-                dims.p() + z - before.p()
-            }
-        };
-        list.iter().map(|&z| place(z as usize) as u32).collect()
+        let (before, after) = (self.inner.dims(), &self.dims);
+        let place = |&z: &u32| widened(&before, after, z as usize) as u32;
+        list.iter().map(place).collect()
     }
 
     /// Patterns of both derivatives.

@@ -2,8 +2,6 @@
 
 use pid_data::{Dataset, Experiment, InputQuantity, VelocityKind};
 
-use super::member::Kind;
-
 /// Median time between the samples of the first record, s.
 pub(in super::super) fn step(dataset: &Dataset) -> f64 {
     let t = dataset.experiments.first().map_or(&[][..], |e| &e.t);
@@ -14,10 +12,10 @@ pub(in super::super) fn step(dataset: &Dataset) -> f64 {
 
 /// Adds a coordinate that no sensor reads to the records. The rotor of a gear starts where the
 /// joint is; a memory starts at zero.
-pub(super) fn add_state(dataset: &mut Dataset, joint: usize, kind: Kind, name: &str) {
+pub(in super::super) fn add_state(dataset: &mut Dataset, joint: usize, rotor: bool, name: &str) {
     let nq = dataset.nq();
     for e in &mut dataset.experiments {
-        add_column(e, nq, joint, kind);
+        add_column(e, nq, joint, rotor);
     }
     let mut channel = dataset.joints[joint].clone();
     channel.name = name.to_owned();
@@ -26,13 +24,13 @@ pub(super) fn add_state(dataset: &mut Dataset, joint: usize, kind: Kind, name: &
         true => InputQuantity::Force,
         false => InputQuantity::Torque,
     };
-    if kind == Kind::Memory {
+    if !rotor {
         channel.velocity = VelocityKind::Absent;
     }
     dataset.joints.push(channel);
 }
 
-fn add_column(e: &mut Experiment, nq: usize, joint: usize, kind: Kind) {
+fn add_column(e: &mut Experiment, nq: usize, joint: usize, rotor: bool) {
     let nu = e.nu();
     let wide = |x: &[f64], fill: &dyn Fn(usize, f64) -> f64| -> Vec<f64> {
         let rows = x.chunks_exact(nq).enumerate();
@@ -43,12 +41,12 @@ fn add_column(e: &mut Experiment, nq: usize, joint: usize, kind: Kind) {
         .collect()
     };
     let nothing = |_: usize, _: f64| f64::NAN;
-    match kind {
-        Kind::Gear => {
+    match rotor {
+        true => {
             e.q = wide(&e.q, &|_, x| x);
             e.v = e.v.take().map(|v| wide(&v, &|_, x| x));
         }
-        _ => {
+        false => {
             // The value is zero at the start of the record and is read nowhere else.
             e.q = wide(&e.q, &|i, _| if i == 0 { 0.0 } else { f64::NAN });
             e.v = e.v.take().map(|v| wide(&v, &nothing));
