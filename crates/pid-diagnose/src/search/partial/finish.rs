@@ -51,7 +51,7 @@ pub(super) fn smallest_dropped(
         let own = shares(&parts, before, &now.gap, floor);
         let smallest = (0..own.len()).min_by(|&a, &b| own[a].share.total_cmp(&own[b].share));
         let criteria = &settings.criteria;
-        let small = smallest.filter(|&i| own.len() > 1 && own[i].share < criteria.least_share);
+        let small = smallest.filter(|&i| own[i].share < criteria.least_share);
         let sizes = sizes(&now.case, criteria, &now.fit);
         let small = small.or_else(|| (0..own.len()).find(|&i| sizes[i] <= 1.0));
         let less = small.map(|i| (i, stand_without(now, criteria, i)));
