@@ -238,13 +238,12 @@ impl Reference<'_> {
             .par_iter()
             .filter_map(|&(i, start)| {
                 let (hypothesis, at) = self.with(&terms[i].0, start);
-                if self.beside_joint(&terms[i].0) {
-                    let near = self.near(terms[i].0.joint, &hypothesis, at);
-                    return Some((i, near.point, near.train.evidence()));
-                }
                 let gains = all_gains(self.case, &hypothesis, &at);
                 let spread: f64 = log_dets(self.case, &gains, Role::Train).iter().sum();
-                let bound = lowest[i].lock().map_or(f64::INFINITY, |l| l.max(present));
+                let bound = match self.beside_joint(&terms[i].0) {
+                    true => f64::INFINITY,
+                    false => lowest[i].lock().map_or(f64::INFINITY, |l| l.max(present)),
+                };
                 let value = value_below(bound - spread, self.case, &hypothesis, &at, &gains)?;
                 let evidence = value.evidence();
                 if let Ok(mut l) = lowest[i].lock() {
@@ -301,8 +300,9 @@ impl Reference<'_> {
             .collect()
     }
 
-    /// Of every term the lowest start; where several gain already, the lowest after
-    /// [`Budget::glance`] steps from each, [`Budget::followed`] at most.
+    /// Of every term the lowest start; where several gain already, or starts are compared beside the
+    /// parameters of their joint, the lowest after [`Budget::glance`] steps from each,
+    /// [`Budget::followed`] at most.
     fn followed(
         &self,
         terms: &[&(Term, Vec<Vec<f64>>)],
@@ -316,24 +316,29 @@ impl Reference<'_> {
                 let mut own: Vec<&(usize, Point, f64)> =
                     values.iter().filter(|v| v.0 == i).collect();
                 own.sort_by(|a, b| a.2.total_cmp(&b.2));
+                let (hypothesis, _) = self.with(&terms[i].0, &[]);
+                let lowest = |mut near: Vec<Fit>| -> Vec<(usize, Point)> {
+                    near.sort_by(|a, b| a.train.evidence().total_cmp(&b.train.evidence()));
+                    near.truncate(self.budget.followed);
+                    near.into_iter().map(|f| (i, f.point)).collect()
+                };
                 if self.beside_joint(&terms[i].0) {
-                    own.truncate(self.budget.followed);
-                    return own.iter().map(|v| (i, v.1.clone())).collect();
+                    own.truncate(self.budget.beside_joint);
+                    let near = |v: &&(usize, Point, f64)| {
+                        self.near(terms[i].0.joint, &hypothesis, v.1.clone())
+                    };
+                    return lowest(own.par_iter().map(near).collect());
                 }
                 let gaining = own.iter().take_while(|v| v.2 < present).count();
                 own.truncate(gaining.max(1));
                 if own.len() < 2 {
                     return own.iter().map(|v| (i, v.1.clone())).collect();
                 }
-                let (hypothesis, _) = self.with(&terms[i].0, &[]);
                 let glance = |v: &&(usize, Point, f64)| {
                     let effort = Effort::on_the_way(self.budget.glance);
                     fit(self.case, &frozen, &hypothesis, v.1.clone(), effort)
                 };
-                let mut near: Vec<Fit> = own.par_iter().map(glance).collect();
-                near.sort_by(|a, b| a.train.evidence().total_cmp(&b.train.evidence()));
-                near.truncate(self.budget.followed);
-                near.into_iter().map(|f| (i, f.point)).collect()
+                lowest(own.par_iter().map(glance).collect())
             })
             .collect()
     }
