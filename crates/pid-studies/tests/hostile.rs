@@ -75,11 +75,14 @@ const RECORD: &str = "t,q1,u1\n0.0,0.0,1.0\n0.01,0.1,1.5\n0.02,0.3,\n0.03,0.6,2.
 const OBJ: &str =
     "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1/1 2/2 4/4\nf -4 -1 -2\nf 2 3 4\n";
 
-/// A name, the bytes of a valid file, and what reads them: whether something was read.
+/// Whether something was read of some bytes.
+type Read = dyn Fn(&[u8]) -> bool;
+
+/// A name, the bytes of a valid file, and what reads them.
 struct Reader {
     name: String,
     valid: Vec<u8>,
-    read: Box<dyn Fn(&[u8]) -> bool>,
+    read: Box<Read>,
 }
 
 impl Reader {
@@ -356,6 +359,6 @@ fn readers_answer_whatever_the_bytes() {
         }
     }
     let _ = std::panic::take_hook();
-    println!("seed {seed}\n{table}");
+    eprintln!("seed {seed}\n{table}");
     assert!(faults.is_empty(), "{table}\n{}", faults.join("\n"));
 }
