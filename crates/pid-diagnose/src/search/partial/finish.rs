@@ -1,18 +1,21 @@
-//! How a list of effects ends: all parameters to free runs, and without what is hardly there.
+//! How a list of effects ends: all parameters to free runs, without what is hardly there, in shares.
 
-use super::Stand;
-use super::judge::grows;
+use super::judge::{Gained, gained, grows, sums_of};
+use super::{Grown, Partial, Stand, tuned};
 use crate::criteria::Criteria;
 use crate::fit::fit_free_runs;
 use crate::gap::Gap;
+use crate::levels::WHOLE;
+use crate::search::evidence::Evidence;
 use crate::search::magnitude::sizes;
 use crate::search::measure::measured;
+use crate::search::nameless::{free_laws, imitated_in_part};
 use crate::search::refit::Refit;
 use crate::search::settings::Settings;
 use crate::search::shares::{Parts, Portion, parts, shares, taken_out};
 
 /// Where free runs on the train records lead, unless they grow on the test records.
-pub(super) fn freely(now: Stand, criteria: &Criteria) -> Stand {
+fn freely(now: Stand, criteria: &Criteria) -> Stand {
     let Some(fit) = fit_free_runs(&now.case, &now.directions, &now.fit) else {
         return now;
     };
@@ -20,6 +23,77 @@ pub(super) fn freely(now: Stand, criteria: &Criteria) -> Stand {
     match grows(criteria, &now.gap, &gap) {
         true => now,
         false => Stand { fit, gap, ..now },
+    }
+}
+
+/// Where a list of effects leads whose parameters are all fitted over the whole horizon, if that leaves
+/// less, and then to free runs.
+pub(super) fn ended(
+    evidence: &Evidence,
+    part: f64,
+    mut now: Stand,
+    settings: &Settings,
+    sensors: &[(f64, f64)],
+) -> Stand {
+    if part < WHOLE && !settings.watch.stopped() {
+        let step = "shares of the gap: all parameters over the whole horizon";
+        settings.watch.step(step);
+        let whole = tuned(evidence, &now.fit, WHOLE, settings, sensors);
+        if whole.gap.total < now.gap.total {
+            now = whole;
+        }
+    }
+    if settings.watch.stopped() {
+        return now;
+    }
+    let step = "shares of the gap: all parameters to free runs";
+    settings.watch.step(step);
+    freely(now, &settings.criteria)
+}
+
+/// The list with the share of each effect, and the free law that describes the records better in place
+/// of all; noise alone leaves `floor`.
+pub(super) fn in_shares(grown: Grown, floor: f64, settings: &Settings) -> Partial {
+    let Grown {
+        base,
+        before,
+        mut now,
+        mut taken,
+        others,
+        mut rounds,
+        mut refits,
+    } = grown;
+    // Noise alone leaves no more than what is reached.
+    let gaps = (&before, floor.min(now.gap.total));
+    let (shares, small) = smallest_dropped(&mut now, &mut taken, settings, gaps);
+    if let Some(last) = rounds.last_mut() {
+        last.dropped.extend(small);
+    }
+    let laws = match settings.watch.stopped() {
+        true => Vec::new(),
+        false => free_laws(&now.case, &now.directions, settings, &base, |_| true),
+    };
+    refits += laws.len();
+    let law = laws.into_iter().next().and_then(|law| {
+        let Gained {
+            train,
+            test,
+            number,
+        } = gained(&now.case, &sums_of(&now.case, &now.fit), &law.fit);
+        imitated_in_part(&settings.criteria, (&now.fit, &law), train + test, number)
+            .then(|| measured(&now.case, &law.fit).total)
+            .map(|gap| (law, gap))
+    });
+    Partial {
+        base,
+        before,
+        now,
+        taken,
+        others,
+        rounds,
+        shares,
+        refits,
+        law,
     }
 }
 
@@ -38,7 +112,7 @@ fn stand_without(now: &Stand, criteria: &Criteria, i: usize) -> Stand {
 /// Drops effects of hardly any share, the smallest first, and those that are smaller than their
 /// deviation, unless free runs leave more without them than is nearly the same. The gaps with and without
 /// each of the others with their shares, and the labels of those dropped.
-pub(super) fn smallest_dropped(
+fn smallest_dropped(
     now: &mut Stand,
     taken: &mut Vec<(Refit, f64)>,
     settings: &Settings,

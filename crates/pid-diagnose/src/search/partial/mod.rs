@@ -28,7 +28,7 @@ use super::candidates::{directions, listed, overdamped};
 use super::evidence::{Evidence, Part};
 use super::magnitude::{name, sizes};
 use super::measure::{measured, noise_alone, share};
-use super::nameless::{described, free_laws, imitated_in_part};
+use super::nameless::described;
 use super::odds::{plain, within_round};
 use super::refit::{Refit, refit};
 use super::settings::Settings;
@@ -44,8 +44,8 @@ use crate::levels::{WHOLE, follow_slowly, settle};
 use crate::noise;
 use crate::screen::screen;
 use exchange::exchange;
-use finish::{freely, smallest_dropped};
-use judge::{Gained, at_an_end, gained, grows, judge, shrinks, sums_of};
+use finish::{ended, in_shares};
+use judge::{at_an_end, gained, grows, judge, shrinks, sums_of};
 use shown::{Shown, shown, stays, take_shown};
 
 /// What the library explains, and what it is judged against.
@@ -352,8 +352,35 @@ fn over(first: f64, then: Option<f64>, evidence: &Evidence, settings: &Settings)
 /// predictions over a part of the horizon; `nominal` is that structure at its best and its gap, as far
 /// as it is known.
 fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Settings) -> Partial {
-    let floor = evidence.floor;
     let sensors = &readings(&evidence.case);
+    let mut grown = grown(evidence, part, nominal, settings, sensors);
+    if !grown.taken.is_empty() {
+        grown.now = ended(evidence, part, grown.now, settings, sensors);
+    }
+    in_shares(grown, evidence.floor, settings)
+}
+
+/// A list of effects that pay in predictions.
+struct Grown {
+    /// The nominal structure at its best, and its gap.
+    base: Fit,
+    before: Gap,
+    now: Stand,
+    taken: Vec<(Refit, f64)>,
+    /// Candidates of the first round that were not taken.
+    others: Vec<(Refit, f64)>,
+    rounds: Vec<Round>,
+    refits: usize,
+}
+
+/// Takes effects, one after the other, until none pays.
+fn grown(
+    evidence: &Evidence,
+    part: f64,
+    nominal: &(Fit, Gap),
+    settings: &Settings,
+    sensors: &[(f64, f64)],
+) -> Grown {
     let mut now = tuned(evidence, &evidence.base, part, settings, sensors);
     let (mut base, mut before) = nominal.clone();
     if now.gap.total < before.total {
@@ -408,52 +435,14 @@ fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Sett
             break;
         }
     }
-    if part < WHOLE && !taken.is_empty() && !settings.watch.stopped() {
-        settings
-            .watch
-            .step("shares of the gap: all parameters over the whole horizon");
-        let whole = tuned(evidence, &now.fit, WHOLE, settings, sensors);
-        if whole.gap.total < now.gap.total {
-            now = whole;
-        }
-    }
-    if !taken.is_empty() && !settings.watch.stopped() {
-        settings
-            .watch
-            .step("shares of the gap: all parameters to free runs");
-        now = freely(now, &settings.criteria);
-    }
-    // Noise alone leaves no more than what is reached.
-    let gaps = (&before, floor.min(now.gap.total));
-    let (shares, small) = smallest_dropped(&mut now, &mut taken, settings, gaps);
-    if let Some(last) = rounds.last_mut() {
-        last.dropped.extend(small);
-    }
-    let laws = match settings.watch.stopped() {
-        true => Vec::new(),
-        false => free_laws(&now.case, &now.directions, settings, &base, |_| true),
-    };
-    refits += laws.len();
-    let law = laws.into_iter().next().and_then(|law| {
-        let Gained {
-            train,
-            test,
-            number,
-        } = gained(&now.case, &sums_of(&now.case, &now.fit), &law.fit);
-        imitated_in_part(&settings.criteria, (&now.fit, &law), train + test, number)
-            .then(|| measured(&now.case, &law.fit).total)
-            .map(|gap| (law, gap))
-    });
-    Partial {
+    Grown {
         base,
         before,
         now,
         taken,
         others: others.unwrap_or_default(),
         rounds,
-        shares,
         refits,
-        law,
     }
 }
 
