@@ -8,9 +8,11 @@ use crate::element::Element;
 use crate::error::MjcfError;
 use crate::place::Angles;
 
-/// Most elements that the copies of a model may have together. MuJoCo's own largest examples have some ten
-/// thousand; a count with digits too many is a mistake that would fill the memory.
-const MOST: usize = 200_000;
+/// Most elements that the copies of a model may have together, their frames among them. MuJoCo's own largest
+/// examples have some ten thousand; a count with digits too many is a mistake that would fill the memory.
+const MOST: usize = 50_000;
+/// Bytes of attributes that count as one more element: about what an element takes without any.
+const TEXT: usize = 256;
 
 /// Name before the first copy was made. A blank keeps it apart from attributes of a file.
 const ORIGIN: &str = "replica of";
@@ -33,8 +35,9 @@ pub(crate) fn expand(root: &mut Element, angles: &Angles) -> Result<(), MjcfErro
         gather(world, &mut copies);
     }
     for drives in root.children.iter_mut().filter(|c| c.name == "actuator") {
-        let each = std::mem::take(&mut drives.children).into_iter();
-        drives.children = each.flat_map(|drive| of_copies(drive, &copies)).collect();
+        for drive in std::mem::take(&mut drives.children) {
+            of_copies(drive, &copies, &mut left, &mut drives.children)?;
+        }
     }
     Ok(())
 }
@@ -65,8 +68,7 @@ fn copies(
     let count = count.ok_or_else(wrong)?;
     let all = count * size(replicate) as f64;
     if all > *left as f64 {
-        let mend = format!("at most {MOST} elements are made in this way; write a lower count");
-        return Err(replicate.error("count", mend));
+        return Err(replicate.error("count", too_many()));
     }
     *left -= all as usize;
     let step = Place {
@@ -109,9 +111,10 @@ fn words(numbers: &[f64]) -> String {
     all.join(" ")
 }
 
-/// Elements below.
+/// An element and those below; long attributes count as further ones.
 fn size(element: &Element) -> usize {
-    element.children.iter().map(|c| 1 + size(c)).sum()
+    let text = element.attributes.iter().map(|(k, v)| k.len() + v.len());
+    1 + text.sum::<usize>() / TEXT + element.children.iter().map(size).sum::<usize>()
 }
 
 fn rename(element: &mut Element, suffix: &str) {
@@ -142,11 +145,22 @@ fn gather(element: &Element, copies: &mut BTreeMap<String, Vec<String>>) {
 }
 
 /// A drive for each copy of its joint, or the drive as it is.
-fn of_copies(drive: Element, copies: &BTreeMap<String, Vec<String>>) -> Vec<Element> {
+fn of_copies(
+    drive: Element,
+    copies: &BTreeMap<String, Vec<String>>,
+    left: &mut usize,
+    out: &mut Vec<Element>,
+) -> Result<(), MjcfError> {
     let Some((origin, names)) = (drive.get("joint")).and_then(|j| copies.get_key_value(j)) else {
-        return vec![drive];
+        out.push(drive);
+        return Ok(());
     };
-    let each = names.iter().map(|name| {
+    let all = names.len().saturating_mul(size(&drive));
+    let Some(rest) = left.checked_sub(all) else {
+        return Err(drive.error("joint", too_many()));
+    };
+    *left = rest;
+    out.extend(names.iter().map(|name| {
         let mut copy = drive.clone();
         let suffix = &name[origin.len()..];
         for (key, value) in &mut copy.attributes {
@@ -155,6 +169,11 @@ fn of_copies(drive: Element, copies: &BTreeMap<String, Vec<String>>) -> Vec<Elem
             }
         }
         copy
-    });
-    each.collect()
+    }));
+    Ok(())
+}
+
+/// What to do about too many copies.
+fn too_many() -> String {
+    format!("at most {MOST} elements are made in this way; write a lower count")
 }

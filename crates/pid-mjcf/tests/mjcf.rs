@@ -370,7 +370,13 @@ fn mistakes_are_named() {
         (
             "</worldbody>",
             "<replicate count=\"900000000\"><geom size=\"1\"/></replicate></worldbody>",
-            "help: at most 200000 elements",
+            "help: at most 50000 elements",
+        ),
+        (
+            "</worldbody>",
+            // Nothing is in it, and its frames are elements.
+            "<replicate count=\"900000000\"/></worldbody>",
+            "help: at most 50000 elements",
         ),
         (
             "<worldbody>",
