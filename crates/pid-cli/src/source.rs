@@ -244,22 +244,21 @@ pub(crate) fn load_described(
 /// Records and description as equations of motion take them: where only targets are recorded, the position
 /// loops of the drives are part of the model, and gains that nobody knows start where the motions say.
 fn behind_loops(nominal: Nominal, dataset: Dataset) -> Result<(Nominal, Dataset), CliError> {
-    if !nominal.has_servos() {
-        return Ok((nominal, dataset));
-    }
     if servo::only_targets(&nominal, &dataset) {
         return Ok(servo::commanded(&nominal, &dataset)?);
     }
-    output::message(
-        "note: the recorded inputs of the motors act; the position loops of [drive] are left out",
-    );
+    if nominal.has_servos() {
+        output::message(
+            "note: the recorded inputs of the motors act; the position loops of [drive] are left out",
+        );
+    }
     Ok((nominal, dataset))
 }
 
 /// Refuses records without the inputs of motors.
 fn with_inputs_of_motors(opened: &Opened) -> Result<(), CliError> {
     let (nominal, data) = (&opened.nominal, &opened.records.dataset);
-    match nominal.has_servos() && servo::only_targets(nominal, data) {
+    match servo::only_targets(nominal, data) {
         true => Err(CliError::OnlyTargets),
         false => Ok(()),
     }

@@ -49,6 +49,29 @@ pub(super) fn widened(before: &Dims, after: &Dims, z: usize) -> usize {
     }
 }
 
+/// Calls with the point of a model to whose coordinates others were added, as [`widened`] says; `change`
+/// changes its inputs, which are put into `u`.
+pub(super) fn narrowed<R>(
+    (before, after): (&Dims, &Dims),
+    at: &At<'_>,
+    u: &mut Vec<f64>,
+    change: impl FnOnce(&mut [f64]),
+    work: impl FnOnce(&At<'_>) -> R,
+) -> R {
+    let states = after.nq - before.nq;
+    u.clear();
+    u.extend_from_slice(&at.u[..before.nq]);
+    u.extend_from_slice(&at.u[before.nq + states..before.nu + states]);
+    change(u);
+    work(&At {
+        q: &at.q[..before.nq],
+        v: &at.v[..before.nq],
+        a: at.a.get(..before.nq).unwrap_or(&[]),
+        u,
+        p: &at.p[..before.np],
+    })
+}
+
 /// Rows and columns of the derivatives of some rows by the active arguments, row by row.
 pub(super) fn jacobian_places(
     places: &[Option<usize>],

@@ -20,7 +20,7 @@ use pid_runtime::dynamics::{
 };
 
 use super::DECADE;
-use super::arguments::{self, widened};
+use super::arguments::{self, narrowed, widened};
 use super::merge::Merged;
 use super::smooth::{CORNER, Smooth};
 use super::states::add_state;
@@ -77,6 +77,12 @@ impl Loop {
         let end = Smooth::constant(limit);
         let slope = (slope(-limit) - slope(limit)) * 0.5;
         (free.limit(-end, end), slope)
+    }
+
+    /// Arguments on which the input depends.
+    fn acting(&self) -> impl Iterator<Item = usize> + '_ {
+        let all = [Q, V, R, KP, KD, W].into_iter();
+        all.filter(|&a| self.places[a].is_some())
     }
 
     /// Residual of the integral.
@@ -266,9 +272,8 @@ impl<'m> WithLoops<'m> {
     fn settle(&mut self) {
         let (before, dims) = (self.inner.dims(), self.dims);
         let group = |(own, &motor): (&Loop, &usize)| {
-            let mut arguments = own.places.to_vec();
-            // The input does not depend on how the integral grows.
-            (arguments[KI], arguments[W_DOT]) = (None, None);
+            let mut arguments = vec![None; MOST];
+            own.acting().for_each(|a| arguments[a] = own.places[a]);
             chain::Group {
                 replaces: vec![before.u() + motor],
                 arguments,
@@ -297,8 +302,9 @@ impl<'m> WithLoops<'m> {
     fn rates<'a>(&'a self, at: &'a At<'_>) -> impl Iterator<Item = (usize, f64)> + 'a {
         let each = self.loops.iter();
         each.filter_map(|own| {
+            let state = own.state?;
             let x = own.arguments(at, &self.dims);
-            Some((own.state?, own.integral(&x).0.re))
+            Some((state, own.integral(&x).0.re))
         })
     }
 }
@@ -313,22 +319,14 @@ impl Substituted for WithLoops<'_> {
     }
 
     fn within<T>(&self, at: &At<'_>, work: impl FnOnce(&At<'_>) -> T) -> T {
-        let before = self.inner.dims();
-        let states = self.dims.nq - before.nq;
         let mut u = SCRATCH.with(|s| std::mem::take(&mut *s.borrow_mut()));
-        u.clear();
-        u.extend_from_slice(&at.u[..before.nq]);
-        u.extend_from_slice(&at.u[before.nq + states..before.nu + states]);
-        for (own, &motor) in self.loops.iter().zip(&self.motors) {
-            u[motor] = own.input(&own.arguments(at, &self.dims)).0.0.re;
-        }
-        let out = work(&At {
-            q: &at.q[..before.nq],
-            v: &at.v[..before.nq],
-            a: at.a.get(..before.nq).unwrap_or(&[]),
-            u: &u,
-            p: &at.p[..before.np],
-        });
+        let sizes = (&self.inner.dims(), &self.dims);
+        let drives = |u: &mut [f64]| {
+            for (own, &motor) in self.loops.iter().zip(&self.motors) {
+                u[motor] = own.input(&own.arguments(at, &self.dims)).0.0.re;
+            }
+        };
+        let out = narrowed(sizes, at, &mut u, drives, work);
         SCRATCH.with(|s| *s.borrow_mut() = u);
         out
     }
@@ -336,22 +334,27 @@ impl Substituted for WithLoops<'_> {
     fn gradients(&self, at: &At<'_>, out: &mut Vec<f64>) {
         for own in &self.loops {
             let mut x = own.arguments(at, &self.dims);
-            for a in 0..MOST {
+            let first = out.len();
+            out.resize(first + MOST, 0.0);
+            for a in own.acting() {
                 x[a].0.eps1 = 1.0;
-                out.push(own.input(&x).0.0.eps1);
+                out[first + a] = own.input(&x).0.0.eps1;
                 x[a].0.eps1 = 0.0;
             }
         }
     }
 
+    /// The lower triangles: those the chain reads.
     fn curvatures(&self, at: &At<'_>, weights: &[f64], out: &mut Vec<f64>) {
         for (own, w) in self.loops.iter().zip(weights) {
             let mut x = own.arguments(at, &self.dims);
-            for a in 0..MOST {
+            let first = out.len();
+            out.resize(first + MOST * MOST, 0.0);
+            for a in own.acting() {
                 x[a].0.eps1 = 1.0;
-                for b in 0..MOST {
+                for b in own.acting().take_while(|&b| b <= a) {
                     x[b].0.eps2 = 1.0;
-                    out.push(w * own.input(&x).0.0.eps1eps2);
+                    out[first + a * MOST + b] = w * own.input(&x).0.0.eps1eps2;
                     x[b].0.eps2 = 0.0;
                 }
                 x[a].0.eps1 = 0.0;

@@ -53,27 +53,19 @@ pub(super) fn ended(
 
 /// The list with the share of each effect, and the free law that describes the records better in place
 /// of all; noise alone leaves `floor`.
-pub(super) fn in_shares(grown: Grown, floor: f64, settings: &Settings) -> Partial {
-    let Grown {
-        base,
-        before,
-        mut now,
-        mut taken,
-        others,
-        mut rounds,
-        mut refits,
-    } = grown;
+pub(super) fn in_shares(mut grown: Grown, floor: f64, settings: &Settings) -> Partial {
+    let (now, taken) = (&mut grown.now, &mut grown.taken);
     // Noise alone leaves no more than what is reached.
-    let gaps = (&before, floor.min(now.gap.total));
-    let (shares, small) = smallest_dropped(&mut now, &mut taken, settings, gaps);
-    if let Some(last) = rounds.last_mut() {
+    let gaps = (&grown.before, floor.min(now.gap.total));
+    let (shares, small) = smallest_dropped(now, taken, settings, gaps);
+    if let Some(last) = grown.rounds.last_mut() {
         last.dropped.extend(small);
     }
     let laws = match settings.watch.stopped() {
         true => Vec::new(),
-        false => free_laws(&now.case, &now.directions, settings, &base, |_| true),
+        false => free_laws(&now.case, &now.directions, settings, &grown.base, |_| true),
     };
-    refits += laws.len();
+    grown.refits += laws.len();
     let law = laws.into_iter().next().and_then(|law| {
         let Gained {
             train,
@@ -84,17 +76,7 @@ pub(super) fn in_shares(grown: Grown, floor: f64, settings: &Settings) -> Partia
             .then(|| measured(&now.case, &law.fit).total)
             .map(|gap| (law, gap))
     });
-    Partial {
-        base,
-        before,
-        now,
-        taken,
-        others,
-        rounds,
-        shares,
-        refits,
-        law,
-    }
+    Partial { grown, shares, law }
 }
 
 /// A stand without one of its effects, all other parameters to free runs from where they are.

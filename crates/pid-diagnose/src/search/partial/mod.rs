@@ -50,6 +50,15 @@ use shown::{Shown, shown, stays, take_shown};
 
 /// What the library explains, and what it is judged against.
 struct Partial {
+    grown: Grown,
+    /// Gaps with and without each effect, and its share.
+    shares: Vec<(Parts, Portion)>,
+    /// A free law in place of the effects that describes the records better, and its gap.
+    law: Option<(Refit, f64)>,
+}
+
+/// A list of effects that pay in predictions.
+struct Grown {
     /// The nominal structure, tuned, and its gap.
     base: Fit,
     before: Gap,
@@ -61,12 +70,8 @@ struct Partial {
     /// Candidates of the first round that were not taken, best first, alike.
     others: Vec<(Refit, f64)>,
     rounds: Vec<Round>,
-    /// Gaps with and without each effect, and its share.
-    shares: Vec<(Parts, Portion)>,
     /// Refits made.
     refits: usize,
-    /// A free law in place of the effects that describes the records better, and its gap.
-    law: Option<(Refit, f64)>,
 }
 
 /// Where the taking of effects stands.
@@ -335,15 +340,16 @@ fn over(first: f64, then: Option<f64>, evidence: &Evidence, settings: &Settings)
     let nominal = tuned_within(evidence, settings);
     let mut found = partial(evidence, first, &nominal, settings);
     let noise = settings.criteria.near * evidence.floor;
-    let explained = share(found.before.total, found.now.gap.total, evidence.floor);
-    let little = found.now.gap.total >= noise && explained < settings.criteria.majority;
+    let left = |found: &Partial| found.grown.now.gap.total;
+    let explained = share(found.grown.before.total, left(&found), evidence.floor);
+    let little = left(&found) >= noise && explained < settings.criteria.majority;
     let further = then.filter(|_| little && !settings.watch.stopped());
     if let Some(part) = further {
         let mut other = partial(evidence, part, &nominal, settings);
-        if other.now.gap.total < found.now.gap.total {
+        if left(&other) < left(&found) {
             std::mem::swap(&mut found, &mut other);
         }
-        found.refits += other.refits;
+        found.grown.refits += other.grown.refits;
     }
     found
 }
@@ -358,19 +364,6 @@ fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Sett
         grown.now = ended(evidence, part, grown.now, settings, sensors);
     }
     in_shares(grown, evidence.floor, settings)
-}
-
-/// A list of effects that pay in predictions.
-struct Grown {
-    /// The nominal structure at its best, and its gap.
-    base: Fit,
-    before: Gap,
-    now: Stand,
-    taken: Vec<(Refit, f64)>,
-    /// Candidates of the first round that were not taken.
-    others: Vec<(Refit, f64)>,
-    rounds: Vec<Round>,
-    refits: usize,
 }
 
 /// Takes effects, one after the other, until none pays.
@@ -484,17 +477,16 @@ pub(super) fn add_part(
     first: f64,
     then: Option<f64>,
 ) -> Evidence {
-    let Partial {
+    let Partial { grown, shares, law } = over(first, then, &evidence, settings);
+    let Grown {
         base,
         before,
         now,
         taken,
         others,
         rounds,
-        shares,
         refits,
-        law,
-    } = over(first, then, &evidence, settings);
+    } = grown;
     let Stand {
         case,
         fit,

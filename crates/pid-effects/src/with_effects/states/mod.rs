@@ -22,7 +22,7 @@ use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
 };
 
-use super::arguments::widened;
+use super::arguments::{narrowed, widened};
 use super::group::REST;
 use super::merge::Merged;
 use super::smooth::Smooth;
@@ -333,19 +333,9 @@ impl<'m> WithStates<'m> {
     }
 
     fn within<R>(&self, at: &At<'_>, work: impl FnOnce(&At<'_>) -> R) -> R {
-        let before = self.inner.dims();
-        let states = self.dims.nq - before.nq;
         let mut u = SCRATCH.with(|s| std::mem::take(&mut *s.borrow_mut()));
-        u.clear();
-        u.extend_from_slice(&at.u[..before.nq]);
-        u.extend_from_slice(&at.u[before.nq + states..before.nu + states]);
-        let out = work(&At {
-            q: &at.q[..before.nq],
-            v: &at.v[..before.nq],
-            a: at.a.get(..before.nq).unwrap_or(&[]),
-            u: &u,
-            p: &at.p[..before.np],
-        });
+        let sizes = (&self.inner.dims(), &self.dims);
+        let out = narrowed(sizes, at, &mut u, |_| {}, work);
         SCRATCH.with(|s| *s.borrow_mut() = u);
         out
     }
