@@ -251,6 +251,8 @@ pub struct Budget {
     pub partial_refits: usize,
     /// Most effects taken together where the library explains a part.
     pub most_in_part: usize,
+    /// Most terms of a law without a name.
+    pub terms: usize,
     /// Rounds in which they are taken at most: effects taken may be dropped again.
     pub rounds: usize,
     /// Candidates refitted to settle noise levels that are not stated.
@@ -310,6 +312,7 @@ impl Default for Budget {
             refits: 7,
             partial_refits: 9,
             most_in_part: 4,
+            terms: 4,
             rounds: 6,
             sketched: 4,
             shortlist: 12,

@@ -275,6 +275,33 @@ pub struct Remainder {
     /// A law without a name, if one describes most of the gap, and better than the named effects.
     #[serde(default)]
     pub nameless: Option<Nameless>,
+    /// A law of its own for what the named effects leave, if terms without a name describe it.
+    #[serde(default)]
+    pub law: Option<OwnLaw>,
+}
+
+/// A law without a name: a sum of terms that stand beside the named effects.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OwnLaw {
+    /// Its [terms](pid_effects::terms), which `extended.toml` states as effects.
+    pub terms: Vec<Named>,
+    /// Share of the squared gap beyond the floor that it removes on the test records.
+    pub share: f64,
+    /// Gap on the test records with the named effects alone; [`Diagnosis::gap_after`] is with the law.
+    pub gap_without: f64,
+    /// Motions that it was fitted to, joint by joint: it says nothing of others.
+    pub earned: Vec<Earned>,
+}
+
+/// Motions of a joint that a law was fitted to, SI.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Earned {
+    /// Joint from 1.
+    pub joint: usize,
+    /// Least and largest position.
+    pub position: (f64, f64),
+    /// Least and largest velocity.
+    pub velocity: (f64, f64),
 }
 
 fn counted() -> bool {
@@ -461,7 +488,7 @@ pub struct Diagnosis {
     pub effects: Vec<Named>,
     /// Gap of the nominal structure within its tolerances, test records.
     pub gap_before: f64,
-    /// Gap with the named effects.
+    /// Gap with the named effects, and with the [law of its own](Remainder::law) if there is one.
     pub gap_after: f64,
     /// Interval of 95 % of the gap before and after, from the windows of the test records.
     pub gap_intervals: ((f64, f64), (f64, f64)),

@@ -97,5 +97,6 @@ pub mod words;
 pub mod write;
 
 pub use pid_effects::{
-    circumstances, constants, described, drives, effect, effects, nominal, scalar, with_effects,
+    circumstances, constants, described, drives, effect, effects, nominal, scalar, terms,
+    with_effects,
 };

@@ -248,17 +248,74 @@ const SETTLING: f64 = 0.2;
 
 /// The force that a fit still misses, its effects included, on the test records.
 ///
+/// It is that of [`residuals`], so it includes every effect of the library.
+pub fn residual_force(case: &Case, fit: &Fit) -> MissingForce {
+    let mut joints = vec![JointForce::default(); case.n()];
+    let (mut squares, mut count) = (vec![0.0; case.n()], 0.0);
+    for record in residuals(case, fit, Role::Test) {
+        count += record.t.len() as f64;
+        for ((j, out), own) in joints.iter_mut().enumerate().zip(&record.joints) {
+            let slow = REST * case.scale[j].speed;
+            let mut reversal = record.t.first().copied().unwrap_or(0.0);
+            for (k, &t) in record.t.iter().enumerate() {
+                if k > 0 && own.v[k] * own.v[k - 1] <= 0.0 {
+                    reversal = t;
+                }
+                squares[j] += own.force[k] * own.force[k];
+                if own.v[k].abs() > slow {
+                    out.samples.push(Sample {
+                        x: [own.v[k], own.q[k], own.load[k], t - reversal, t],
+                        w: own.force[k],
+                        forward: own.v[k] > 0.0,
+                    });
+                }
+            }
+            let t = decimated(&record.t, POINTS);
+            out.curves.push(Curve {
+                record: record.name.clone(),
+                band: vec![0.0; t.len()],
+                t,
+                w: decimated(&own.force, POINTS),
+            });
+        }
+    }
+    summed(case, joints, &squares, count)
+}
+
+/// Motion of a joint and the force that a fit misses there, at the samples of a record, SI.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct JointResidual {
+    /// Position and velocity of the drive side.
+    pub(crate) q: Vec<f64>,
+    pub(crate) v: Vec<f64>,
+    /// Torque that the gear passes.
+    pub(crate) load: Vec<f64>,
+    /// Missing force.
+    pub(crate) force: Vec<f64>,
+}
+
+/// Missing forces of a record.
+#[derive(Debug, Clone)]
+pub(crate) struct Residual {
+    /// The record.
+    name: String,
+    /// Time since its start, s.
+    pub(crate) t: Vec<f64>,
+    /// Joint by joint.
+    pub(crate) joints: Vec<JointResidual>,
+}
+
+/// The force that a fit still misses, its effects included, on the records of a role.
+///
 /// An observer with gain K_v on the velocity follows the readings ε. For that it needs the force
 /// `I K_v ε / h` beside the model's own (an observer of disturbances: K. Ohnishi, M. Shibata, T.
 /// Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996), up to its bandwidth of 30 rad/s. It runs on
-/// the simulation itself, so it includes every effect of the library.
-pub fn residual_force(case: &Case, fit: &Fit) -> MissingForce {
+/// the simulation itself.
+pub(crate) fn residuals(case: &Case, fit: &Fit, role: Role) -> Vec<Residual> {
     let n = case.n();
     let case = crate::levels::with_bandwidth(case, REST_BANDWIDTH);
-    let mut joints = vec![JointForce::default(); n];
-    let (mut squares, mut count) = (vec![0.0; n], 0.0);
-    for record in case.records.iter().filter(|r| r.role == Role::Test) {
-        let (theta, e) = (&fit.point.theta, &fit.point.e);
+    let (theta, e) = (&fit.point.theta, &fit.point.e);
+    let of = |record: &crate::case::Record| {
         let gains = gains(&case, &fit.hypothesis, theta, e, record.h);
         let length = record.len();
         let motion = RefCell::new(vec![[0.0; 3]; length * n]);
@@ -275,48 +332,33 @@ pub fn residual_force(case: &Case, fit: &Fit) -> MissingForce {
         );
         let motion = motion.into_inner();
         let first = ((SETTLING / record.h) as usize).min(length - 1);
-        count += (length - first) as f64;
-        for (j, out) in joints.iter_mut().enumerate() {
+        let joint = |j: usize| {
             let g = &gains[j];
-            let slow = REST * case.scale[j].speed;
-            let mut reversal = first;
-            let (mut t, mut w) = (Vec::new(), Vec::new());
+            let mut out = JointResidual::default();
             for k in first..length {
                 let [x0, x1] = errors[k * n + j];
                 let eq = x0 / g.whiten[0][0];
-                let ev = if case.velocity[j] == Velocity::Measured {
-                    (x1 - eq * g.whiten[1][0]) / g.whiten[1][1]
-                } else {
-                    0.0
+                let ev = match case.velocity[j] {
+                    Velocity::Measured => (x1 - eq * g.whiten[1][0]) / g.whiten[1][1],
+                    _ => 0.0,
                 };
-                let force =
-                    case.scale[j].inertia * (g.rows[1][0] * eq + g.rows[1][1] * ev) / record.h;
                 let [v, q, load] = motion[k * n + j];
-                if v * motion[(k - 1) * n + j][0] <= 0.0 {
-                    reversal = k;
-                }
-                let at = k as f64 * record.h;
-                squares[j] += force * force;
-                if v.abs() > slow {
-                    let since = (k - reversal) as f64 * record.h;
-                    out.samples.push(Sample {
-                        x: [v, q, load, since, at],
-                        w: force,
-                        forward: v > 0.0,
-                    });
-                }
-                t.push(at);
-                w.push(force);
+                out.q.push(q);
+                out.v.push(v);
+                out.load.push(load);
+                let pulled = g.rows[1][0] * eq + g.rows[1][1] * ev;
+                out.force.push(case.scale[j].inertia * pulled / record.h);
             }
-            out.curves.push(Curve {
-                record: record.name.clone(),
-                t: decimated(&t, POINTS),
-                band: vec![0.0; decimated(&t, POINTS).len()],
-                w: decimated(&w, POINTS),
-            });
+            out
+        };
+        Residual {
+            name: record.name.clone(),
+            t: (first..length).map(|k| k as f64 * record.h).collect(),
+            joints: (0..n).map(joint).collect(),
         }
-    }
-    summed(&case, joints, &squares, count)
+    };
+    let records = case.records.iter().filter(|r| r.role == role);
+    records.map(of).collect()
 }
 
 /// Means over blocks.

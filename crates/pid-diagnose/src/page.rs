@@ -4,7 +4,9 @@ use maud::{Markup, html};
 use pid_page::number::{self, short};
 use pid_page::{Bar, Footer, Ink, Legend, Page, bars, figure, legend};
 
-use crate::diagnosis::{Ceiling, Diagnosis, Magnitude, Named, Nameless, Outcome, Remainder};
+use crate::diagnosis::{
+    Ceiling, Diagnosis, Magnitude, Named, Nameless, Outcome, OwnLaw, Remainder,
+};
 use crate::effects;
 use crate::free::Form;
 use crate::locate::{Axis, MissingForce, classes};
@@ -51,6 +53,7 @@ fn content(report: &Report) -> Markup {
     let d = report.diagnosis();
     html! {
         @if let Some(law) = law(d) { section { (nameless(report, law)) } }
+        @if let Some(law) = d.remainder.as_ref().and_then(|r| r.law.as_ref()) { section { (own_law(d, law)) } }
         @if let Some(budget) = budget(d) { section { (budget) } }
         @for e in &d.effects { section { (effect(d, e)) } }
         @if !d.beyond_tolerance.is_empty() {
@@ -380,6 +383,31 @@ fn nameless(report: &Report, law: &Nameless) -> Markup {
                 "straight between the marks, with a band of two standard deviations where the records determine it",
             ))
         }
+    }
+}
+
+/// A law of its own beside the named effects, term by term.
+fn own_law(d: &Diagnosis, law: &OwnLaw) -> Markup {
+    let hull = |(low, high): (f64, f64)| format!("{} to {}", short(low), short(high));
+    html! {
+        h2 { "A law of its own for what is left" }
+        p {
+            "No effect of the library describes what the named ones leave. The terms below do, within the motions of the train records: they "
+            "remove " (format!("{:.0} %", 100.0 * law.share)) " of the squared gap beyond the floor on motions that were never fitted (gap "
+            (short(law.gap_without)) " without them). They say what the records show, and not what causes it. "
+            span class="equation" { "extended.toml" } " states them as effects."
+        }
+        @for term in &law.terms { (effect(d, term)) }
+        div.scroll { table {
+            thead { tr { th { "joint" } th.num { "position, rad or m" } th.num { "velocity, rad/s or m/s" } } }
+            @for e in &law.earned {
+                tr {
+                    td { (e.joint) }
+                    td class="num" { (hull(e.position)) }
+                    td class="num" { (hull(e.velocity)) }
+                }
+            }
+        } }
     }
 }
 

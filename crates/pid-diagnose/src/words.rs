@@ -14,8 +14,28 @@ pub fn budget(d: &Diagnosis) -> Vec<String> {
         .iter()
         .map(|e| line(e, e.share.or(whole)))
         .collect();
+    lines.extend(own_law(d));
     lines.extend(left(d));
     lines
+}
+
+/// The law of its own: its share and its terms.
+fn own_law(d: &Diagnosis) -> Option<String> {
+    let law = d.remainder.as_ref()?.law.as_ref()?;
+    let terms: Vec<String> = law.terms.iter().map(described).collect();
+    let share = percent(law.share);
+    Some(format!("{share}: no name, but a law: {}", terms.join("; ")))
+}
+
+/// A cause with its joint and its magnitudes: `the drive acts later at joint 2 (input_delay): delay 14 ± 1 ms`.
+fn described(e: &Named) -> String {
+    let title = by_id(&e.effect).map(|effect| effect.info().title);
+    let title = title.unwrap_or("Friction is outside its stated tolerance");
+    let (first, rest) = title.split_at(1);
+    let first = first.to_lowercase();
+    let joint = e.joint.map_or(String::new(), |j| format!(" at joint {j}"));
+    let sizes: Vec<String> = e.parameters.iter().map(size).collect();
+    format!("{first}{rest}{joint} ({}): {}", e.effect, sizes.join(", "))
 }
 
 /// The verdict in a few words: how much of the gap has a name.
@@ -50,11 +70,6 @@ fn percent(share: f64) -> String {
 
 /// A cause: `62 % of the gap: the drive acts later at joint 2 (input_delay): delay 14.2 ± 0.6 ms`.
 fn line(e: &Named, share: Option<f64>) -> String {
-    let title = by_id(&e.effect).map(|effect| effect.info().title);
-    let title = title.unwrap_or("Friction is outside its stated tolerance");
-    let (first, rest) = title.split_at(1);
-    let words = format!("{}{rest}", first.to_lowercase());
-    let joint = e.joint.map_or(String::new(), |j| format!(" at joint {j}"));
     let share = match (share, e.share_interval) {
         (None, _) => "cause".to_owned(),
         (Some(share), None) => percent(share),
@@ -63,12 +78,7 @@ fn line(e: &Named, share: Option<f64>) -> String {
             format!("{} ({low:.0} to {high:.0} %)", percent(share))
         }
     };
-    let sizes: Vec<String> = e.parameters.iter().map(size).collect();
-    format!(
-        "{share}: {words}{joint} ({}): {}",
-        e.effect,
-        sizes.join(", ")
-    )
+    format!("{share}: {}", described(e))
 }
 
 /// What has no name.
@@ -78,7 +88,8 @@ fn left(d: &Diagnosis) -> Option<String> {
         let share = percent(law.explained);
         return Some(format!("{share}, better than the library: {}", law.words()));
     }
-    let rest = 1.0 - remainder.explained;
+    let law = remainder.law.as_ref().map_or(0.0, |law| law.share);
+    let rest = 1.0 - remainder.explained - law;
     // Less is zero percent.
     if rest < 0.005 {
         return None;

@@ -77,6 +77,19 @@ impl<'n, D: Scalar + Element> Constants<'n, D> {
     pub fn prepared(&self) -> links::Work<D> {
         self.nominal.links.prepare(&self.p, &self.links)
     }
+
+    /// The same for a base that accelerates, m/s² in base axes: the links feel gravity less that (A.
+    /// Einstein, Jahrbuch der Radioaktivität 4, 1907, section 17). Does nothing on a robot without bodies.
+    pub fn shaken(&mut self, work: &mut links::Work<D>, acceleration: [D; 3]) {
+        let still = [0, 1, 2].map(|i| self.get(Constant::Gravity(i)));
+        for (i, a) in acceleration.into_iter().enumerate() {
+            self.add(Constant::Gravity(i), -a);
+        }
+        self.nominal.links.renew(work, &self.p, &self.links);
+        for (i, g) in still.into_iter().enumerate() {
+            self.set(Constant::Gravity(i), g);
+        }
+    }
 }
 
 impl<'n, D: Scalar> Constants<'n, D> {

@@ -9,6 +9,7 @@ use pid_toml::{Place, nearest};
 
 use crate::effect::{Effect, Info, Parameter, Term, Unit};
 use crate::effects;
+use crate::terms;
 
 /// The effects of a description with their parameters, SI, as the library has them.
 ///
@@ -16,7 +17,7 @@ use crate::effects;
 /// If the library has no such effect, a joint or a parameter is missing or too many, a unit is
 /// another, or a value is outside its range: file, line, key, value, mend.
 pub fn described(nominal: &description::Nominal) -> Result<Vec<(Term, Vec<f64>)>, NominalError> {
-    let library = effects::all();
+    let library: Vec<Arc<dyn Effect>> = effects::all().into_iter().chain(terms::all()).collect();
     let all = nominal.effects().iter();
     let all = all.map(|stated| term(nominal, stated, &library));
     all.collect::<Result<_, Fault>>()

@@ -20,6 +20,7 @@ pub use crate::circumstances::EqualWhen;
 pub use crate::class::Class;
 pub use crate::commands::Commands;
 use crate::constants::Constants;
+pub use crate::read_off::{Over, ReadOff};
 use crate::scalar::{Lanes, Scalar};
 pub use crate::with_effects::Smooth;
 
@@ -282,10 +283,11 @@ pub struct Flowing<D> {
 
 /// Force laws of an effect in the words of `robot!`. In braces stand parameters of the effect (also
 /// `own.NAME`), and of the joint: `coulomb`, `viscous`, `gain`, `input`, `q`, `v`, `sign` (of the
-/// velocity, smooth), `round` (of absolute values), and `q_before`, `v_before` of the joint before.
+/// velocity, smooth), `round`, `round_q`, `round_v` (of absolute values of forces, positions and
+/// velocities), and `q_before`, `v_before` of the joint before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Source {
-    /// Additional force on the joint.
+    /// Additional force on the joint; empty for none.
     pub own: &'static str,
     /// Additional force on the joint before.
     pub before: Option<&'static str>,
@@ -314,6 +316,10 @@ pub trait Law<D: Scalar>: Send + Sync {
     }
     /// Force on the tool point in base axes, averaged over the substep.
     fn tip_force(&self, _e: &[D], _t: f64, _dt: f64) -> Option<[D; 3]> {
+        None
+    }
+    /// Acceleration of the base at a time, m/s² in base axes.
+    fn base_acceleration(&self, _e: &[D], _t: f64) -> Option<[D; 3]> {
         None
     }
     /// Splits the joint into rotor and link.
@@ -366,6 +372,8 @@ pub trait Effect: Send + Sync {
     /// Whether its [`Law::input`] acts on the command, before a position loop of the drive; the others
     /// act between the drive and its motor.
     fn before_drive(&self) -> bool;
+    /// Parameters whose starts are read off the records, beside [`Info::starts`].
+    fn read_off(&self) -> Option<ReadOff>;
     /// Its force laws in the words of `robot!`, if equations of motion take it as a force.
     fn source(&self) -> Option<Source>;
     /// Physical magnitudes for the report.
@@ -417,6 +425,10 @@ pub trait Model: Send + Sync {
     fn before_drive(&self) -> bool {
         false
     }
+    /// Parameters whose starts are read off the records, beside [`Info::starts`].
+    fn read_off(&self) -> Option<ReadOff> {
+        None
+    }
     /// Its force laws in the words of `robot!`, if equations of motion take it as a force.
     fn source(&self) -> Option<Source> {
         None
@@ -459,6 +471,9 @@ where
     }
     fn before_drive(&self) -> bool {
         Model::before_drive(self)
+    }
+    fn read_off(&self) -> Option<ReadOff> {
+        Model::read_off(self)
     }
     fn source(&self) -> Option<Source> {
         Model::source(self)

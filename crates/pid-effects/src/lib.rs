@@ -2,7 +2,7 @@
 //!
 //! An effect is one file below [`effects`]: its law over any scalar, its parameters with units and
 //! ranges, its state, what it is easily taken for, which effects no motion tells from it, and what
-//! models it in MuJoCo, Isaac and URDF. The same law serves the diagnosis (crate `pid-diagnose`),
+//! models it in MuJoCo, Isaac and URDF. What has no name there is a sum of [`terms`]. The same law serves the diagnosis (crate `pid-diagnose`),
 //! identification by exact Hessians ([`with_effects`]) and simulation.
 //!
 //! ```
@@ -41,5 +41,7 @@ pub mod drives;
 pub mod effect;
 pub mod effects;
 pub mod nominal;
+mod read_off;
 pub mod scalar;
+pub mod terms;
 pub mod with_effects;

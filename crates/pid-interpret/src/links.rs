@@ -69,6 +69,8 @@ pub struct Work<T> {
     /// Of the motion with a force on the tool, from the first evaluation with one on.
     pushed: Option<Scratch<T>>,
     prepared: Vec<T>,
+    /// Of what is prepared.
+    stage: Scratch<T>,
     lower: Vec<T>,
 }
 
@@ -224,18 +226,42 @@ impl Links {
     /// If `p` or `constants` are too short.
     pub fn prepare<T: Element>(&self, p: &[T], constants: &[T]) -> Work<T> {
         let mut prepared = vec![T::splat(0.0); self.prepare.program.outputs()];
-        let fill = |z: &mut [T]| {
-            fill_from(z, self.prepare.params, p);
-            fill_from(z, self.prepare.constants, constants);
-        };
-        self.prepare
-            .program
-            .evaluate(&mut Scratch::new(), fill, [&mut prepared]);
+        let mut stage = Scratch::new();
+        self.prepare_into(&mut stage, (p, constants), &mut prepared);
         Work {
             free: self.loaded(&self.free, &prepared),
             pushed: None,
             prepared,
+            stage,
             lower: vec![T::splat(0.0); self.nq * (self.nq + 1) / 2],
+        }
+    }
+
+    fn prepare_into<T: Element>(
+        &self,
+        stage: &mut Scratch<T>,
+        (p, constants): (&[T], &[T]),
+        prepared: &mut [T],
+    ) {
+        let fill = |z: &mut [T]| {
+            fill_from(z, self.prepare.params, p);
+            fill_from(z, self.prepare.constants, constants);
+        };
+        self.prepare.program.evaluate(stage, fill, [prepared]);
+    }
+
+    /// The same as [`Self::prepare`] in memory that is there already: for constants that change with the
+    /// time. Allocates nothing.
+    ///
+    /// # Panics
+    /// If `p` or `constants` are too short.
+    pub fn renew<T: Element>(&self, work: &mut Work<T>, p: &[T], constants: &[T]) {
+        self.prepare_into(&mut work.stage, (p, constants), &mut work.prepared);
+        let prepared = &work.prepared;
+        let fill = |z: &mut [T]| fill_from(z, 4 * self.nq + 3, prepared);
+        self.free.program.load(&mut work.free, fill);
+        if let (Some(pushed), Some(scratch)) = (&self.pushed, &mut work.pushed) {
+            pushed.program.load(scratch, fill);
         }
     }
 

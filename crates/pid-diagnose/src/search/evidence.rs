@@ -7,6 +7,7 @@ use super::loops::loop_gains;
 use super::measure::share;
 use super::nameless::described;
 use super::odds::tempered;
+use super::partial::Sought;
 use crate::case::Case;
 use crate::circumstances::equal_to;
 use crate::criteria::Criteria;
@@ -26,19 +27,19 @@ pub struct Evidence {
     pub case: Case,
     /// The nominal structure within its tolerances.
     pub base: Fit,
-    /// With the named effects.
+    /// With the named effects, and with the law of its own if there is one.
     pub fit: Fit,
     /// Refitted candidates, best first: each beside those named before it.
     pub rivals: Vec<Fit>,
     /// Gap of the nominal structure, test records.
     pub before: Gap,
-    /// Gap with the named effects.
+    /// Gap of [`Evidence::fit`].
     pub after: Gap,
     /// The gap that noise alone leaves.
     pub floor: f64,
     /// Share of each joint and channel in the squared gap before.
     pub shares: Vec<(f64, Option<f64>)>,
-    /// The effects of [`Evidence::fit`].
+    /// The named effects of [`Evidence::fit`], which come first there.
     pub effects: Vec<Named>,
     /// Candidates with their odds, best first.
     pub ranking: Vec<Ranked>,
@@ -55,6 +56,10 @@ pub struct Evidence {
     /// Whether free runs leave no more than noise although innovations are no white noise, and no
     /// effect pays.
     pub coloured: bool,
+    /// Where the search for these ended.
+    pub(super) sought: Option<Box<Sought>>,
+    /// The fit without the law of its own, if [`Evidence::fit`] holds one.
+    pub(super) without_law: Option<Box<Fit>>,
     /// What is left beside the effects, if something is.
     pub remainder: Option<Remainder>,
     /// Friction outside its stated tolerance.
@@ -156,6 +161,7 @@ impl Evidence {
                 &law.refit,
                 share(before.total, law.gap, floor),
             ),
+            law: None,
         });
         Evidence {
             ranking: tempered(
@@ -180,6 +186,8 @@ impl Evidence {
             residue: selection.residue,
             unexplained: selection.unexplained,
             part: None,
+            sought: None,
+            without_law: None,
             remainder,
             beyond: Vec::new(),
             promoted: None,

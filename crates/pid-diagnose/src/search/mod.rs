@@ -102,8 +102,10 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
         Whole::Explained(evidence) => return evidence,
         Whole::Unexplained { stated, wider } => (stated, wider),
     };
+    let selected = stated.case.clone();
     let Some(mut wider) = wider else {
-        return partial::add_part(stated, settings, SHORT, Some(WHOLE));
+        let within = partial::add_part(stated, settings, SHORT, Some(WHOLE));
+        return partial::with_law(within, &selected, settings);
     };
     wider.refits += stated.refits;
     stated.refits = wider.refits;
@@ -116,15 +118,18 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
     // Other friction imitates laws of friction: it has to leave less than what the library explains
     // within the tolerances.
     wider.refits = within.refits;
+    let freed = wider.case.clone();
     let wider = partial::add_part(*wider, settings, within.case.ahead, None);
     let shrunk = (1.0 - settings.criteria.least_shrink) * within.after.total;
     if wider.after.total < shrunk {
+        let wider = partial::with_law(wider, &freed, settings);
         return tolerance::beyond(stated, wider, settings);
     }
-    Evidence {
+    let within = Evidence {
         refits: wider.refits,
         ..within
-    }
+    };
+    partial::with_law(within, &selected, settings)
 }
 
 /// The evidence with a test record among those that are fitted, where that gives a verdict that
@@ -180,9 +185,16 @@ fn misfit_of_record(case: &Case, fit: &Fit, record: usize) -> f64 {
 fn on_whole_records(case: &Case, mut evidence: Evidence) -> Evidence {
     let e = &mut evidence;
     let fits = [&mut e.base, &mut e.fit].into_iter();
+    let fits = fits.chain(e.without_law.as_deref_mut());
     if restore_tests(case, &mut e.case, fits.chain(&mut e.rivals)) {
         e.before = measured(&e.case, &e.base);
         e.after = measured(&e.case, &e.fit);
+        let law = e.remainder.as_mut().and_then(|r| r.law.as_mut());
+        if let (Some(law), Some(without)) = (law, &e.without_law) {
+            law.gap_without = measured(&e.case, without).total;
+            let explained = |gap: f64| share(e.before.total, gap, e.floor);
+            law.share = explained(e.after.total) - explained(law.gap_without);
+        }
         if e.part.is_none() {
             // Otherwise the levels are those of the model's errors.
             e.floor = noise_alone(&e.case, &e.fit).typical;

@@ -75,6 +75,8 @@ pub(crate) struct Machine<'h, D: Pick> {
     /// time count from there.
     pub begin: f64,
     rotors: Vec<usize>,
+    /// Whether an effect accelerates the base.
+    shaken: bool,
     /// Position loops of the drives.
     loops: Vec<Option<Loop<'h, D>>>,
     links: links::Work<D>,
@@ -129,6 +131,7 @@ impl<'h, D: Pick> Machine<'h, D> {
         let mut gears = vec![None; n];
         let mut cells = Vec::new();
         let mut memory = 0;
+        let mut shaken = false;
         for (term, &at) in hypothesis.terms.iter().zip(&starts) {
             let law = D::of(&*term.effect);
             let own = &e[at..at + term.effect.info().parameters.len()];
@@ -136,6 +139,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             if let Some(g) = law.gear(own) {
                 gears[term.joint] = Some(g);
             }
+            shaken |= law.base_acceleration(own, 0.0).is_some();
             cells.push(memory);
             memory += term.effect.memory();
         }
@@ -157,6 +161,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             gears,
             begin: 0.0,
             rotors,
+            shaken,
             loops,
             links,
             mass: vec![zero; n * n],
@@ -203,11 +208,29 @@ impl<'h, D: Pick> Machine<'h, D> {
         tip_force
     }
 
+    /// Moves the base as the effects say.
+    #[inline(always)]
+    fn shake(&mut self, t: f64) {
+        if !self.shaken {
+            return;
+        }
+        let mut sum = [D::nil(); 3];
+        for (i, term) in self.hypothesis.terms.iter().enumerate() {
+            if let Some(a) = D::of(&*term.effect).base_acceleration(self.own(i), t) {
+                for (sum, a) in sum.iter_mut().zip(a) {
+                    *sum += a;
+                }
+            }
+        }
+        self.constants.shaken(&mut self.links, sum);
+    }
+
     /// Bias torque at rest at a position.
     fn rest_bias(&mut self, q: &[D]) {
         let n = self.n();
         self.half_q.copy_from_slice(q);
         self.half_v.copy_from_slice(&vec![D::nil(); n]);
+        self.shake(self.begin);
         let force = self.tip_force(self.begin, 1e-3);
         self.links_at_half(force);
     }

@@ -331,6 +331,7 @@ impl<D: Pick> Machine<'_, D> {
             self.half_v[j] = state.v[j] + state.gained[j] / length * half;
             state.gained[j] = D::nil();
         }
+        self.shake(t + half);
         let force = self.tip_force(t, length);
         self.links_at_half(force);
     }

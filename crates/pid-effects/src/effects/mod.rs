@@ -90,7 +90,8 @@ pub fn all() -> Vec<Arc<dyn Effect>> {
     ]
 }
 
-/// The effect with an identifier.
+/// The effect, or the [term](crate::terms) of a law without a name, with an identifier.
 pub fn by_id(id: &str) -> Option<Arc<dyn Effect>> {
-    all().into_iter().find(|e| e.info().id == id)
+    let mut every = all().into_iter().chain(crate::terms::all());
+    every.find(|e| e.info().id == id)
 }

@@ -116,6 +116,9 @@ pub(super) fn hooks(effect: &dyn Effect) -> Result<Hooks, Obstacle> {
     if law.tip_force(&e, 0.0, 1.0).is_some() {
         return Err(Obstacle::Tool);
     }
+    if law.base_acceleration(&e, 0.4).is_some() {
+        return Err(Obstacle::Time);
+    }
     let reads = law.sense(&e, 0.4, 0.7) != (0.4, 0.7);
     if reads || law.reading_delay(&e).is_some() || law.velocity_lag(&e).is_some() {
         return Err(Obstacle::Reading);
@@ -135,7 +138,7 @@ pub(super) fn hooks(effect: &dyn Effect) -> Result<Hooks, Obstacle> {
         let site = Site {
             joint: 1,
             q: &[0.1, 0.2],
-            v: &[0.3, 0.4],
+            v: &[0.3, 0.9],
             load: &[load, load],
             t,
             dt: 1e-3,

@@ -70,7 +70,9 @@ pub fn source(model: &dyn Hessian, effects: &[Placed]) -> Result<String, SourceE
             role: &roles[joint],
             label: &label,
         };
-        let _ = writeln!(laws, "force on {name} = {};", words.fill(source.own)?);
+        if !source.own.is_empty() {
+            let _ = writeln!(laws, "force on {name} = {};", words.fill(source.own)?);
+        }
         if let (Some(law), Some(before)) = (source.before, joint.checked_sub(1)) {
             let before = model.joints()[before].name.as_ref();
             let _ = writeln!(laws, "force on {before} = {};", words.fill(law)?);
@@ -140,6 +142,8 @@ impl Words<'_> {
                 Ok(format!("tanh(v.{}/({rest:?} {unit}))", joint.name))
             }
             "round" => Ok(format!("{:?} {}", smooth::ROUND, joint.force_unit())),
+            "round_q" => Ok(format!("{:?} {}", smooth::ROUND, joint.unit())),
+            "round_v" => Ok(format!("{:?} {}", smooth::ROUND, joint.velocity_unit())),
             other => Ok(parameter(other).unwrap_or_else(|| other.to_owned())),
         }
     }
@@ -196,11 +200,11 @@ mod tests {
         Model::new(&robots[0]).expect("equations")
     }
 
-    /// Every force law of the library, declared and added to the model: the same equations.
+    /// Every force law of the library and every term, declared and added to the model: the same equations.
     #[test]
     fn declared_effects_are_those_of_the_library() {
         let mut tried = 0;
-        for effect in all() {
+        for effect in all().into_iter().chain(crate::terms::all()) {
             if effect.source().is_none() {
                 continue;
             }
@@ -259,7 +263,7 @@ mod tests {
                 assert!(off < 1e-12, "{id}: {x:?} {y:?}");
             }
         }
-        assert_eq!(tried, 12);
+        assert_eq!(tried, 20);
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! How a list of effects ends: all parameters to free runs, without what is hardly there, in shares.
 
 use super::judge::{Gained, gained, grows, sums_of};
-use super::{Grown, Partial, Stand, tuned};
+use super::{Grown, Partial, Sought, Stand, tuned};
+use crate::case::Case;
 use crate::criteria::Criteria;
 use crate::fit::fit_free_runs;
 use crate::gap::Gap;
 use crate::levels::WHOLE;
-use crate::search::evidence::Evidence;
 use crate::search::magnitude::sizes;
 use crate::search::measure::measured;
 use crate::search::nameless::{free_laws, imitated_in_part};
@@ -29,7 +29,7 @@ fn freely(now: Stand, criteria: &Criteria) -> Stand {
 /// Where a list of effects leads whose parameters are all fitted over the whole horizon, if that leaves
 /// less, and then to free runs.
 pub(super) fn ended(
-    evidence: &Evidence,
+    case: &Case,
     part: f64,
     mut now: Stand,
     settings: &Settings,
@@ -38,7 +38,7 @@ pub(super) fn ended(
     if part < WHOLE && !settings.watch.stopped() {
         let step = "shares of the gap: all parameters over the whole horizon";
         settings.watch.step(step);
-        let whole = tuned(evidence, &now.fit, WHOLE, settings, sensors);
+        let whole = tuned(case, &now.fit, WHOLE, settings, sensors);
         if whole.gap.total < now.gap.total {
             now = whole;
         }
@@ -53,7 +53,12 @@ pub(super) fn ended(
 
 /// The list with the share of each effect, and the free law that describes the records better in place
 /// of all; noise alone leaves `floor`.
-pub(super) fn in_shares(mut grown: Grown, floor: f64, settings: &Settings) -> Partial {
+pub(super) fn in_shares(
+    mut grown: Grown,
+    sought: Sought,
+    floor: f64,
+    settings: &Settings,
+) -> Partial {
     let (now, taken) = (&mut grown.now, &mut grown.taken);
     // Noise alone leaves no more than what is reached.
     let gaps = (&grown.before, floor.min(now.gap.total));
@@ -76,7 +81,12 @@ pub(super) fn in_shares(mut grown: Grown, floor: f64, settings: &Settings) -> Pa
             .then(|| measured(&now.case, &law.fit).total)
             .map(|gap| (law, gap))
     });
-    Partial { grown, shares, law }
+    Partial {
+        grown,
+        shares,
+        law,
+        sought,
+    }
 }
 
 /// A stand without one of its effects, all other parameters to free runs from where they are.

@@ -18,6 +18,8 @@
 mod exchange;
 mod finish;
 mod judge;
+mod law;
+mod read_off;
 mod shown;
 #[cfg(test)]
 mod tests;
@@ -46,7 +48,8 @@ use crate::screen::screen;
 use exchange::exchange;
 use finish::{ended, in_shares};
 use judge::{at_an_end, gained, grows, judge, shrinks, sums_of};
-use shown::{Shown, shown, stays, take_shown};
+pub(super) use law::with_law;
+use shown::{shown, stays, take_shown};
 
 /// What the library explains, and what it is judged against.
 struct Partial {
@@ -55,6 +58,7 @@ struct Partial {
     shares: Vec<(Parts, Portion)>,
     /// A free law in place of the effects that describes the records better, and its gap.
     law: Option<(Refit, f64)>,
+    sought: Sought,
 }
 
 /// A list of effects that pay in predictions.
@@ -75,6 +79,7 @@ struct Grown {
 }
 
 /// Where the taking of effects stands.
+#[derive(Debug, Clone)]
 struct Stand {
     /// With the levels of the errors of the model at hand.
     case: Case,
@@ -84,16 +89,18 @@ struct Stand {
     gap: Gap,
 }
 
+/// Where the search for effects that pay in predictions ended, before all parameters were fitted to free
+/// runs, and the levels of the readings.
+#[derive(Debug, Clone)]
+pub(super) struct Sought {
+    stand: Stand,
+    sensors: Vec<(f64, f64)>,
+}
+
 /// A model under the levels of its own errors, predicted over a part of the horizon; `sensors` are the
 /// levels of the readings.
-fn tuned(
-    evidence: &Evidence,
-    at: &Fit,
-    part: f64,
-    settings: &Settings,
-    sensors: &[(f64, f64)],
-) -> Stand {
-    let mut case = evidence.case.clone();
+fn tuned(case: &Case, at: &Fit, part: f64, settings: &Settings, sensors: &[(f64, f64)]) -> Stand {
+    let mut case = case.clone();
     follow_slowly(&mut case, part);
     let mut fitted = at.clone();
     fitted.hypothesis.run = Run::default();
@@ -122,7 +129,7 @@ fn tuned(
 /// they can be good with parameters that let free runs diverge.
 pub(super) fn tuned_within(evidence: &Evidence, settings: &Settings) -> (Fit, Gap) {
     let sensors = readings(&evidence.case);
-    let stand = tuned(evidence, &evidence.base, WHOLE, settings, &sensors);
+    let stand = tuned(&evidence.case, &evidence.base, WHOLE, settings, &sensors);
     (stand.fit, stand.gap)
 }
 
@@ -298,7 +305,7 @@ fn pruned(
     now: &mut Stand,
     settings: &Settings,
     sensors: &[(f64, f64)],
-    shown: &[Shown],
+    stays: &(dyn Fn(&str) -> bool + Sync),
 ) -> Vec<usize> {
     let criteria = &settings.criteria;
     let mut dropped = Vec::new();
@@ -310,7 +317,7 @@ fn pruned(
         // The last one too: beside it the others may have come out of a local optimum.
         let superfluous = (0..terms.len())
             .into_par_iter()
-            .filter(|&i| !stays(shown, &terms[i].label()))
+            .filter(|&i| !stays(&terms[i].label()))
             .map(|i| {
                 let less = without(&now.case, &now.directions, settings, &now.fit, i);
                 let parameters = terms[i].effect.info().parameters.len();
@@ -360,10 +367,14 @@ fn over(first: f64, then: Option<f64>, evidence: &Evidence, settings: &Settings)
 fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Settings) -> Partial {
     let sensors = &readings(&evidence.case);
     let mut grown = grown(evidence, part, nominal, settings, sensors);
+    let sought = Sought {
+        stand: grown.now.clone(),
+        sensors: sensors.clone(),
+    };
     if !grown.taken.is_empty() {
-        grown.now = ended(evidence, part, grown.now, settings, sensors);
+        grown.now = ended(&evidence.case, part, grown.now, settings, sensors);
     }
-    in_shares(grown, evidence.floor, settings)
+    in_shares(grown, sought, evidence.floor, settings)
 }
 
 /// Takes effects, one after the other, until none pays.
@@ -374,7 +385,7 @@ fn grown(
     settings: &Settings,
     sensors: &[(f64, f64)],
 ) -> Grown {
-    let mut now = tuned(evidence, &evidence.base, part, settings, sensors);
+    let mut now = tuned(&evidence.case, &evidence.base, part, settings, sensors);
     let (mut base, mut before) = nominal.clone();
     if now.gap.total < before.total {
         (base, before) = (now.fit.clone(), now.gap.clone());
@@ -413,7 +424,8 @@ fn grown(
         now = next;
         taken.push(tried.remove(i));
         others.get_or_insert(tried);
-        for place in pruned(&mut now, settings, sensors, &shown) {
+        let shows = |label: &str| stays(&shown, label);
+        for place in pruned(&mut now, settings, sensors, &shows) {
             round.dropped.push(taken.remove(place).0.term.label());
         }
         rounds.push(round);
@@ -477,7 +489,12 @@ pub(super) fn add_part(
     first: f64,
     then: Option<f64>,
 ) -> Evidence {
-    let Partial { grown, shares, law } = over(first, then, &evidence, settings);
+    let Partial {
+        grown,
+        shares,
+        law,
+        sought,
+    } = over(first, then, &evidence, settings);
     let Grown {
         base,
         before,
@@ -544,9 +561,11 @@ pub(super) fn add_part(
             missing_force: Vec::new(),
             ceilings: Vec::new(),
             nameless,
+            law: None,
         }),
         rivals: ranking.into_iter().map(|r| r.0.fit).collect(),
         refits: evidence.refits + refits,
+        sought: Some(Box::new(sought)),
         case,
         base,
         fit,
