@@ -31,21 +31,13 @@ impl Draw {
     }
 }
 
-/// Effects of the library at the first joint.
+/// Effects of the library, and terms without a name, at the first joint.
 pub(crate) fn named(ids: &[&str]) -> Hypothesis {
-    let library = crate::effects::all();
-    let terms = ids
-        .iter()
-        .map(|id| Term {
-            effect: library
-                .iter()
-                .find(|e| e.info().id == *id)
-                .expect("an effect")
-                .clone(),
-            joint: 0,
-        })
-        .collect();
-    Hypothesis::new(terms)
+    let term = |id: &&str| Term {
+        effect: crate::effects::by_id(id).expect("an effect"),
+        joint: 0,
+    };
+    Hypothesis::new(ids.iter().map(term).collect())
 }
 
 /// [`pendulum_under`] sines.

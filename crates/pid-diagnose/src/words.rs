@@ -84,7 +84,7 @@ fn line(e: &Named, share: Option<f64>) -> String {
 /// What has no name.
 fn left(d: &Diagnosis) -> Option<String> {
     let remainder = d.remainder.as_ref()?;
-    if let Some(law) = &remainder.nameless {
+    if let (Some(law), None) = (&remainder.nameless, &remainder.law) {
         let share = percent(law.explained);
         return Some(format!("{share}, better than the library: {}", law.words()));
     }

@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use pid_withheld::{Kind, Plan, Truth, lay_out};
+use pid_withheld::{Drawing, Kind, Plan, Truth, lay_out};
 
 /// One-joint robots; their causes are drawn.
 const PLAN: Plan = Plan {
     seed: 7,
     cases: 500,
     joints: 1,
-    nulls: false,
+    causes: Drawing::All,
 };
 
 /// A drawn case in a folder that goes with it.

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use pid_data::Dataset;
 use pid_preflight::{Channel, Finding, FindingKind, Settings, Severity, check, fix};
-use pid_withheld::{Plan, lay_out};
+use pid_withheld::{Drawing, Plan, lay_out};
 
 use crate::findings::PENDULUM;
 use crate::plant::{Draws, KINDS, Planted, described, names, plant};
@@ -23,7 +23,7 @@ fn drawn(seed: u64, joints: usize, i: usize) -> (Dataset, String) {
         seed,
         cases: i + 1,
         joints,
-        nulls: false,
+        causes: Drawing::All,
     };
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("preflight-{seed}"));
     let here = lay_out(&plan, i, &folder).unwrap();

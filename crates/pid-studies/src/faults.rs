@@ -14,7 +14,7 @@ use clap::Args;
 use pid_cli::progress::Progress;
 use pid_data::Dataset;
 use pid_preflight::{Finding, Settings, Severity, check};
-use pid_withheld::{Plan, lay_out};
+use pid_withheld::{Drawing, Plan, lay_out};
 use rayon::prelude::*;
 
 use crate::Failure;
@@ -77,7 +77,7 @@ pub fn run(args: &FaultsArgs) -> Result<(), Failure> {
         seed: args.seed,
         cases: args.first + args.cases,
         joints: usize::from(args.joints),
-        nulls: false,
+        causes: Drawing::All,
     };
     let cases: Vec<Case> = (args.first..plan.cases)
         .into_par_iter()

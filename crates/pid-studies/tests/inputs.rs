@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use pid_studies::faults;
 use pid_studies::robot_files::{Format, Outcome, read_all, table};
 use pid_urdf::Reading;
-use pid_withheld::Plan;
+use pid_withheld::{Drawing, Plan};
 
 const URDF: &str = r#"<robot name="r"><link name="base"/><link name="rod">
 <inertial><origin xyz="0 0 -0.5"/><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -64,7 +64,7 @@ fn planted_faults_are_found_and_clean_records_have_none() {
         seed: 11,
         cases: 3,
         joints: 2,
-        nulls: false,
+        causes: Drawing::All,
     };
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("faults");
     let cases: Vec<faults::Case> = (0..plan.cases)

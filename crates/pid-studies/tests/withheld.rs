@@ -5,7 +5,7 @@ use pid_diagnose::diagnosis::Verdict;
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
 use pid_studies::withheld::{Outcome, diagnose_all, summary, to_html};
-use pid_withheld::{Cause, Kind, Plan};
+use pid_withheld::{Cause, Drawing, Kind, Plan};
 
 fn folder(name: &str) -> std::path::PathBuf {
     let path = std::env::temp_dir().join(format!("pid-study-{name}-{}", std::process::id()));
@@ -32,7 +32,7 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
         seed: 3,
         cases: 2,
         joints: 1,
-        nulls: true,
+        causes: Drawing::Nothing,
     };
     let out = folder("null");
     let first = diagnose_all(&plan, &Settings::default(), &out, &|_, _| {}).expect("a study");
@@ -105,7 +105,7 @@ fn a_foreign_file_is_named() {
         seed: 4,
         cases: 1,
         joints: 1,
-        nulls: true,
+        causes: Drawing::Nothing,
     };
     let out = folder("foreign");
     std::fs::create_dir_all(out.join("truth")).expect("a folder");

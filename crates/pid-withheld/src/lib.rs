@@ -34,7 +34,7 @@ use pid_interpret::nominal::NominalError;
 
 pub use causes::{Cause, Kind};
 pub use mess::{Current, Mess};
-pub use plan::{Plan, Truth};
+pub use plan::{Drawing, Plan, Truth};
 pub use replay::{Gaps, Part};
 pub use untidy::{Recording, UntidyPlan, UntidyTruth};
 

@@ -22,8 +22,20 @@ pub struct Plan {
     pub cases: usize,
     /// Most joints of a robot, 1 to 6.
     pub joints: usize,
-    /// Whether every case is without a cause: the false-alarm rate.
-    pub nulls: bool,
+    /// Which causes are drawn.
+    pub causes: Drawing,
+}
+
+/// Which causes a study draws.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Drawing {
+    /// Of all kinds, and none.
+    #[default]
+    All,
+    /// None: the rate of false alarms.
+    Nothing,
+    /// One outside the list.
+    Outside,
 }
 
 /// What was hidden in a case.
@@ -106,11 +118,15 @@ impl Plan {
     ) -> Vec<Cause> {
         let n = robot.joints.len();
         let kind = random.random_range(0..12);
-        if self.nulls || kind < 2 {
+        let (nothing, outside) = match self.causes {
+            Drawing::All => (kind < 2, kind == 2),
+            Drawing::Nothing => (true, false),
+            Drawing::Outside => (false, true),
+        };
+        if nothing {
             return Vec::new();
         }
-        let outside = kind == 2;
-        let many = if kind == 3 && n > 1 { 2 } else { 1 };
+        let many = if kind == 3 && n > 1 && !outside { 2 } else { 1 };
         let inertia = robot.inertia(nominal);
         let mut out: Vec<Cause> = Vec::new();
         while out.len() < many {

@@ -39,7 +39,7 @@ pub struct Evidence {
     pub floor: f64,
     /// Share of each joint and channel in the squared gap before.
     pub shares: Vec<(f64, Option<f64>)>,
-    /// The named effects of [`Evidence::fit`], which come first there.
+    /// The named effects of [`Evidence::fit`].
     pub effects: Vec<Named>,
     /// Candidates with their odds, best first.
     pub ranking: Vec<Ranked>,

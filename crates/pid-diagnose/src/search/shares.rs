@@ -42,7 +42,13 @@ pub(super) struct Portion {
 }
 
 /// A part of the effects of a fit, their nominal parameters fitted again in so many steps.
-fn with(case: &Case, basis: &Basis, steps: usize, at: &Fit, keep: impl Fn(usize) -> bool) -> Fit {
+pub(super) fn with(
+    case: &Case,
+    basis: &Basis,
+    steps: usize,
+    at: &Fit,
+    keep: impl Fn(usize) -> bool,
+) -> Fit {
     let (starts, _) = at.hypothesis.offsets();
     let (mut terms, mut e) = (Vec::new(), Vec::new());
     for (i, term) in at.hypothesis.terms.iter().enumerate() {

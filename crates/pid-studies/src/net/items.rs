@@ -6,7 +6,7 @@ use std::process::{Command, ExitCode, Stdio};
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings as Diagnosing;
 use pid_nlp::solver::{Barrier, Oracle, Settings};
-use pid_withheld::{Plan, lay_out};
+use pid_withheld::{Drawing, Plan, lay_out};
 use serde_json::{Value, json};
 
 use super::{Failure, Part, Request, compare};
@@ -103,7 +103,7 @@ fn draws(place: &Path) -> Vec<Item> {
         seed,
         cases: CASES,
         joints: JOINTS,
-        nulls: false,
+        causes: Drawing::All,
     };
     let cases = SEEDS
         .into_iter()

@@ -11,7 +11,7 @@ use clap::Args;
 use pid_cli::output;
 use pid_cli::progress::Progress;
 use pid_diagnose::search::Settings;
-use pid_withheld::Plan;
+use pid_withheld::{Drawing, Plan};
 
 pub use page::to_html;
 pub use score::{Bin, Interval, Outcome, Share, Summary, summary};
@@ -34,6 +34,9 @@ pub struct WithheldArgs {
     /// Only cases without a cause: the rate of false alarms.
     #[arg(long)]
     nulls: bool,
+    /// Only cases with a cause outside the list: how often a law of its own describes it.
+    #[arg(long, conflicts_with = "nulls")]
+    outside: bool,
     /// Folder for cases, causes, diagnoses and the report; results that are there already are kept.
     #[arg(long, short, value_name = "FOLDER", default_value = "simtrue-study")]
     out: PathBuf,
@@ -48,7 +51,11 @@ pub fn run(args: &WithheldArgs) -> Result<u8, Failure> {
         seed: args.seed,
         cases: args.cases,
         joints: usize::from(args.joints),
-        nulls: args.nulls,
+        causes: match (args.nulls, args.outside) {
+            (true, _) => Drawing::Nothing,
+            (_, true) => Drawing::Outside,
+            _ => Drawing::All,
+        },
     };
     let progress = Progress::start("drawing cases");
     let outcomes = diagnose_all(&plan, &Settings::default(), &args.out, &|done, of| {

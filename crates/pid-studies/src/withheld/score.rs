@@ -88,6 +88,11 @@ pub struct Summary {
     pub false_alarms: Share,
     /// `unknown` where the cause is outside the list.
     pub abstained: Share,
+    /// A law of its own where the cause is outside the list, and the same that leaves at most
+    /// 1.3 floors.
+    pub laws: (Share, Share),
+    /// A law of its own where nothing is hidden.
+    pub false_laws: Share,
     /// `unknown` where the cause is in the list.
     pub gave_up: Share,
     /// `none` where something is.
@@ -112,6 +117,8 @@ pub struct Summary {
     pub seconds: Option<(f64, f64)>,
 }
 
+/// Floors that a law of its own may leave.
+pub(crate) const LEFT_BY_LAW: f64 = 1.3;
 /// Bars of the reliability diagram.
 const BINS: usize = 8;
 
@@ -208,12 +215,18 @@ pub fn summary(outcomes: &[Outcome]) -> Summary {
             .entry(o.truth.velocity.clone())
             .or_default()
             .add(hit);
+        let law = d.remainder.as_ref().is_some_and(|r| r.law.is_some());
         if hidden.is_empty() {
             s.false_alarms.add(!hit);
+            s.false_laws.add(law);
             continue;
         }
         if hidden.contains(&"unknown") {
             s.abstained.add(hit);
+            s.laws.0.add(law);
+            s.laws
+                .1
+                .add(law && d.gap_after <= LEFT_BY_LAW * d.gap_floor);
             continue;
         }
         s.effect.entry(tier(o).to_owned()).or_default().add(hit);

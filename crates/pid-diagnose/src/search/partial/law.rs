@@ -10,9 +10,9 @@ use pid_data::Role;
 use super::finish::ended;
 use super::judge::grows;
 use super::read_off::Missing;
-use super::{Asked, Sought, Stand, pruned, round};
+use super::{Asked, Sought, Stand, last_of, pruned, round, tuned};
 use crate::case::Case;
-use crate::diagnosis::{Earned, OwnLaw, Remainder, Round};
+use crate::diagnosis::{Earned, Named, OwnLaw, Remainder, Round};
 use crate::effect::Term;
 use crate::fit::{Effort, Fit, fit};
 use crate::levels::SHORT;
@@ -20,40 +20,83 @@ use crate::search::evidence::Evidence;
 use crate::search::magnitude::name;
 use crate::search::measure::{measured, share};
 use crate::search::settings::Settings;
+use crate::search::shares::{parts, shares, with};
 use crate::terms;
 
 /// The evidence with a law of its own beside the effects, where something is left that terms describe;
 /// `case` has the levels from which the effects were sought.
+///
+/// Effects imitate what has no name. Where much is left all the same, or a free law describes the records
+/// better, effects and terms are taken together from the nominal structure on.
 pub(in crate::search) fn with_law(
     mut evidence: Evidence,
     case: &Case,
     settings: &Settings,
 ) -> Evidence {
     let criteria = &settings.criteria;
-    let left = evidence.after.total >= criteria.near * evidence.floor;
-    if evidence.remainder.is_none() || !left || settings.watch.stopped() {
-        return evidence;
-    }
+    let over = |floors: f64, e: &Evidence| e.after.total >= floors * e.floor;
     let Some(sought) = evidence.sought.take() else {
         return evidence;
     };
+    let wanted = evidence.remainder.is_some() && over(criteria.near, &evidence);
+    if !wanted || settings.watch.stopped() {
+        return evidence;
+    }
     settings.watch.step("a law of its own for what is left");
     let Sought { stand, sensors } = *sought;
-    let mut now = resumed(stand, &evidence.fit, settings);
+    let now = resumed(stand, &evidence.fit, settings);
     let named: Vec<String> = labels(&now);
-    let rounds = taken(&mut now, settings, &sensors, &named);
+    evidence = beside(evidence, case, now, settings, &sensors, &named);
+    let nameless = evidence.part.is_some_and(|part| part.nameless);
+    let imitated = !named.is_empty() && (nameless || over(criteria.unexplained, &evidence));
+    if imitated && !settings.watch.stopped() {
+        settings.watch.step("effects and a law of its own together");
+        let base = tuned(case, &evidence.base, SHORT, settings, &sensors);
+        evidence = beside(evidence, case, base, settings, &sensors, &[]);
+    }
+    evidence
+}
+
+/// The evidence with the terms that pay beside a stand, and effects where none is `named`, if they leave
+/// less than what was reached.
+fn beside(
+    mut evidence: Evidence,
+    case: &Case,
+    mut now: Stand,
+    settings: &Settings,
+    sensors: &[(f64, f64)],
+    named: &[String],
+) -> Evidence {
+    let criteria = &settings.criteria;
+    let rounds = taken(&mut now, &evidence.rivals, settings, sensors, named);
     evidence.refits += rounds.iter().map(|r| r.candidates.len()).sum::<usize>();
-    evidence.rounds.extend(rounds);
-    if labels(&now).iter().all(|label| named.contains(label)) {
+    if now.fit.hypothesis.terms.iter().all(|t| !is_term(t)) {
+        evidence.rounds.extend(rounds);
         return evidence;
     }
-    let now = ended(case, SHORT, now, settings, &sensors);
+    let now = ended(case, SHORT, now, settings, sensors);
+    // As a second effect has to.
+    let least = (1.0 - 2.0 * criteria.least_shrink) * evidence.after.total;
+    if now.gap.total > least || grows(criteria, &evidence.after, &now.gap) {
+        evidence.rounds.extend(rounds);
+        return evidence;
+    }
     let explained = |gap: f64| share(evidence.before.total, gap, evidence.floor);
-    let own = explained(now.gap.total) - explained(evidence.after.total);
-    if own < criteria.least_share || grows(criteria, &evidence.after, &now.gap) {
-        return evidence;
+    let more = explained(now.gap.total) - explained(evidence.after.total);
+    if named.is_empty() {
+        evidence.rounds = rounds;
+        return together(evidence, now, settings);
     }
-    adopted(evidence, now, own)
+    evidence.rounds.extend(rounds);
+    let left = evidence.after.total;
+    let without = evidence.fit.clone();
+    adopted(evidence, now, (more, left, without))
+}
+
+/// Whether a term is one of a law without a name.
+fn is_term(term: &Term) -> bool {
+    let id = term.effect.info().id;
+    terms::all().iter().any(|t| t.info().id == id)
 }
 
 /// Where the search for effects ended, with those of a fit alone.
@@ -84,15 +127,20 @@ fn labels(now: &Stand) -> Vec<String> {
     now.fit.hypothesis.terms.iter().map(Term::label).collect()
 }
 
-/// Takes terms until none pays; the effects that are named stay.
+/// Takes terms until none pays; the effects that are `named` stay. Where none is, effects are taken too.
 fn taken(
     now: &mut Stand,
+    rivals: &[Fit],
     settings: &Settings,
     sensors: &[(f64, f64)],
     named: &[String],
 ) -> Vec<Round> {
-    let of_terms = Settings {
-        effects: terms::all(),
+    let mut effects = terms::all();
+    if named.is_empty() {
+        effects.extend(settings.effects.iter().cloned());
+    }
+    let wider = Settings {
+        effects,
         ..settings.clone()
     };
     let mut rounds: Vec<Round> = Vec::new();
@@ -103,10 +151,13 @@ fn taken(
         let missing = Missing::new(&now.case, &now.fit);
         let asked = Asked {
             only: &|_| true,
-            starts: &|term| missing.starts(term),
+            starts: &|term| match is_term(term) {
+                true => missing.starts(term),
+                false => last_of(rivals, term),
+            },
             shown: false,
         };
-        let (_, mut own, pays) = round(now, &of_terms, sensors, &asked);
+        let (_, mut own, pays) = round(now, &wider, sensors, &asked);
         let Some((_, next)) = pays else {
             rounds.push(own);
             break;
@@ -118,55 +169,91 @@ fn taken(
         let kept = labels(now);
         own.dropped
             .extend(before.into_iter().filter(|label| !kept.contains(label)));
-        let circles = !dropped.is_empty();
         rounds.push(own);
-        if circles {
+        if !dropped.is_empty() {
             break;
         }
     }
     rounds
 }
 
-/// The evidence with a law that removes a share of the gap.
-fn adopted(evidence: Evidence, now: Stand, share: f64) -> Evidence {
-    let Evidence {
-        effects, remainder, ..
-    } = &evidence;
+/// The evidence with a law that explains `more` beside the named effects, which leave a gap under a fit
+/// without it.
+fn adopted(evidence: Evidence, now: Stand, (more, left, without): (f64, f64, Fit)) -> Evidence {
     let all = name(&now.case, &evidence.criteria, &now.fit);
-    let count = effects.len();
-    let effects = (effects.iter())
-        .map(|old| {
-            let again = all
-                .iter()
-                .find(|n| n.effect == old.effect && n.joint == old.joint);
-            let mut named = old.clone();
-            if let Some(again) = again {
-                named.parameters.clone_from(&again.parameters);
-            }
-            named
-        })
-        .collect();
+    let is_named = |n: &Named| {
+        let mut named = evidence.effects.iter();
+        named.any(|old| (&old.effect, old.joint) == (&n.effect, n.joint))
+    };
+    let (named, terms): (Vec<Named>, Vec<Named>) = all.into_iter().partition(is_named);
+    let again = |old: &Named| {
+        let mut found = named.iter();
+        let found = found.find(|n| (&n.effect, n.joint) == (&old.effect, old.joint));
+        Named {
+            parameters: found.map_or_else(|| old.parameters.clone(), |n| n.parameters.clone()),
+            ..old.clone()
+        }
+    };
+    let effects = evidence.effects.iter().map(again).collect();
     let law = OwnLaw {
-        terms: all.into_iter().skip(count).collect(),
-        share,
-        gap_without: evidence.after.total,
+        terms,
+        share: more,
+        gap_without: left,
         earned: earned(&now.case),
     };
-    let remainder = remainder.clone().map(|left| Remainder {
+    let remainder = evidence.remainder.clone().map(|left| Remainder {
         law: Some(law),
         ..left
     });
-    let floor = evidence.floor.min(now.gap.total);
     Evidence {
-        without_law: Some(Box::new(evidence.fit)),
+        floor: evidence.floor.min(now.gap.total),
+        without_law: Some(Box::new(without)),
         effects,
         remainder,
-        floor,
         case: now.case,
         fit: now.fit,
         after: now.gap,
         ..evidence
     }
+}
+
+/// The evidence with effects and a law that were taken together, in place of what was named before.
+fn together(mut evidence: Evidence, now: Stand, settings: &Settings) -> Evidence {
+    let floor = evidence.floor.min(now.gap.total);
+    let gaps = (&evidence.before, &now.gap);
+    let parts = parts(&now.case, &now.directions, settings, &now.fit, gaps);
+    let portions = shares(&parts, &evidence.before, &now.gap, floor);
+    let hypothesis = &now.fit.hypothesis;
+    let keep = |i: usize| !is_term(&hypothesis.terms[i]);
+    let without = with(
+        &now.case,
+        &now.directions,
+        settings.budget.steps,
+        &now.fit,
+        keep,
+    );
+    let all = name(&now.case, &evidence.criteria, &now.fit);
+    let mut effects: Vec<Named> = Vec::new();
+    for (i, (mut named, own)) in all.into_iter().zip(&portions).enumerate() {
+        if keep(i) {
+            named.share = Some(own.share);
+            named.share_interval = own.interval;
+            effects.push(named);
+        }
+    }
+    effects.sort_by(|a, b| b.share.unwrap_or(0.0).total_cmp(&a.share.unwrap_or(0.0)));
+    let of_names: f64 = effects.iter().filter_map(|e| e.share).sum();
+    let explained = share(evidence.before.total, now.gap.total, floor);
+    if let Some(part) = &mut evidence.part {
+        // What has a name is not the verdict where most has none, or effects imitated it.
+        part.nameless = true;
+    }
+    if let Some(left) = &mut evidence.remainder {
+        left.explained = of_names;
+    }
+    evidence.effects = effects;
+    let left = measured(&now.case, &without).total;
+    adopted(evidence, now, (explained - of_names, left, without))
 }
 
 /// What the train records pass through, joint by joint.
@@ -183,4 +270,46 @@ fn earned(case: &Case) -> Vec<Earned> {
         velocity: hull(&mut train().flat_map(|r| r.smooth_v[j].iter().copied())),
     };
     (0..case.n()).map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::bench::{named, pendulum};
+    use crate::diagnosis::{Outcome, Verdict};
+    use crate::search::{Settings, diagnose};
+
+    /// A stop beside drag is no effect of the library: drag keeps its name, the stop is a law of one term.
+    #[test]
+    fn a_stop_beside_a_named_effect_is_a_law_of_its_own() {
+        let (drag, k, from) = (0.06, 4.0, 0.5);
+        let both = named(&["quadratic_drag", "hinge_above"]);
+        let case = pendulum(&both, &[drag, k, from], 8.0, &|_| {});
+        let d = diagnose(&case, &Settings::default());
+        let found: Vec<&str> = d.effects.iter().map(|e| &*e.effect).collect();
+        assert!(found.contains(&"quadratic_drag"), "{found:?}");
+        let law = d.remainder.as_ref().and_then(|r| r.law.as_ref());
+        let law = law.unwrap_or_else(|| panic!("no law: {d:?}"));
+        assert_eq!(law.terms.len(), 1, "{law:?}");
+        let stop = &law.terms[0];
+        assert_eq!((&*stop.effect, stop.joint), ("hinge_above", Some(1)));
+        for (parameter, truth) in stop.parameters.iter().zip([k, from]) {
+            let off = (parameter.value / truth - 1.0).abs();
+            assert!(off < 0.05, "{parameter:?}");
+        }
+        // It has no name, so the verdict does not say one.
+        assert_eq!(
+            (&d.verdict, d.outcome()),
+            (&Verdict::Unknown, Outcome::PartlyUnknown)
+        );
+        assert!(d.gap_after < 0.5 * law.gap_without, "{d:?}");
+        assert!(
+            d.gap_after < 1.3 * d.gap_floor,
+            "{} {}",
+            d.gap_after,
+            d.gap_floor
+        );
+        // Where the records have been, nothing else is said.
+        let (low, high) = law.earned[0].position;
+        assert!(low < from && from < high, "{:?}", law.earned);
+    }
 }

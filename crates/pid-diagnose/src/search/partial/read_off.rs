@@ -365,3 +365,68 @@ fn quantiles(mut values: Vec<f64>) -> Vec<f64> {
     let of = |i: usize| values.get(i * last / (PLACES + 1)).copied();
     (1..=PLACES).filter_map(of).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::{SIZE, named, pendulum_under};
+    use crate::fit::{Effort, Point, basis, fit};
+    use crate::hypothesis::Hypothesis;
+
+    /// Starts of a term on records that it moves, beside the nominal structure as it fits them.
+    fn starts(id: &str, e: &[f64], drive: f64) -> Vec<Vec<f64>> {
+        let hypothesis = named(&[id]);
+        let input = |record: usize, t: f64| {
+            let w = 1.0 + 0.37 * record as f64;
+            drive * ((2.1 * w * t).sin() + 0.7 * (5.3 * w * t).sin() + 0.3 * (9.7 * t).sin())
+        };
+        let case = pendulum_under(&hypothesis, e, 10.0, &|_| {}, &input);
+        let nominal = Point {
+            theta: vec![0.0; SIZE],
+            e: Vec::new(),
+        };
+        let none = Hypothesis::default();
+        let fitted = fit(&case, &basis(&case), &none, nominal, Effort::full(10));
+        Missing::new(&case, &fitted).starts(&hypothesis.terms[0])
+    }
+
+    /// Distance of the nearest start to the truth in a parameter, share of `size`.
+    fn off(id: &str, e: &[f64], parameter: usize, size: f64) -> f64 {
+        // A base that shakes pulls at a pendulum that hangs still by one frequency.
+        let starts = starts(id, e, if id == "base_wave" { 0.1 } else { 1.2 });
+        assert!(
+            !starts.is_empty() && starts.len() <= STARTS,
+            "{id}: {starts:?}"
+        );
+        let distances = starts.iter().map(|s| (s[parameter] - e[parameter]).abs());
+        distances.fold(f64::INFINITY, f64::min) / size
+    }
+
+    #[test]
+    fn starts_are_near_what_moves_the_records() {
+        // Places, shares of the range of the motion and of the largest speed.
+        assert!(off("hinge_above", &[6.0, 0.4], 1, 3.0) < 0.1);
+        assert!(off("hinge_below", &[6.0, -0.3], 1, 3.0) < 0.1);
+        assert!(off("friction_above_speed", &[0.3, 2.0], 1, 6.0) < 0.1);
+        // Waves, shares of a period over the records.
+        assert!(off("time_wave", &[0.4, 0.1, 17.0], 2, PI / 10.0) < 1.0);
+        assert!(
+            off(
+                "base_wave",
+                &[1.5, 0.0, 0.5, 0.3, 0.0, 0.0, 14.0],
+                6,
+                PI / 10.0
+            ) < 1.0
+        );
+        assert!(off("friction_wave", &[0.3, 0.2, 6.0], 2, TAU / 3.0) < 0.5);
+    }
+
+    #[test]
+    fn amplitudes_of_a_start_are_those_of_the_regression() {
+        let (k, from) = (6.0, 0.4);
+        let starts = starts("hinge_above", &[k, from], 1.2);
+        // The observer shows most of a force that changes slowly.
+        let best = &starts[0];
+        assert!(best[0] > 0.3 * k && best[0] < 1.5 * k, "{starts:?}");
+    }
+}
