@@ -4,7 +4,7 @@ mod common;
 
 use common::{described, effect, equations, in_order_of, reduced, same, state, tree};
 use pid_derive::mechanism::Mechanism;
-use pid_effects::effects;
+use pid_effects::{effects, terms};
 use pid_interpret::nominal::{Nominal, Provenance};
 use pid_mjcf::Mjcf;
 use pid_simulators::{Options, Target, export};
@@ -177,11 +177,11 @@ fn an_elastic_joint_has_two_coordinates() {
     }
 }
 
-/// Every effect of the library has its row, and the module knows each that it has to apply.
+/// Every effect of the library and every term has its row, and the module knows each that it has to apply.
 #[test]
 fn every_effect_is_told() {
     let mut text = String::new();
-    for own in effects::all() {
+    for own in effects::all().into_iter().chain(terms::all()) {
         let info = own.info();
         let values: Vec<(&str, f64)> = info
             .parameters
@@ -209,7 +209,7 @@ fn every_effect_is_told() {
     let data: serde_json::Value =
         serde_json::from_str(&file(&nominal, "robot_effects.json")).expect("JSON");
     let module = file(&nominal, "robot_effects.py");
-    for own in effects::all() {
+    for own in effects::all().into_iter().chain(terms::all()) {
         let info = own.info();
         let place = if info.has_joint { "j2" } else { "whole robot" };
         assert!(

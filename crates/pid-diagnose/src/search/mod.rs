@@ -99,7 +99,10 @@ fn whole(case: &Case, settings: &Settings) -> Whole {
 /// What explains the records, or what effects explain in part, within the tolerances or outside them.
 fn explain(case: &Case, settings: &Settings) -> Evidence {
     let (mut stated, wider) = match whole(case, settings) {
-        Whole::Explained(evidence) => return evidence,
+        Whole::Explained(evidence) => {
+            let selected = evidence.case.clone();
+            return partial::with_law(evidence, &selected, settings);
+        }
         Whole::Unexplained { stated, wider } => (stated, wider),
     };
     let selected = stated.case.clone();

@@ -36,9 +36,33 @@ INPUT = (
     "gain_error_nonlinear",
     "current_offset",
     "drive_dead_zone",
+    "gain_over_time",
 )
-FRICTION = ("stribeck", "coulomb_asymmetry", "load_dependent_friction", "friction_drift", "presliding_hysteresis")
-FORCE = ("cogging", "motor_coupling", "spring", "joint_coupling", "external_force", "presliding_hysteresis")
+FRICTION = (
+    "stribeck",
+    "coulomb_asymmetry",
+    "load_dependent_friction",
+    "friction_drift",
+    "presliding_hysteresis",
+    "friction_above_speed",
+    "friction_above_load",
+    "friction_wave",
+)
+FORCE = (
+    "cogging",
+    "motor_coupling",
+    "spring",
+    "joint_coupling",
+    "external_force",
+    "presliding_hysteresis",
+    "hinge_above",
+    "hinge_below",
+    "time_wave",
+    "wave_of_two",
+    "wave_of_two_before",
+    "pull_of_two",
+    "base_wave",
+)
 READING = ("encoder_offset", "encoder_eccentricity", "sensor_delay", "velocity_filter_lag")
 GEAR = ("backlash",)
 
@@ -183,14 +207,16 @@ class Robot:
         forward, backward = self.coulomb.copy(), self.coulomb.copy()
         damping = self.viscous.copy()
         for e in self.effects:
-            self._friction(e, v, d.time + 0.5 * h, forward, backward, damping)
+            self._friction(e, q, v, d.time, h, forward, backward, damping)
         force = self.gain * applied
         for e in self.effects:
-            self._force(e, q, v, h, force, damping)
+            self._force(e, q, v, d.time, h, force, damping)
         # Friction within [-backward, forward] is a symmetric one about half of the difference.
         force = force - 0.5 * (forward - backward)
         m.dof_frictionloss[self.dof] = np.maximum(0.5 * (forward + backward), 0.0)
         m.dof_damping[self.dof] = damping
+        still = m.opt.gravity.copy()
+        m.opt.gravity[:] = still - self._shake(d.time + 0.5 * h)
         push = self._push(d, h)
         total = push.copy()
         total[self.dof] += force
@@ -201,10 +227,11 @@ class Robot:
         d.qfrc_applied += total
         mujoco.mj_step(m, d)
         d.qfrc_applied -= total
-        if any(e.id == "load_dependent_friction" for e in self.effects):
+        if any(e.id in ("load_dependent_friction", "friction_above_load") for e in self.effects):
             through = np.zeros(m.nv)
             mujoco.mj_rne(m, d, 1, through)
             self.load = (through - push)[self.dof]
+        m.opt.gravity[:] = still
         moved = d.qpos[self.qadr] - q
         for e in self.effects:
             if e.id == "presliding_hysteresis":
@@ -253,6 +280,8 @@ class Robot:
             elif e.id == "drive_dead_zone":
                 width = e.p["half_width"]
                 u = u - min(width, max(-width, u))
+            elif e.id == "gain_over_time":
+                u = u * (1.0 - e.p["loss"] * (1.0 - math.exp(-(t + 0.5 * h) / e.p["time_constant_s"])))
         return u
 
     def _earlier(self, j, t, h):
@@ -264,8 +293,8 @@ class Robot:
             total += u[j] * max(0.0, min(stop, end) - max(start, t))
         return total / h
 
-    def _friction(self, e, v, t, forward, backward, damping):
-        """Changes Coulomb levels and damping of the effect's joint."""
+    def _friction(self, e, q, v, t, h, forward, backward, damping):
+        """Changes Coulomb levels and damping of the effect's joint over the step of length `h` from `t`."""
         j, p = e.joint, e.p
         if e.id == "stribeck":
             x = v[j] / p["stribeck_velocity"]
@@ -282,19 +311,31 @@ class Robot:
             forward[j] += more
             backward[j] += more
         elif e.id == "friction_drift":
-            factor = 1.0 + p["cold_excess"] * math.exp(-t / p["time_constant_s"])
+            factor = 1.0 + p["cold_excess"] * math.exp(-(t + 0.5 * h) / p["time_constant_s"])
             forward[j] *= factor
             backward[j] *= factor
             damping[j] *= factor
         elif e.id == "presliding_hysteresis":
             forward[j] = backward[j] = 0.0
+        elif e.id == "friction_above_speed":
+            more = p["slope"] * max(0.0, abs(v[j]) - p["from"])
+            forward[j] += more
+            backward[j] += more
+        elif e.id == "friction_above_load":
+            more = p["coefficient"] * max(0.0, abs(self.load[j]) - p["from"])
+            forward[j] += more
+            backward[j] += more
+        elif e.id == "friction_wave":
+            more = _wave(p, p["periods_per_unit"] * (q[j] + 0.5 * h * v[j]))
+            forward[j] += more
+            backward[j] += more
 
-    def _force(self, e, q, v, h, force, damping):
+    def _force(self, e, q, v, t, h, force, damping):
         """Adds the forces of an effect; what grows with the velocity goes to the damping."""
         j, p = e.joint, e.p
+        middle = q + 0.5 * h * v
         if e.id == "cogging":
-            phase = p["periods_per_unit"] * (q[j] + 0.5 * h * v[j])
-            force[j] += p["sine"] * math.sin(phase) + p["cosine"] * math.cos(phase)
+            force[j] += _wave(p, p["periods_per_unit"] * middle[j])
         elif e.id == "motor_coupling" and j > 0:
             w = v[j] + p["ratio"] * v[j - 1]
             drag = p["viscous"] * w + p["coulomb"] * math.tanh(w / p["transition"])
@@ -313,6 +354,30 @@ class Robot:
             micro = p["micro_damping_time"] / h
             force[j] -= self.coulomb[j] * e.memory * (mean + micro * (decay - 1.0))
             damping[j] += self.coulomb[j] * travel * (lag + micro * mean)
+
+        elif e.id == "hinge_above":
+            force[j] -= p["stiffness"] * max(0.0, middle[j] - p["from"])
+        elif e.id == "hinge_below":
+            force[j] += p["stiffness"] * max(0.0, p["from"] - middle[j])
+        elif e.id == "time_wave":
+            force[j] += _wave(p, p["angular_frequency"] * (t + 0.5 * h))
+        elif e.id in ("wave_of_two", "wave_of_two_before") and j > 0:
+            on = j if e.id == "wave_of_two" else j - 1
+            force[on] += _wave(p, p["periods_per_unit"] * (middle[j] + p["ratio"] * middle[j - 1]))
+        elif e.id == "pull_of_two" and j > 0:
+            pull = -p["stiffness"] * max(0.0, middle[j] + p["ratio"] * middle[j - 1] - p["from"])
+            force[j] += pull
+            force[j - 1] += pull * p["ratio"]
+
+    def _shake(self, t):
+        """Acceleration of the base at a time; the links feel gravity less that."""
+        out = np.zeros(3)
+        for e in self.effects:
+            if e.id == "base_wave":
+                p, phase = e.p, e.p["angular_frequency"] * t
+                out += math.sin(phase) * np.array([p["sine_x"], p["sine_y"], p["sine_z"]])
+                out += math.cos(phase) * np.array([p["cosine_x"], p["cosine_y"], p["cosine_z"]])
+        return out
 
     def _push(self, d, h):
         """Forces on all degrees of freedom from what pushes the tool."""
@@ -397,6 +462,11 @@ class Robot:
                 self.shown[j] = fade * self.shown[j] + (1.0 - fade) * read
             v[j] = self.shown[j]
         return q, v
+
+
+def _wave(p, phase):
+    """A wave with the amplitudes of its sine and cosine."""
+    return p["sine"] * math.sin(phase) + p["cosine"] * math.cos(phase)
 
 
 def _passage(x):

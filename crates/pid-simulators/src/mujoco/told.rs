@@ -141,6 +141,23 @@ fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
             "delay of the joint's sensors, to a whole step of the simulation",
             "delays the readings by fractions of a step too",
         ),
+        "hinge_above" | "hinge_below" | "time_wave" | "wave_of_two" | "wave_of_two_before"
+        | "pull_of_two" => (Wrapper, NOTHING, "applies the law as a force"),
+        "friction_above_speed" | "friction_above_load" | "friction_wave" => (
+            Wrapper,
+            "the Coulomb level alone, as frictionloss",
+            "changes frictionloss at every step by the law",
+        ),
+        "gain_over_time" => (
+            Wrapper,
+            NOTHING,
+            "changes the input with the time since the start",
+        ),
+        "base_wave" => (
+            Wrapper,
+            NOTHING,
+            "takes the acceleration of the base off gravity at every step",
+        ),
         _ => return None,
     })
 }

@@ -10,7 +10,7 @@ use pid_data::Role;
 use super::finish::ended;
 use super::judge::grows;
 use super::read_off::Missing;
-use super::{Asked, Sought, Stand, last_of, pruned, round, tuned};
+use super::{Asked, Stand, last_of, pruned, readings, round, tuned};
 use crate::case::Case;
 use crate::diagnosis::{Earned, Named, OwnLaw, Remainder, Round};
 use crate::effect::Term;
@@ -35,20 +35,25 @@ pub(in crate::search) fn with_law(
 ) -> Evidence {
     let criteria = &settings.criteria;
     let over = |floors: f64, e: &Evidence| e.after.total >= floors * e.floor;
-    let Some(sought) = evidence.sought.take() else {
-        return evidence;
-    };
+    let sought = evidence.sought.take();
     let wanted = evidence.remainder.is_some() && over(criteria.near, &evidence);
     if !wanted || settings.watch.stopped() {
         return evidence;
     }
-    settings.watch.step("a law of its own for what is left");
-    let Sought { stand, sensors } = *sought;
-    let now = resumed(stand, &evidence.fit, settings);
-    let named: Vec<String> = labels(&now);
-    evidence = beside(evidence, case, now, settings, &sensors, &named);
-    let nameless = evidence.part.is_some_and(|part| part.nameless);
-    let imitated = !named.is_empty() && (nameless || over(criteria.unexplained, &evidence));
+    let mut imitated = evidence
+        .remainder
+        .as_ref()
+        .is_some_and(|r| r.nameless.is_some());
+    let mut sensors = readings(case);
+    if let Some(sought) = sought {
+        settings.watch.step("a law of its own for what is left");
+        let now = resumed(sought.stand, &evidence.fit, settings);
+        sensors = sought.sensors;
+        let named: Vec<String> = labels(&now);
+        evidence = beside(evidence, case, now, settings, &sensors, &named);
+        imitated |= evidence.part.is_some_and(|part| part.nameless);
+        imitated = !named.is_empty() && (imitated || over(criteria.unexplained, &evidence));
+    }
     if imitated && !settings.watch.stopped() {
         settings.watch.step("effects and a law of its own together");
         let base = tuned(case, &evidence.base, SHORT, settings, &sensors);
@@ -250,6 +255,7 @@ fn together(mut evidence: Evidence, now: Stand, settings: &Settings) -> Evidence
     }
     if let Some(left) = &mut evidence.remainder {
         left.explained = of_names;
+        left.own_error = true;
     }
     evidence.effects = effects;
     let left = measured(&now.case, &without).total;
