@@ -26,7 +26,7 @@ use crate::terms;
 /// The evidence with a law of its own beside the effects, where something is left that terms describe;
 /// `case` has the levels from which the effects were sought.
 ///
-/// Effects imitate what has no name. Where much is left all the same, or a free law describes the records
+/// Effects imitate what has no name. Where many leave much all the same, or a free law describes the records
 /// better, effects and terms are taken together from the nominal structure on.
 pub(in crate::search) fn with_law(
     mut evidence: Evidence,
@@ -52,7 +52,8 @@ pub(in crate::search) fn with_law(
         let named: Vec<String> = labels(&now);
         evidence = beside(evidence, case, now, settings, &sensors, &named);
         imitated |= evidence.part.is_some_and(|part| part.nameless);
-        imitated = !named.is_empty() && (imitated || over(criteria.unexplained, &evidence));
+        let many = named.len() > criteria.together && over(criteria.unexplained, &evidence);
+        imitated = !named.is_empty() && (imitated || many);
     }
     if imitated && !settings.watch.stopped() {
         settings.watch.step("effects and a law of its own together");
