@@ -42,4 +42,5 @@ pub mod effect;
 pub mod effects;
 pub mod nominal;
 pub mod scalar;
+pub mod symbol;
 pub mod with_effects;
