@@ -130,7 +130,9 @@ impl Equations {
                 value: format!("{x:e}"),
                 mend: match x.is_finite() {
                     true => "it is beyond single precision; use --precision f64",
-                    false => "look for values that are not finite in the description and its effects",
+                    false => {
+                        "look for values that are not finite in the description and its effects"
+                    }
                 },
             }),
         }
@@ -237,11 +239,7 @@ impl Motion {
     }
 
     /// Torques of the drives.
-    fn torque(
-        &self,
-        constants: &Constants<'_, f64>,
-        effects: &[&(Term, Vec<f64>)],
-    ) -> Vec<Id> {
+    fn torque(&self, constants: &Constants<'_, f64>, effects: &[&(Term, Vec<f64>)]) -> Vec<Id> {
         let n = self.q.len();
         let nil = Symbol::nil();
         let (mut value, mut rate) = (vec![nil; n], vec![nil; n]);
@@ -267,7 +265,9 @@ impl Motion {
             };
             let site = self.site(j);
             for (term, e) in laws.iter().filter(|(term, _)| term.joint == j) {
-                term.effect.symbolic().friction(e, &site, &[], &mut friction);
+                term.effect
+                    .symbolic()
+                    .friction(e, &site, &[], &mut friction);
             }
             let Friction {
                 forward,

@@ -81,12 +81,6 @@ c = []
 
 [dependencies]
 libm = "0.2"
-
-[profile.release]
-panic = "abort"
-
-# A workspace of its own, wherever the folder stands.
-[workspace]
 "#
     )
 }

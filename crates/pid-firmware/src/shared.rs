@@ -64,7 +64,11 @@ pub(crate) fn inverse(drive: &Drive, torque: &str, language: &dyn Language) -> S
                     true => 1.0 / x.sqrt(),
                     false => 0.0,
                 };
-                format!("undroop({text}, {}, {})", language.number(x), language.number(top))
+                format!(
+                    "undroop({text}, {}, {})",
+                    language.number(x),
+                    language.number(top)
+                )
             }
             Step::DeadZone(x) => format!("around({text}, {})", language.number(x)),
         };

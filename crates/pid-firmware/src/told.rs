@@ -40,7 +40,9 @@ pub fn expression(id: &str) -> Option<&'static str> {
             "nothing: its bristle has a state; Coulomb friction with tanh at rest stands in its place"
         }
         "cogging" => "force over the position",
-        "friction_drift" => "nothing: it depends on the time; the friction is that of the warm joint",
+        "friction_drift" => {
+            "nothing: it depends on the time; the friction is that of the warm joint"
+        }
         "joint_elasticity" => {
             "nothing: the gear's spring has a state; the torque is that of a stiff gear"
         }
@@ -49,18 +51,22 @@ pub fn expression(id: &str) -> Option<&'static str> {
         "joint_coupling" => "forces on both joints",
         "motor_coupling" => "friction on both joints",
         "actuator_lag" => "nothing: it has a state; send u + T du/dt, T its time constant",
-        "input_delay" => {
-            "nothing: it looks back in time; evaluate the reference one delay ahead"
+        "input_delay" => "nothing: it looks back in time; evaluate the reference one delay ahead",
+        "torque_saturation" => {
+            "`feed_forward` stays within the limit; `inverse_dynamics` does not know it"
         }
-        "torque_saturation" => "`feed_forward` stays within the limit; `inverse_dynamics` does not know it",
         "gain_error_nonlinear" => "solved for u; beyond the largest torque the u of that torque",
         "current_offset" => "subtracted from u",
-        "drive_dead_zone" => "its half width added to u in the direction of u; zero where u is zero",
+        "drive_dead_zone" => {
+            "its half width added to u in the direction of u; zero where u is zero"
+        }
         "payload" => "mass, first moment and inertia of the last body",
         "base_tilt" => "gravity, turned",
         "spring" => "force over the position",
         "external_force" => "nothing: it acts within windows of time",
-        "encoder_offset" => "positions are those that the encoder shows; the offset is taken off inside",
+        "encoder_offset" => {
+            "positions are those that the encoder shows; the offset is taken off inside"
+        }
         "encoder_eccentricity" => "nothing: correct the readings and give true positions",
         "velocity_filter_lag" | "sensor_delay" => {
             "nothing: it changes what is read later, not the torque of a reference"
@@ -102,7 +108,9 @@ pub(crate) fn list(equations: &Equations) -> String {
             .iter()
             .zip(coupled.ratios.iter().zip(&coupled.offsets))
         {
-            let text = format!("coordinate of the drive: {row_of:?} times the joints' positions plus {offset}");
+            let text = format!(
+                "coordinate of the drive: {row_of:?} times the joints' positions plus {offset}"
+            );
             row("drive on several joints", &drive.name, &text);
         }
     }

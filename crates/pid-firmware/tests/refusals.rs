@@ -2,9 +2,10 @@
 
 mod common;
 
-use common::{arm6, declared, with};
+use common::{arm6, with};
 use pid_effects::effects::all;
 use pid_firmware::{Options, Precision, Target, export, expression};
+use pid_interpret::nominal::Role;
 
 fn refusal(nominal: &pid_interpret::nominal::Nominal, precision: Precision) -> String {
     let mut options = Options::default();
@@ -15,8 +16,18 @@ fn refusal(nominal: &pid_interpret::nominal::Nominal, precision: Precision) -> S
 
 #[test]
 fn a_coordinate_without_a_drive_is_named() {
-    let message = refusal(&declared("cart_pole"), Precision::F64);
-    assert!(message.contains("joint `") && message.contains("gain of zero"), "{message}");
+    let nominal = arm6();
+    let values: Vec<f64> = (nominal.tolerances().iter())
+        .map(|t| match (t.role, t.joint) {
+            (Role::Gain, Some(3)) => 0.0,
+            _ => t.nominal,
+        })
+        .collect();
+    let message = refusal(&nominal.extended(&values, Vec::new(), None), Precision::F64);
+    assert!(
+        message.contains("joint `j4`") && message.contains("gain of zero"),
+        "{message}"
+    );
     assert!(message.contains("help:"), "{message}");
 }
 
@@ -24,7 +35,10 @@ fn a_coordinate_without_a_drive_is_named() {
 fn a_number_beyond_single_precision_asks_for_double() {
     let nominal = with(&arm6(), &[("spring", 0, &[1e300, 0.0])]);
     let message = refusal(&nominal, Precision::F32);
-    assert!(message.contains("1e300") && message.contains("--precision f64"), "{message}");
+    assert!(
+        message.contains("1e300") && message.contains("--precision f64"),
+        "{message}"
+    );
     let mut options = Options::default();
     options.precision = Precision::F64;
     assert!(export(&nominal, Target::C, &options).is_ok());

@@ -69,20 +69,6 @@ pub(crate) fn states(n: usize, count: usize, seed: u64) -> Vec<State> {
         .collect()
 }
 
-/// What a function of a robot gives.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Function {
-    InverseDynamics,
-    FeedForward,
-    Residual,
-}
-
-pub(crate) const FUNCTIONS: [Function; 3] = [
-    Function::InverseDynamics,
-    Function::FeedForward,
-    Function::Residual,
-];
-
 /// Per function whether it found numbers, and these.
 pub(crate) type Answer = [(bool, Vec<f64>); 3];
 
@@ -384,7 +370,7 @@ const STRICT: [&str; 6] = [
     "-pedantic",
 ];
 
-fn compile(folder: &Path, own: &str, more: &[PathBuf]) -> PathBuf {
+fn compile(folder: &Path, more: &[PathBuf]) -> PathBuf {
     let program = folder.join("driver");
     run(Command::new("cc")
         .args(STRICT)
@@ -392,10 +378,9 @@ fn compile(folder: &Path, own: &str, more: &[PathBuf]) -> PathBuf {
         .arg(format!("-I{}", folder.join("include").display()))
         .arg(folder.join("driver.c"))
         .args(more)
-        .arg("-lm")
-        .arg("-o")
+        // What nobody calls is left out: the library of Rust has references to its unwinder.
+        .args(["-lm", "-Wl,--gc-sections", "-o"])
         .arg(&program));
-    assert!(!own.is_empty() && program.is_file());
     program
 }
 
@@ -408,7 +393,7 @@ pub(crate) fn in_c(nominal: &description::Nominal, precision: Precision) -> Buil
     let driver = driver_in_c(&own, n, precision);
     std::fs::write(folder.path().join("driver.c"), driver).expect("written");
     let source = folder.path().join(format!("{own}.c"));
-    let program = compile(folder.path(), &own, &[source]);
+    let program = compile(folder.path(), &[source]);
     Built { folder, program, n }
 }
 
@@ -440,12 +425,22 @@ pub(crate) fn in_library(nominal: &description::Nominal, precision: Precision) -
     let (own, n) = (prefix(&files), nominal.robot().nq());
     let driver = driver_in_c(&own, n, precision);
     std::fs::write(folder.path().join("driver.c"), driver).expect("written");
-    let library = ["rustc", "--features", "c", "--crate-type", "staticlib"];
+    // As on a Cortex-M, where nothing unwinds.
+    let abort = "profile.release.panic='abort'";
+    let library = [
+        "rustc",
+        "--config",
+        abort,
+        "--features",
+        "c",
+        "--crate-type",
+        "staticlib",
+    ];
     cargo(folder.path(), &library);
     let archive = folder
         .path()
         .join(format!("target/release/lib{own}_feed_forward.a"));
-    let program = compile(folder.path(), &own, &[archive]);
+    let program = compile(folder.path(), &[archive]);
     Built { folder, program, n }
 }
 
@@ -485,5 +480,41 @@ impl Built {
         };
         let three = |all: &[&str]| [0, 1, 2].map(|k| one(all[k]));
         lines.chunks_exact(3).map(three).collect()
+    }
+}
+
+/// Agreement in each precision, relative to the largest torque of the state.
+pub(crate) const DOUBLE: f64 = 1e-12;
+pub(crate) const SINGLE: f64 = 1e-5;
+
+/// Torques, inputs and residual of built code at drawn states.
+pub(crate) fn compare(nominal: &description::Nominal, built: &Built, close: f64, what: &str) {
+    let library = Library::new(nominal);
+    let states = states(nominal.robot().nq(), 60, 7);
+    for (state, [torque, input, residual]) in states.iter().zip(built.answers(&states)) {
+        let own = library.torque(state);
+        assert!(
+            torque.0 && off(&torque.1, &own) < close,
+            "{what}: {torque:?} {own:?}"
+        );
+        // The torques that the input makes are those that were asked for.
+        let driven = library.driven(&input.1);
+        assert!(
+            input.0 && off(&driven, &own) < close,
+            "{what}: {driven:?} {own:?}"
+        );
+        let acting = library.driven(&state.u);
+        let lacks: Vec<f64> = own.iter().zip(&acting).map(|(x, y)| x - y).collect();
+        // The residual is a difference of torques: its error is relative to them.
+        let size = own
+            .iter()
+            .chain(&acting)
+            .fold(0.0_f64, |m, x| m.max(x.abs()));
+        let error = lacks.iter().zip(&residual.1).map(|(x, y)| (x - y).abs());
+        let error = error.fold(0.0, f64::max) / size;
+        assert!(
+            residual.0 && error < close,
+            "{what}: {residual:?} {lacks:?}"
+        );
     }
 }
