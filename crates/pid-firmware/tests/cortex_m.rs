@@ -8,7 +8,8 @@ use std::path::Path;
 use common::{arm6, cargo, files, prefix, text, with, write};
 use object::{Object, ObjectSection, ObjectSymbol};
 use pid_firmware::{Precision, Target};
-use pid_interpret::nominal::Nominal;
+use pid_interpret::nominal::{Nominal, declaration};
+use pid_symbolic::{Cost, Graph};
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
@@ -30,8 +31,8 @@ struct Firmware {
 }
 
 impl Firmware {
-    /// Builds a program whose loop runs `calls`, and nothing else.
-    fn new(folder: &Path, dependency: &str, calls: &str) -> Self {
+    /// Builds a program whose loop runs `calls` among `items`, and nothing else.
+    fn new(folder: &Path, dependency: &str, items: &str, calls: &str) -> Self {
         let manifest = format!(
             "[package]\nname = \"firmware\"\nversion = \"0.1.0\"\nedition = \"2024\"\n[dependencies]\n{dependency}\n\
              [profile.release]\npanic = \"abort\"\n[workspace]\n"
@@ -41,6 +42,8 @@ impl Firmware {
 #![no_main]
 
 use core::hint::black_box;
+
+{items}
 
 #[panic_handler]
 fn stop(_: &core::panic::PanicInfo<'_>) -> ! {{
@@ -73,10 +76,9 @@ pub extern "C" fn _start() -> ! {{
         }
     }
 
-    /// Bytes of the functions of a name.
-    fn size(&self, function: &str) -> u64 {
-        let mangled = format!("{}{function}", function.len());
-        let own = self.symbols.iter().filter(|(s, _)| s.contains(&mangled));
+    /// Bytes of the functions whose name has a part.
+    fn size(&self, part: &str) -> u64 {
+        let own = self.symbols.iter().filter(|(name, _)| name.contains(part));
         own.map(|(_, size)| size).sum()
     }
 
@@ -103,7 +105,11 @@ fn exported(folder: &Path, nominal: &Nominal, precision: Precision) -> (String, 
     (
         format!("{own} = {{ path = \"robot\" }}"),
         calls,
-        operations.next().expect("a count").to_owned(),
+        operations
+            .next()
+            .expect("a count")
+            .trim_end_matches('.')
+            .to_owned(),
     )
 }
 
@@ -117,7 +123,7 @@ fn the_residual_of_a_six_axis_arm_has_no_panics_on_a_cortex_m() {
         for precision in [Precision::F32, Precision::F64] {
             let folder = tempfile::tempdir().expect("a folder");
             let (dependency, calls, operations) = exported(folder.path(), &nominal, precision);
-            let firmware = Firmware::new(folder.path(), &dependency, &calls);
+            let firmware = Firmware::new(folder.path(), &dependency, "", &calls);
             let (torque, residual) = (firmware.size("torque"), firmware.size("residual"));
             // The functions are there, so a panic in them would be.
             assert!(residual > 0 && torque > 1000, "{:?}", firmware.symbols);
@@ -139,8 +145,44 @@ fn a_panic_would_be_among_the_symbols() {
     let folder = tempfile::tempdir().expect("a folder");
     let (dependency, calls, _) = exported(folder.path(), &arm6(), Precision::F32);
     let calls = calls + " black_box(q[black_box(0_usize)]);";
-    let firmware = Firmware::new(folder.path(), &dependency, &calls);
+    let firmware = Firmware::new(folder.path(), &dependency, "", &calls);
     assert!(!firmware.naming("panicking").is_empty());
+}
+
+/// The same arm as `robot!` writes it, its 84 parameters arguments.
+#[test]
+#[ignore = "needs the target thumbv7em-none-eabihf; .ci/firmware runs it"]
+fn a_declared_six_axis_arm_has_no_panics_on_a_cortex_m() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    // One folder for all runs: the compiler of robots is built once.
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("declared");
+    let dependency = format!(
+        "pid-runtime = {{ path = {:?}, default-features = false }}",
+        root.join("pid-runtime")
+    );
+    let items = format!(
+        "#[path = {:?}]\nmod arm6;\nuse arm6::{{Arm6, Arm6Inputs, Arm6Params}};",
+        root.join("models/src/arm6.rs")
+    );
+    let calls = "let (q, v, a, u) = black_box(([0.0; 6], [0.0; 6], [0.0; 6], [0.0; 6]));
+        let p = black_box(Arm6Params::nominal());
+        black_box(Arm6::residual(&q, &v, &a, &Arm6Inputs::from_array(u), &p));
+        black_box(Arm6::inverse_dynamics(&q, &v, &a, &p));
+        black_box(Arm6::mass_matrix(&q, &p));
+        black_box(Arm6::inverse_dynamics_derivatives(&q, &v, &a, &p));";
+    let firmware = Firmware::new(&folder, &dependency, &items, calls);
+    let residual = firmware.size("residual_values");
+    assert!(residual > 1000, "{:?}", firmware.symbols);
+    assert_eq!(firmware.naming("panic"), [""; 0]);
+    assert_eq!(firmware.naming("alloc"), [""; 0]);
+    let mut g = Graph::new();
+    let robot = declaration(&pid_models::Arm6).expect("a declaration");
+    let equations = pid_derive::equations(&mut g, &robot).expect("equations");
+    println!(
+        "robot! Arm6, f64: residual {residual} bytes, {} operations; with M, first derivatives and libm {} bytes",
+        Cost::of(&g, &equations.residual),
+        firmware.bytes
+    );
 }
 
 #[test]

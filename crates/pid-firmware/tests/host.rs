@@ -8,7 +8,6 @@ use common::{
 use pid_effects::with_effects::{Placed, WithEffects};
 use pid_firmware::Precision;
 use pid_interpret::Model;
-use pid_interpret::nominal::Nominal;
 use pid_runtime::dynamics::{At, Dynamics, Hessian};
 
 /// Every effect that the code expresses.
@@ -84,7 +83,6 @@ fn every_model_equals_the_library() {
         "ur10e",
         "panda",
         "servo_pendulum",
-        "tx40",
         "vs050",
     ] {
         let nominal = declared(name);
