@@ -3,10 +3,9 @@
 use pid_symbolic::Function;
 
 use crate::equations::Equations;
-use crate::input::Step;
 use crate::names::prefix;
 use crate::program::{Language, digits, lines};
-use crate::shared::{about, direct, inverse};
+use crate::shared::{about, direct, inverse, needed};
 use crate::{File, Precision};
 
 struct C(Precision);
@@ -114,18 +113,15 @@ fn source(equations: &Equations, precision: Precision, own: &str) -> String {
         .map(|(j, name)| format!("    tau[{j}] = {name};\n"))
         .collect();
     let drives = &equations.drives;
-    let inputs: String = (0..n)
-        .map(|j| {
-            let input = inverse(&drives[j], &format!("tau[{j}]"), &language);
-            format!("    u[{j}] = {input};\n")
-        })
-        .collect();
-    let rest: String = (0..n)
-        .map(|j| {
-            let applied = direct(&drives[j], &format!("u[{j}]"), &language);
-            format!("    r[{j}] = tau[{j}] - {applied};\n")
-        })
-        .collect();
+    let rows = |row: &dyn Fn(usize) -> String| (0..n).map(row).collect::<String>();
+    let inputs = rows(&|j| {
+        let input = inverse(&drives[j], &format!("tau[{j}]"), &language);
+        format!("    u[{j}] = {input};\n")
+    });
+    let rest = rows(&|j| {
+        let applied = direct(&drives[j], &format!("u[{j}]"), &language);
+        format!("    r[{j}] = tau[{j}] - {applied};\n")
+    });
     let helpers = helpers(equations, &body, precision);
     let [inverse_dynamics, feed_forward, residual] = signatures(own, real, n);
     let motion = ["q", "v", "a"].map(|x| format!("const {real} {x}[{n}]"));
@@ -188,69 +184,58 @@ static void torque({motion}, {real} tau[{n}])
 
 /// The functions that the code calls.
 fn helpers(equations: &Equations, body: &str, precision: Precision) -> String {
-    let real = real(precision);
-    let f = suffix(precision);
-    let mut out = String::new();
-    let has = |law: fn(&Step) -> bool| equations.drives.iter().any(|d| d.steps.iter().any(law));
-    if body.contains("sign(") {
-        out += &format!(
-            "
+    let own = [SIGN, LIMIT, DROOP, DEAD_ZONE].into_iter();
+    let own = own
+        .zip(needed(equations, body))
+        .filter(|(_, needed)| *needed);
+    own.map(|(text, _)| {
+        let text = text.replace("REAL", real(precision));
+        text.replace('@', suffix(precision))
+    })
+    .collect()
+}
+
+const SIGN: &str = "
 /* -1, 0 or 1. */
-static {real} sign({real} x)
-{{
-    return x > 0.0{f} ? 1.0{f} : x < 0.0{f} ? -1.0{f} : x;
-}}
-"
-        );
-    }
-    if has(|s| matches!(s, Step::Limit(_))) {
-        out += &format!(
-            "
+static REAL sign(REAL x)
+{
+    return x > 0.0@ ? 1.0@ : x < 0.0@ ? -1.0@ : x;
+}
+";
+const LIMIT: &str = "
 /* u within +- most. */
-static {real} limit({real} u, {real} most)
-{{
+static REAL limit(REAL u, REAL most)
+{
     return u < -most ? -most : u > most ? most : u;
-}}
-"
-        );
-    }
-    if has(|s| matches!(s, Step::Droop(_))) {
-        out += &format!(
-            "
+}
+";
+const DROOP: &str = "
 /* The input that acts behind a gain that droops. */
-static {real} droop({real} u, {real} per_square)
-{{
-    return u / (1.0{f} + per_square * u * u);
-}}
+static REAL droop(REAL u, REAL per_square)
+{
+    return u / (1.0@ + per_square * u * u);
+}
 
 /* The input at which x acts, top where no input gives as much. */
-static {real} undroop({real} x, {real} per_square, {real} top)
-{{
-    const {real} left = 1.0{f} - 4.0{f} * per_square * x * x;
-    if (left < 0.0{f}) {{
-        return x < 0.0{f} ? -top : top;
-    }}
-    return 2.0{f} * x / (1.0{f} + sqrt{f}(left));
-}}
-"
-        );
+static REAL undroop(REAL x, REAL per_square, REAL top)
+{
+    const REAL left = 1.0@ - 4.0@ * per_square * x * x;
+    if (left < 0.0@) {
+        return x < 0.0@ ? -top : top;
     }
-    if has(|s| matches!(s, Step::DeadZone(_))) {
-        out += &format!(
-            "
+    return 2.0@ * x / (1.0@ + sqrt@(left));
+}
+";
+const DEAD_ZONE: &str = "
 /* What of u is beyond +- width. */
-static {real} beyond({real} u, {real} width)
-{{
-    return u > width ? u - width : u < -width ? u + width : 0.0{f} * u;
-}}
+static REAL beyond(REAL u, REAL width)
+{
+    return u > width ? u - width : u < -width ? u + width : 0.0@ * u;
+}
 
 /* The input of which x is beyond +- width. */
-static {real} around({real} x, {real} width)
-{{
-    return x > 0.0{f} ? x + width : x < 0.0{f} ? x - width : x;
-}}
-"
-        );
-    }
-    out
+static REAL around(REAL x, REAL width)
+{
+    return x > 0.0@ ? x + width : x < 0.0@ ? x - width : x;
 }
+";

@@ -5,10 +5,9 @@ use std::fmt::Write;
 use pid_symbolic::Function;
 
 use crate::equations::Equations;
-use crate::input::Step;
 use crate::names::prefix;
 use crate::program::{Language, digits, lines};
-use crate::shared::{about, direct, inverse};
+use crate::shared::{about, direct, inverse, needed};
 use crate::{File, Precision, c};
 
 struct Rust(Precision);
@@ -164,91 +163,80 @@ fn torque(q: &[{real}; N], v: &[{real}; N], a: &[{real}; N]) -> [{real}; N] {{
 
 /// The functions that the code calls.
 fn helpers(equations: &Equations, body: &str, precision: Precision) -> String {
-    let real = real(precision);
-    let root = libm("sqrt", precision);
-    let mut out = String::new();
-    let has = |law: fn(&Step) -> bool| equations.drives.iter().any(|d| d.steps.iter().any(law));
-    if body.contains("sign(") {
-        out += &format!(
-            "
+    let own = [SIGN, LIMIT, DROOP, DEAD_ZONE].into_iter();
+    let own = own
+        .zip(needed(equations, body))
+        .filter(|(_, needed)| *needed);
+    own.map(|(text, _)| {
+        let text = text.replace("REAL", real(precision));
+        text.replace("SQRT", &libm("sqrt", precision))
+    })
+    .collect()
+}
+
+const SIGN: &str = "
 /// -1, 0 or 1.
-fn sign(x: {real}) -> {real} {{
-    if x > 0.0 {{
+fn sign(x: REAL) -> REAL {
+    if x > 0.0 {
         1.0
-    }} else if x < 0.0 {{
+    } else if x < 0.0 {
         -1.0
-    }} else {{
+    } else {
         x
-    }}
-}}
-"
-        );
     }
-    if has(|s| matches!(s, Step::Limit(_))) {
-        out += &format!(
-            "
+}
+";
+const LIMIT: &str = "
 /// `u` within ± `most`.
-fn limit(u: {real}, most: {real}) -> {real} {{
-    if u < -most {{
+fn limit(u: REAL, most: REAL) -> REAL {
+    if u < -most {
         -most
-    }} else if u > most {{
+    } else if u > most {
         most
-    }} else {{
+    } else {
         u
-    }}
-}}
-"
-        );
     }
-    if has(|s| matches!(s, Step::Droop(_))) {
-        out += &format!(
-            "
+}
+";
+const DROOP: &str = "
 /// The input that acts behind a gain that droops.
-fn droop(u: {real}, per_square: {real}) -> {real} {{
+fn droop(u: REAL, per_square: REAL) -> REAL {
     u / (1.0 + per_square * u * u)
-}}
+}
 
 /// The input at which `x` acts, `top` where no input gives as much.
-fn undroop(x: {real}, per_square: {real}, top: {real}) -> {real} {{
+fn undroop(x: REAL, per_square: REAL, top: REAL) -> REAL {
     let left = 1.0 - 4.0 * per_square * x * x;
-    if left < 0.0 {{
-        if x < 0.0 {{ -top }} else {{ top }}
-    }} else {{
-        2.0 * x / (1.0 + {root}(left))
-    }}
-}}
-"
-        );
+    if left < 0.0 {
+        if x < 0.0 { -top } else { top }
+    } else {
+        2.0 * x / (1.0 + SQRT(left))
     }
-    if has(|s| matches!(s, Step::DeadZone(_))) {
-        out += &format!(
-            "
+}
+";
+const DEAD_ZONE: &str = "
 /// What of `u` is beyond ± `width`.
-fn beyond(u: {real}, width: {real}) -> {real} {{
-    if u > width {{
+fn beyond(u: REAL, width: REAL) -> REAL {
+    if u > width {
         u - width
-    }} else if u < -width {{
+    } else if u < -width {
         u + width
-    }} else {{
+    } else {
         0.0 * u
-    }}
-}}
+    }
+}
 
 /// The input of which `x` is beyond ± `width`.
-fn around(x: {real}, width: {real}) -> {real} {{
-    if x > 0.0 {{
+fn around(x: REAL, width: REAL) -> REAL {
+    if x > 0.0 {
         x + width
-    }} else if x < 0.0 {{
+    } else if x < 0.0 {
         x - width
-    }} else {{
+    } else {
         x
-    }}
-}}
-"
-        );
     }
-    out
 }
+";
 
 /// The functions of the header.
 fn interface(own: &str, real: &str, n: usize) -> String {

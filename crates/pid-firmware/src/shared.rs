@@ -75,3 +75,14 @@ pub(crate) fn inverse(drive: &Drive, torque: &str, language: &dyn Language) -> S
     }
     text
 }
+
+/// Which functions the code calls: sign; limit; droop and its inverse; dead zone and its inverse.
+pub(crate) fn needed(equations: &Equations, body: &str) -> [bool; 4] {
+    let has = |law: fn(&Step) -> bool| equations.drives.iter().any(|d| d.steps.iter().any(law));
+    [
+        body.contains("sign("),
+        has(|s| matches!(s, Step::Limit(_))),
+        has(|s| matches!(s, Step::Droop(_))),
+        has(|s| matches!(s, Step::DeadZone(_))),
+    ]
+}

@@ -3,7 +3,8 @@
 mod common;
 
 use common::{
-    Built, DOUBLE, SINGLE, State, arm6, compare, declared, in_c, in_library, in_rust, states, with,
+    Built, DOUBLE, SINGLE, State, arm6, compare, declared, in_c, in_library, in_rust, reread,
+    states, with,
 };
 use pid_effects::with_effects::{Placed, WithEffects};
 use pid_firmware::Precision;
@@ -51,7 +52,7 @@ const WITHOUT: &[(&str, usize, &[f64])] = &[
 
 #[test]
 fn c_equals_the_library_with_every_effect() {
-    let nominal = with(&arm6(), ALL);
+    let nominal = reread(&with(&arm6(), ALL));
     compare(&nominal, &in_c(&nominal, Precision::F64), DOUBLE, "f64");
     compare(&nominal, &in_c(&nominal, Precision::F32), SINGLE, "f32");
 }

@@ -42,6 +42,12 @@ pub(crate) fn with(
     nominal.extended(&values, all.collect(), None)
 }
 
+/// The same description, written as a file and read again.
+pub(crate) fn reread(nominal: &description::Nominal) -> description::Nominal {
+    let text = nominal.to_toml().expect("a file can state it");
+    description::Nominal::parse("extended.toml", &text).unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
 /// A motion and inputs, each one entry per coordinate.
 #[derive(Debug, Clone)]
 pub(crate) struct State {
