@@ -129,7 +129,7 @@ fn the_residual_of_a_six_axis_arm_has_no_panics_on_a_cortex_m() {
             assert!(residual > 0 && torque > 1000, "{:?}", firmware.symbols);
             assert_eq!(firmware.naming("panic"), [""; 0]);
             assert_eq!(firmware.naming("alloc"), [""; 0]);
-            println!(
+            eprintln!(
                 "{what}, {precision:?}: residual {} bytes, {operations} operations; with feed-forward and libm {} bytes",
                 torque + residual,
                 firmware.bytes
@@ -178,7 +178,7 @@ fn a_declared_six_axis_arm_has_no_panics_on_a_cortex_m() {
     let mut g = Graph::new();
     let robot = declaration(&pid_models::Arm6).expect("a declaration");
     let equations = pid_derive::equations(&mut g, &robot).expect("equations");
-    println!(
+    eprintln!(
         "robot! Arm6, f64: residual {residual} bytes, {} operations; with M, first derivatives and libm {} bytes",
         Cost::of(&g, &equations.residual),
         firmware.bytes
