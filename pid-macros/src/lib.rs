@@ -163,6 +163,9 @@ use proc_macro::TokenStream;
 /// - `base_parameters`: the smallest set of combinations of them that the torques depend on, as
 ///   values and as formulas.
 ///
+/// Without the feature `std` of `pid-runtime` a robot has its types and functions on arrays alone, with functions of
+/// `libm`: for programs without `std` and without a heap.
+///
 /// ## `expect rank n;`, `expect rank n at nominal;`
 /// The number of combinations of parameters that a motion determines (those marked `fixed` known),
 /// at almost all values or at the nominal ones; another number is an error that names the groups of
@@ -205,7 +208,11 @@ use proc_macro::TokenStream;
 /// parameter without effect, a missing nominal value).
 #[proc_macro]
 pub fn robot(input: TokenStream) -> TokenStream {
-    let code = pid_codegen::expand(input.into());
+    let face = match cfg!(feature = "std") {
+        true => pid_codegen::Face::Full,
+        false => pid_codegen::Face::Core,
+    };
+    let code = pid_codegen::expand_for(input.into(), face);
     #[cfg(feature = "facade")]
     let code = path::reached(code);
     code.into()

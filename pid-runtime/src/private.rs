@@ -1,13 +1,24 @@
 //! Functions that generated code calls. Not part of the public interface: they may change with any
 //! release.
 
+#[cfg(feature = "std")]
 use num_dual::DualNum;
 
+#[cfg(feature = "std")]
 pub use crate::lanes::one_by_one;
+#[cfg(feature = "std")]
 pub use fearless_simd;
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(all(feature = "std", target_arch = "x86_64"))]
 pub use crate::lanes::avx2;
+
+/// Functions of numbers, without `std`.
+#[cfg(not(feature = "std"))]
+pub mod real {
+    pub use libm::{
+        atan, cos, exp, fabs as abs, log as ln, sin, sincos as sin_cos, sqrt, tan, tanh,
+    };
+}
 
 /// −1, 0 or 1; NaN for NaN.
 #[inline]
@@ -17,12 +28,14 @@ pub fn sign(x: f64) -> f64 {
 
 /// The sign of a dual number; its derivative is zero.
 #[inline]
+#[cfg(feature = "std")]
 pub fn dual_sign<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
     D::from(sign(x.re()))
 }
 
 /// The absolute value of a dual number; at zero its derivative is 1.
 #[inline]
+#[cfg(feature = "std")]
 pub fn dual_abs<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
     if x.re() < 0.0 { -x } else { x }
 }
@@ -32,6 +45,7 @@ pub fn dual_abs<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
 /// Finite, and exact in its derivatives, for every argument: the quotient of `sinh` and `cosh` is
 /// NaN beyond |x| = 710, which is where dry friction `tanh(50 v)` is evaluated.
 #[inline]
+#[cfg(feature = "std")]
 pub fn dual_tanh<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
     if x.re().abs() < 0.5 {
         // Near zero m + 2 would cancel in the second derivative.
@@ -48,6 +62,7 @@ pub fn dual_tanh<D: DualNum<Primitive = f64> + Copy>(x: D) -> D {
 /// # Panics
 /// If it has another length.
 #[inline]
+#[cfg(feature = "std")]
 pub fn exact<'a, T, const N: usize>(slice: &'a [T], name: &str) -> &'a [T; N] {
     match slice.try_into() {
         Ok(array) => array,
@@ -60,6 +75,7 @@ pub fn exact<'a, T, const N: usize>(slice: &'a [T], name: &str) -> &'a [T; N] {
 /// # Panics
 /// If it has another length.
 #[inline]
+#[cfg(feature = "std")]
 pub fn exact_mut<'a, T, const N: usize>(slice: &'a mut [T], name: &str) -> &'a mut [T; N] {
     let found = slice.len();
     match slice.try_into() {
@@ -70,6 +86,7 @@ pub fn exact_mut<'a, T, const N: usize>(slice: &'a mut [T], name: &str) -> &'a m
 
 #[cold]
 #[inline(never)]
+#[cfg(feature = "std")]
 fn wrong_length(name: &str, expected: usize, found: usize) -> ! {
     panic!("`{name}` must have {expected} entries, the dimensions of the model, but has {found}")
 }
@@ -77,15 +94,15 @@ fn wrong_length(name: &str, expected: usize, found: usize) -> ! {
 /// A symmetric matrix from its lower triangle, row by row.
 #[inline]
 pub fn symmetric<const N: usize>(packed: &[f64]) -> [[f64; N]; N] {
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
+    core::array::from_fn(|i| {
+        core::array::from_fn(|j| {
             let (row, col) = (i.max(j), i.min(j));
             packed[row * (row + 1) / 2 + col]
         })
     })
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "std"))]
 mod tests {
     use super::*;
     use num_dual::HyperDual64;

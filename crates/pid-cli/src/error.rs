@@ -180,6 +180,8 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Export(#[from] pid_simulators::ExportError),
     #[error(transparent)]
+    Firmware(#[from] pid_firmware::FirmwareError),
+    #[error(transparent)]
     Limits(#[from] LimitsError),
     #[error("{}: cannot be read: {error}", path.display())]
     Read { path: PathBuf, error: io::Error },

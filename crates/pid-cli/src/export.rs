@@ -1,10 +1,12 @@
-//! `simtrue export`: a robot with its effects as files of a simulator.
+//! `simtrue export`: a robot with its effects as files of a simulator or as firmware.
 
 use std::path::{Path, PathBuf};
 
+use pid_firmware::{Precision, Target as Language};
+use pid_interpret::nominal::Nominal;
 use pid_simulators::{Options, Results, Target, export};
 
-use crate::args::export::{ExportArgs, TargetArg};
+use crate::args::export::{ExportArgs, PrecisionArg, TargetArg};
 use crate::error::{CliError, make_folder, write};
 use crate::open::{read_robot, robot_and_logs};
 use crate::output;
@@ -17,26 +19,52 @@ pub(crate) fn run(args: &ExportArgs) -> Result<u8, CliError> {
         });
     }
     let nominal = read_robot(&args.robot, &args.open())?.nominal;
-    let (diagnosis, fit) = (read(args.diagnosis.as_ref())?, read(args.fit.as_ref())?);
-    let mut options = Options::default();
-    options.timestep = args.timestep;
-    options.diagnosis = results(&diagnosis);
-    options.fit = results(&fit);
+    let files = files(&nominal, args)?;
+    make_folder(&args.out)?;
+    for (name, text) in files {
+        let path = args.out.join(name);
+        if let Some(folder) = path.parent() {
+            make_folder(folder)?;
+        }
+        write(&path, &text)?;
+        output::print(&format!("{}\n", path.display()));
+    }
+    Ok(0)
+}
+
+/// Names and texts of the files.
+fn files(nominal: &Nominal, args: &ExportArgs) -> Result<Vec<(String, String)>, CliError> {
     let target = match args.to {
         TargetArg::Mujoco => Target::Mujoco,
         TargetArg::Urdf => Target::Urdf,
         TargetArg::IsaacLab => Target::IsaacLab,
         TargetArg::Newton => Target::Newton,
         TargetArg::Bam => Target::Bam,
+        TargetArg::Rust => return firmware(nominal, Language::Rust, args.precision),
+        TargetArg::C => return firmware(nominal, Language::C, args.precision),
     };
-    let files = export(&nominal, target, &options)?;
-    make_folder(&args.out)?;
-    for file in files {
-        let path = args.out.join(&*file.name);
-        write(&path, &file.text)?;
-        output::print(&format!("{}\n", path.display()));
-    }
-    Ok(0)
+    let (diagnosis, fit) = (read(args.diagnosis.as_ref())?, read(args.fit.as_ref())?);
+    let mut options = Options::default();
+    options.timestep = args.timestep;
+    options.diagnosis = results(&diagnosis);
+    options.fit = results(&fit);
+    let files = export(nominal, target, &options)?.into_iter();
+    Ok(files.map(|f| (f.name.into_owned(), f.text)).collect())
+}
+
+/// The same of firmware.
+fn firmware(
+    nominal: &Nominal,
+    language: Language,
+    precision: PrecisionArg,
+) -> Result<Vec<(String, String)>, CliError> {
+    let mut options = pid_firmware::Options::default();
+    options.precision = match precision {
+        PrecisionArg::F32 => Precision::F32,
+        PrecisionArg::F64 => Precision::F64,
+    };
+    let files = pid_firmware::export(nominal, language, &options)?.into_iter();
+    Ok(files.map(|f| (f.name, f.text)).collect())
 }
 
 /// A file's name and text, if one is given.
@@ -112,6 +140,24 @@ mod tests {
                 assert!(path.is_file(), "{}", path.display());
             }
         }
+    }
+
+    #[test]
+    fn a_urdf_becomes_firmware() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("cart.urdf"), CART).expect("written");
+        for (target, files) in [
+            ("rust", &["Cargo.toml", "src/lib.rs", "include/cart.h"][..]),
+            ("c", &["cart.h", "cart.c"]),
+        ] {
+            assert_eq!(exported(folder.path(), "cart.urdf", target), Ok(0));
+            for name in files.iter().chain(&["not_expressed.md"]) {
+                let path = folder.path().join(target).join(name);
+                assert!(path.is_file(), "{}", path.display());
+            }
+        }
+        let source = std::fs::read_to_string(folder.path().join("c/cart.c")).expect("text");
+        assert!(source.contains("const float"), "{source}");
     }
 
     #[test]

@@ -28,11 +28,11 @@ use quote::quote;
 
 use crate::check;
 use crate::diag::Diagnostics;
-use crate::emit::{self, Names};
+use crate::emit::{self, Face, Names};
 use crate::syntax::{self, FromUrdf};
 
 /// Expands the declaration; `folder` is that of the crate.
-pub(crate) fn expand(input: TokenStream, folder: &Path) -> TokenStream {
+pub(crate) fn expand(input: TokenStream, folder: &Path, face: Face) -> TokenStream {
     let mut diag = Diagnostics::new();
     let Some(declared) = syntax::parse_from_urdf(input, &mut diag) else {
         return diag.errors_to_tokens();
@@ -50,7 +50,10 @@ pub(crate) fn expand(input: TokenStream, folder: &Path) -> TokenStream {
         _ => None,
     };
     let model = match (&robot, found) {
-        (Some(robot), Some(found)) if diag.is_ok() => model(&declared, robot, &found, &mut diag),
+        (Some(robot), Some(found)) if diag.is_ok() => {
+            let names = names(&declared, robot, face);
+            model(&declared, robot, &names, &found, &mut diag)
+        }
         _ => None,
     };
     let model = match model {
@@ -60,7 +63,7 @@ pub(crate) fn expand(input: TokenStream, folder: &Path) -> TokenStream {
         }
         None => {
             let robot = robot.unwrap_or_else(|| emit::fallback::nameless(&declared.ast));
-            let stub = emit::fallback::stub_of(&robot, &names(&declared, &robot));
+            let stub = emit::fallback::stub_of(&robot, &names(&declared, &robot, face));
             let errors = diag.errors_to_tokens();
             quote!(#errors #stub)
         }
@@ -71,12 +74,13 @@ pub(crate) fn expand(input: TokenStream, folder: &Path) -> TokenStream {
 fn model(
     declared: &FromUrdf,
     robot: &Robot,
+    names: &Names,
     found: &Identifiability,
     diag: &mut Diagnostics,
 ) -> Option<TokenStream> {
     let ast = &declared.ast;
     let limit = ast.limit.unwrap_or(emit::size::DEFAULT_LIMIT);
-    match emit::try_model(robot, &names(declared, robot), found, limit) {
+    match emit::try_model(robot, names, found, limit) {
         Ok(tokens) => Some(tokens),
         Err(error) => {
             diag.error(
@@ -156,11 +160,12 @@ fn read(declared: &FromUrdf, _: &str) -> Result<(Robot, Vec<String>), String> {
     ))
 }
 
-fn names(declared: &FromUrdf, robot: &Robot) -> Names {
+fn names(declared: &FromUrdf, robot: &Robot, face: Face) -> Names {
     let ident = |text: &str| Ident::new(text, Span::call_site());
     let mut moving: Vec<_> = robot.joints.iter().filter(|j| j.coord.is_some()).collect();
     moving.sort_by_key(|j| j.coord);
     Names {
+        face,
         vis: declared.ast.visibility(),
         robot: declared.ast.name.clone(),
         params: robot.params.iter().map(|p| ident(&p.name)).collect(),

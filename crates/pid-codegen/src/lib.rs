@@ -25,6 +25,7 @@ use proc_macro2::TokenStream;
 
 use check::Resolved;
 use diag::Diagnostics;
+pub use emit::Face;
 use syntax::Ast;
 
 /// The robots that the contents of a `robot! { … }` declare, checked.
@@ -49,14 +50,23 @@ pub fn robots(input: TokenStream) -> Result<Vec<pid_derive::model::Robot>, Vec<S
 ///
 /// A robot `from urdf` is read from a file below the folder of the crate that is being compiled.
 pub fn expand(input: TokenStream) -> TokenStream {
+    expand_for(input, Face::Full)
+}
+
+/// As [`expand`], for one face.
+pub fn expand_for(input: TokenStream, face: Face) -> TokenStream {
     let folder = std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default();
-    expand_in(input, folder.as_ref())
+    expanded(input, folder.as_ref(), face)
 }
 
 /// As [`expand`], with the folder that paths of files are relative to.
 pub fn expand_in(input: TokenStream, folder: &Path) -> TokenStream {
+    expanded(input, folder, Face::Full)
+}
+
+fn expanded(input: TokenStream, folder: &Path, face: Face) -> TokenStream {
     if syntax::is_from_urdf(&input) {
-        return from_urdf::expand(input, folder);
+        return from_urdf::expand(input, folder, face);
     }
     let mut diag = Diagnostics::new();
     let Some(ast) = syntax::parse(input, &mut diag) else {
@@ -67,11 +77,12 @@ pub fn expand_in(input: TokenStream, folder: &Path) -> TokenStream {
         false => None,
     };
     let Some(models) = models else {
-        return emit::fallback::fallback(&ast, &diag);
+        return emit::fallback::fallback(&ast, &diag, face);
     };
     let mut tokens = TokenStream::new();
     let limit = ast.limit.unwrap_or(emit::size::DEFAULT_LIMIT);
     for (k, (resolved, names)) in models.into_iter().enumerate() {
+        let names = emit::Names { face, ..names };
         match emit::try_model(&resolved.robot, &names, &resolved.identifiability, limit) {
             Ok(model) => tokens.extend(model),
             Err(e) => {
@@ -83,7 +94,7 @@ pub fn expand_in(input: TokenStream, folder: &Path) -> TokenStream {
         }
     }
     if !diag.is_ok() {
-        return emit::fallback::fallback(&ast, &diag);
+        return emit::fallback::fallback(&ast, &diag, face);
     }
     tokens.extend(diag.warnings_to_tokens(&ast.attrs));
     tokens
@@ -111,6 +122,7 @@ fn models(ast: &Ast, diag: &mut Diagnostics) -> Option<Vec<(Resolved, emit::Name
 fn names(ast: &Ast, Resolved { robot, places, .. }: &Resolved) -> emit::Names {
     let moving = |j: &usize| robot.joints[*j].coord.is_some();
     emit::Names {
+        face: Face::Full,
         vis: ast.visibility(),
         robot: ast.name.clone(),
         joints: (0..robot.joints.len())

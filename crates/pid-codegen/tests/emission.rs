@@ -4,7 +4,7 @@
 #[path = "../../pid-derive/tests/robots/mod.rs"]
 mod robots;
 
-use pid_codegen::emit::{self, Names};
+use pid_codegen::emit::{self, Face, Names};
 use pid_derive::model::{Expr, Func, Robot};
 use proc_macro2::{Ident, Span};
 use quote::ToTokens;
@@ -19,6 +19,7 @@ fn names(robot: &Robot) -> Names {
         .collect();
     moving.sort_by_key(|joint| joint.coord);
     Names {
+        face: Face::Full,
         vis: syn::parse_quote!(pub),
         robot: ident(&robot.name),
         params: robot
@@ -99,4 +100,53 @@ fn functions_and_powers_of_a_force_law() {
         assert!(text.contains(expected), "{expected}");
     }
     assert!(!text.contains("Hessian for"));
+}
+
+/// What programs without `std` cannot have, as words of an expansion.
+const BEYOND_CORE: [&str; 6] = [
+    ":: std ::",
+    "num_dual",
+    "Dynamics for",
+    "Jacobian for",
+    "generic ::",
+    "f64 :: tanh",
+];
+
+fn core(declaration: &str) -> String {
+    let tokens = declaration.parse().expect("tokens");
+    pid_codegen::expand_for(tokens, pid_codegen::Face::Core).to_string()
+}
+
+#[test]
+fn without_std_there_are_functions_on_arrays_alone() {
+    const PENDULUM: &str = "pub robot Pendulum {
+        gravity: [0, 0, -9.81] m/s^2;
+        params { m: kg = 1.0 in 0.1..=5.0; dry: N*m = 0.1 in 0.0..=1.0; }
+        link rod { mass: m; com: [0, 0, -0.5] m; }
+        joint pivot: revolute about y { base -> rod; }
+        force on pivot = -dry*tanh(50 s/rad * v);
+        emit { dynamics, second_derivatives, regressor, lanes }
+    }";
+    let text = core(PENDULUM);
+    for expected in [
+        ":: pid_runtime :: __private :: real :: tanh",
+        ":: pid_runtime :: __private :: real :: sin",
+        "pub fn residual",
+        "pub fn inverse_dynamics_derivatives",
+        "pub fn lagrangian_hessian",
+    ] {
+        assert!(text.contains(expected), "{expected}\n{text}");
+    }
+    for beyond in BEYOND_CORE {
+        assert!(!text.contains(beyond), "{beyond}\n{text}");
+    }
+    // With a mistake: the error, and stubs of the same functions.
+    let text = core(&PENDULUM.replace("mass: m;", "mass: n;"));
+    assert!(
+        text.contains("compile_error") && text.contains("pub fn residual"),
+        "{text}"
+    );
+    for beyond in BEYOND_CORE {
+        assert!(!text.contains(beyond), "{beyond}\n{text}");
+    }
 }

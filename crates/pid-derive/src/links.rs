@@ -52,6 +52,8 @@ pub struct Links {
     pub mass_matrix: Vec<Id>,
     /// b.
     pub bias: Vec<Id>,
+    /// M a + b without rotors, by one recursion: fewer operations than both apart.
+    pub inertial: Vec<Id>,
     /// b − Jᵀ f with the force f on the tool; `None` without a tool or bodies.
     pub pushed: Option<Vec<Id>>,
 }
@@ -88,7 +90,11 @@ pub fn links(g: &mut Graph, robot: &Robot, tool: Option<Tool>) -> Links {
         })
         .collect();
     regroup(g, &mut tree, &symbols.q);
-    let (mass_matrix, bias) = match robot.lagrangian {
+    let Forces {
+        mass_matrix,
+        bias,
+        inertial,
+    } = match robot.lagrangian {
         Some(_) => of_lagrangian(g, robot, &tree, &symbols),
         None => of_bodies(g, robot, &tree, &symbols),
     };
@@ -112,8 +118,16 @@ pub fn links(g: &mut Graph, robot: &Robot, tool: Option<Tool>) -> Links {
         force,
         mass_matrix,
         bias,
+        inertial,
         pushed,
     }
+}
+
+/// M, b and M a + b.
+struct Forces {
+    mass_matrix: Vec<Id>,
+    bias: Vec<Id>,
+    inertial: Vec<Id>,
 }
 
 /// Takes the rotor inertias that belong to one coordinate each out of the tree.
@@ -139,7 +153,7 @@ fn own_rotors(g: &mut Graph, tree: &mut Tree, nq: usize) -> Vec<Id> {
     rotors
 }
 
-fn of_bodies(g: &mut Graph, robot: &Robot, tree: &Tree, symbols: &Symbols) -> (Vec<Id>, Vec<Id>) {
+fn of_bodies(g: &mut Graph, robot: &Robot, tree: &Tree, symbols: &Symbols) -> Forces {
     let nq = symbols.q.len();
     let motions = |a: Vec<Id>| Motions {
         v: symbols.v.clone(),
@@ -148,7 +162,7 @@ fn of_bodies(g: &mut Graph, robot: &Robot, tree: &Tree, symbols: &Symbols) -> (V
     };
     let zero = g.zero();
     let mut bias = newton_euler::equations(g, tree, &motions(vec![zero; nq]));
-    let inertial = newton_euler::equations(g, tree, &motions(symbols.a.clone()));
+    let mut inertial = newton_euler::equations(g, tree, &motions(symbols.a.clone()));
     let candidates = [
         mass_matrix(g, tree, symbols, &inertial),
         composite::mass_matrix(g, tree, nq),
@@ -162,24 +176,28 @@ fn of_bodies(g: &mut Graph, robot: &Robot, tree: &Tree, symbols: &Symbols) -> (V
     if let Some(extra) = &robot.potential {
         let extra = symbols.expression(g, extra);
         let slope = diff::gradient(g, extra, &symbols.q);
-        for (force, slope) in bias.iter_mut().zip(slope) {
-            *force = g.add(*force, slope);
+        for ((bias, inertial), slope) in bias.iter_mut().zip(&mut inertial).zip(slope) {
+            *bias = g.add(*bias, slope);
+            *inertial = g.add(*inertial, slope);
         }
     }
-    (mass_matrix, bias)
+    Forces {
+        mass_matrix,
+        bias,
+        inertial,
+    }
 }
 
-fn of_lagrangian(
-    g: &mut Graph,
-    robot: &Robot,
-    tree: &Tree,
-    symbols: &Symbols,
-) -> (Vec<Id>, Vec<Id>) {
+fn of_lagrangian(g: &mut Graph, robot: &Robot, tree: &Tree, symbols: &Symbols) -> Forces {
     let nq = symbols.q.len();
     let inertial = Derivations::new(g, robot, tree, symbols).lagrange;
     let zero = g.zero();
     let bias = g.substitute(&inertial, |_, var| {
         (2 * nq..3 * nq).contains(&(var as usize)).then_some(zero)
     });
-    (by_derivative(g, symbols, &inertial), bias)
+    Forces {
+        mass_matrix: by_derivative(g, symbols, &inertial),
+        bias,
+        inertial,
+    }
 }

@@ -22,6 +22,7 @@ pub use crate::commands::Commands;
 use crate::constants::Constants;
 pub use crate::read_off::{Over, ReadOff};
 use crate::scalar::{Lanes, Scalar};
+pub use crate::symbol::Symbol;
 pub use crate::with_effects::Smooth;
 
 /// Lanes of one pass of derivatives.
@@ -386,6 +387,8 @@ pub trait Effect: Send + Sync {
     fn narrow(&self) -> &dyn Law<Narrow>;
     /// Over smooth scalars with second derivatives, for equations of motion.
     fn smooth(&self) -> &dyn Law<Smooth>;
+    /// Over expressions, for code that computes it.
+    fn symbolic(&self) -> &dyn Law<Symbol>;
     /// Over single duals, for tests and users' own derivatives.
     fn dual(&self) -> &dyn Law<num_dual::Dual64>;
 }
@@ -446,7 +449,13 @@ pub trait Model: Send + Sync {
 
 impl<T> Effect for T
 where
-    T: Model + Law<f64> + Law<Wide> + Law<Narrow> + Law<Smooth> + Law<num_dual::Dual64>,
+    T: Model
+        + Law<f64>
+        + Law<Wide>
+        + Law<Narrow>
+        + Law<Smooth>
+        + Law<Symbol>
+        + Law<num_dual::Dual64>,
 {
     fn info(&self) -> &'static Info {
         Model::info(self)
@@ -491,6 +500,9 @@ where
         self
     }
     fn smooth(&self) -> &dyn Law<Smooth> {
+        self
+    }
+    fn symbolic(&self) -> &dyn Law<Symbol> {
         self
     }
     fn dual(&self) -> &dyn Law<num_dual::Dual64> {

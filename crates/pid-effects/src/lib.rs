@@ -43,5 +43,6 @@ pub mod effects;
 pub mod nominal;
 mod read_off;
 pub mod scalar;
+pub mod symbol;
 pub mod terms;
 pub mod with_effects;

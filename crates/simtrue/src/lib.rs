@@ -38,6 +38,7 @@
 //! | `diagnosis`, `interpret` | what a model lacks; models read at run time (feature `diagnose`) |
 //! | `logs`, `preflight` | logs of robots as data sets; their check (feature `logs`) |
 //! | `simulators`, `mjcf` | files of simulators out and in (feature `simulators`) |
+//! | `firmware` | feed-forward as Rust without std and as C (feature `firmware`) |
 //! | `cli` | the command line, for robots of one's own (feature `cli`) |
 //!
 //! All features are on by default. `default-features = false` leaves `robot!`, data and identification.
@@ -151,6 +152,8 @@ pub use pid_diagnose::diagnosis::{Outcome, Verdict};
 /// ```
 #[cfg(feature = "diagnose")]
 pub use pid_diagnose::search::diagnose;
+#[cfg(feature = "firmware")]
+pub use pid_firmware as firmware;
 #[cfg(feature = "diagnose")]
 pub use pid_interpret as interpret;
 #[cfg(feature = "logs")]

@@ -13,7 +13,7 @@ pub(crate) struct ExportArgs {
     /// Robot: an extended.toml that `simtrue diagnose` wrote, a nominal.toml, a URDF or an MJCF.
     #[arg(value_name = "ROBOT")]
     pub(crate) robot: PathBuf,
-    /// The simulator.
+    /// The simulator, or the language of a feed-forward for firmware.
     #[arg(long, value_enum, value_name = "TARGET")]
     pub(crate) to: TargetArg,
     /// Folder for the files; made if needed.
@@ -22,6 +22,9 @@ pub(crate) struct ExportArgs {
     /// Step of the simulation, s.
     #[arg(long, value_name = "SECONDS", value_parser = positive, default_value_t = 5e-4)]
     pub(crate) timestep: f64,
+    /// Numbers of `rust` and `c`.
+    #[arg(long, value_enum, default_value_t, value_name = "BITS")]
+    pub(crate) precision: PrecisionArg,
     /// A diagnosis.json; its magnitudes with deviations go into ranges.json.
     #[arg(long, value_name = "FILE")]
     pub(crate) diagnosis: Option<PathBuf>,
@@ -55,7 +58,17 @@ impl ExportArgs {
     }
 }
 
-/// Simulators.
+/// Numbers of firmware.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum PrecisionArg {
+    /// 32 bits, as a Cortex-M4F has.
+    #[default]
+    F32,
+    /// 64 bits.
+    F64,
+}
+
+/// Simulators and firmware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum TargetArg {
     /// MuJoCo: robot.xml, and a wrapper in Python for what MJCF cannot express.
@@ -69,4 +82,8 @@ pub(crate) enum TargetArg {
     Newton,
     /// Better Actuator Models: a file of friction and motor for each turning joint.
     Bam,
+    /// Feed-forward in Rust: a crate without std, allocation and panics, a static library with a header.
+    Rust,
+    /// Feed-forward in C99: a header and a source.
+    C,
 }

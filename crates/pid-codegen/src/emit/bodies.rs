@@ -6,6 +6,7 @@ use proc_macro2::{Literal, TokenStream};
 use quote::quote;
 
 use super::functions::{Function, Layout, Scalar};
+use super::names::Face;
 use pid_derive::model::Robot;
 use pid_derive::{BaseParameters, Derivatives, Equations, Regressor};
 
@@ -27,7 +28,7 @@ pub struct Bodies {
 
 impl Bodies {
     /// Writes the bodies.
-    pub fn new(g: &mut Graph, layout: &Layout, equations: &Equations) -> Self {
+    pub fn new(g: &mut Graph, layout: &Layout, equations: &Equations, scalar: Scalar) -> Self {
         let net: Vec<Id> = equations
             .applied_force
             .iter()
@@ -38,7 +39,7 @@ impl Bodies {
         let write = |name: &str, doc: &str, outputs: &[Id], scalar| {
             Function::new(g, layout, name, doc, outputs, scalar)
         };
-        let plain = |name: &str, doc: &str, outputs: &[Id]| write(name, doc, outputs, Scalar::F64);
+        let plain = |name: &str, doc: &str, outputs: &[Id]| write(name, doc, outputs, scalar);
         let dual = |name: &str, doc: &str, outputs: &[Id]| write(name, doc, outputs, Scalar::Dual);
         let residual_doc = format!("r = M a + b − f_L, by {}.", equations.derivation);
         let forward_doc = "M (lower triangle, row by row), then f_L − b.";
@@ -78,8 +79,8 @@ impl Bodies {
         ]
     }
 
-    pub(super) fn definitions(&self) -> TokenStream {
-        let definitions = [
+    pub(super) fn definitions(&self, face: Face) -> TokenStream {
+        let plain = [
             &self.residual,
             &self.mass_matrix,
             &self.bias,
@@ -87,11 +88,10 @@ impl Bodies {
             &self.applied_force,
             &self.kinetic_energy,
             &self.potential_energy,
-            &self.forward,
-            &self.residual_dual,
-            &self.forward_dual,
-        ]
-        .map(|function| &function.definition);
+        ];
+        let more = [&self.forward, &self.residual_dual, &self.forward_dual];
+        let more = more.into_iter().filter(|_| face == Face::Full);
+        let definitions = plain.into_iter().chain(more).map(|f| &f.definition);
         quote!(#(#definitions)*)
     }
 }
@@ -125,18 +125,19 @@ pub fn jacobian(
     layout: &Layout,
     equations: &Equations,
     derivatives: &Derivatives,
+    scalar: Scalar,
 ) -> Body {
     let values = derivatives.jacobian.iter().map(|entry| entry.value);
     let outputs: Vec<Id> = equations.residual.iter().copied().chain(values).collect();
     let doc = "r and the non-zeros of ∂r/∂z.";
     Body {
         entries: derivatives.jacobian.clone(),
-        function: Function::new(g, layout, "jacobian_values", doc, &outputs, Scalar::F64),
+        function: Function::new(g, layout, "jacobian_values", doc, &outputs, scalar),
     }
 }
 
 /// The body of the lower triangle of ∂²(λᵀr)/∂z².
-pub fn hessian(g: &Graph, layout: &Layout, derivatives: &Derivatives) -> Body {
+pub fn hessian(g: &Graph, layout: &Layout, derivatives: &Derivatives, scalar: Scalar) -> Body {
     let outputs: Vec<Id> = derivatives
         .hessian
         .iter()
@@ -145,7 +146,7 @@ pub fn hessian(g: &Graph, layout: &Layout, derivatives: &Derivatives) -> Body {
     let doc = "The non-zeros of the lower triangle of ∂²(λᵀr)/∂z².";
     Body {
         entries: derivatives.hessian.clone(),
-        function: Function::new(g, layout, "hessian_values", doc, &outputs, Scalar::F64),
+        function: Function::new(g, layout, "hessian_values", doc, &outputs, scalar),
     }
 }
 

@@ -7,7 +7,7 @@ use super::bodies::Body;
 use super::docs;
 use super::functions::{Layout, Part, from_slices};
 use super::lanes::Lanes;
-use super::names::{Names, derived};
+use super::names::{Face, Names, derived};
 
 /// Typed functions and trait of the first derivatives.
 pub fn jacobian_impls(
@@ -44,6 +44,25 @@ pub fn jacobian_impls(
         let [row, col, k] = [entry.row, col, nq + k].map(Literal::usize_unsuffixed);
         scatter.push(quote!(d.#block[#row][#col] = out[#k];));
     }
+    let traits = (names.face == Face::Full).then(|| {
+        quote! {
+            #[automatically_derived]
+            impl ::pid_runtime::dynamics::Jacobian for #robot {
+                fn jacobian_pattern(&self) -> ::pid_runtime::dynamics::Pattern<'_> {
+                    ::pid_runtime::dynamics::Pattern { rows: &JACOBIAN_ROWS, cols: &JACOBIAN_COLS }
+                }
+                fn residual_jacobian(&self, at: &::pid_runtime::dynamics::At<'_>, r: &mut [f64], values: &mut [f64]) {
+                    #convert
+                    let mut out = [0.0_f64; #total];
+                    #slices;
+                    let (first, rest) = out.split_at(#nq);
+                    r.copy_from_slice(first);
+                    values.copy_from_slice(rest);
+                }
+                #lanes
+            }
+        }
+    });
     quote! {
         static JACOBIAN_ROWS: [u32; #count] = #rows;
         static JACOBIAN_COLS: [u32; #count] = #cols;
@@ -67,21 +86,7 @@ pub fn jacobian_impls(
             }
         }
 
-        #[automatically_derived]
-        impl ::pid_runtime::dynamics::Jacobian for #robot {
-            fn jacobian_pattern(&self) -> ::pid_runtime::dynamics::Pattern<'_> {
-                ::pid_runtime::dynamics::Pattern { rows: &JACOBIAN_ROWS, cols: &JACOBIAN_COLS }
-            }
-            fn residual_jacobian(&self, at: &::pid_runtime::dynamics::At<'_>, r: &mut [f64], values: &mut [f64]) {
-                #convert
-                let mut out = [0.0_f64; #total];
-                #slices;
-                let (first, rest) = out.split_at(#nq);
-                r.copy_from_slice(first);
-                values.copy_from_slice(rest);
-            }
-            #lanes
-        }
+        #traits
     }
 }
 
@@ -101,6 +106,22 @@ pub fn hessian_impls(
     let ops = docs::operations(&body.function);
     let typed = body.function.call(typed_argument, &quote!(&mut out));
     let (convert, slices) = from_slices(&body.function, layout, &quote!(out));
+    let traits = (names.face == Face::Full).then(|| {
+        quote! {
+            #[automatically_derived]
+            impl ::pid_runtime::dynamics::Hessian for #robot {
+                fn hessian_pattern(&self) -> ::pid_runtime::dynamics::Pattern<'_> {
+                    ::pid_runtime::dynamics::Pattern { rows: &HESSIAN_ROWS, cols: &HESSIAN_COLS }
+                }
+                fn residual_hessian(&self, at: &::pid_runtime::dynamics::At<'_>, lambda: &[f64], values: &mut [f64]) {
+                    #convert
+                    let out: &mut [f64; #count] = ::pid_runtime::__private::exact_mut(values, "values");
+                    #slices;
+                }
+                #lanes
+            }
+        }
+    });
     quote! {
         static HESSIAN_ROWS: [u32; #count] = #rows;
         static HESSIAN_COLS: [u32; #count] = #cols;
@@ -123,18 +144,7 @@ pub fn hessian_impls(
             }
         }
 
-        #[automatically_derived]
-        impl ::pid_runtime::dynamics::Hessian for #robot {
-            fn hessian_pattern(&self) -> ::pid_runtime::dynamics::Pattern<'_> {
-                ::pid_runtime::dynamics::Pattern { rows: &HESSIAN_ROWS, cols: &HESSIAN_COLS }
-            }
-            fn residual_hessian(&self, at: &::pid_runtime::dynamics::At<'_>, lambda: &[f64], values: &mut [f64]) {
-                #convert
-                let out: &mut [f64; #count] = ::pid_runtime::__private::exact_mut(values, "values");
-                #slices;
-            }
-            #lanes
-        }
+        #traits
     }
 }
 

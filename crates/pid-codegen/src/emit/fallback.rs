@@ -7,7 +7,7 @@
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
 
-use super::names::{Names, derived};
+use super::names::{Face, Names, derived};
 use super::types;
 use crate::check::{
     collect,
@@ -18,24 +18,25 @@ use crate::syntax::Ast;
 use pid_derive::model::{Emit, Input, Joint, JointKind, Param, Robot};
 
 /// Errors and stubs, of the robot and its variants.
-pub fn fallback(ast: &Ast, diag: &Diagnostics) -> TokenStream {
+pub fn fallback(ast: &Ast, diag: &Diagnostics, face: Face) -> TokenStream {
     let mut tokens = diag.errors_to_tokens();
-    tokens.extend(stub(ast, false));
+    tokens.extend(stub(ast, false, face));
     for (k, variant) in ast.variants.iter().enumerate() {
         let taken = ast.variants[..k].iter().any(|v| v.name == variant.name);
         if !taken && variant.name != ast.name {
-            tokens.extend(stub(&ast.variant(k), true));
+            tokens.extend(stub(&ast.variant(k), true, face));
         }
     }
     tokens
 }
 
 /// The items of one model.
-fn stub(ast: &Ast, variant: bool) -> TokenStream {
+fn stub(ast: &Ast, variant: bool, face: Face) -> TokenStream {
     // Names that were refused have been reported; here only the accepted ones count.
     let mut silent = Diagnostics::new();
     let symbols = collect::collect(ast, &mut silent);
     let mut names = Names {
+        face,
         vis: ast.visibility(),
         robot: ast.name.clone(),
         params: symbols.params.iter().map(|p| p.field.clone()).collect(),
@@ -57,12 +58,15 @@ fn stub(ast: &Ast, variant: bool) -> TokenStream {
 pub fn stub_of(robot: &Robot, names: &Names) -> TokenStream {
     let types = types::types(robot, names, &robot.docs);
     let functions = functions(names);
-    let traits = traits(&names.robot);
+    let full = names.face == Face::Full;
+    let more = full.then(|| functions_of_full(names));
+    let traits = full.then(|| traits(&names.robot));
     quote! {
         #types
         #[allow(clippy::all, missing_docs, unused_variables)]
         const _: () = {
             #functions
+            #more
             #traits
         };
     }
@@ -137,13 +141,10 @@ fn skeleton(ast: &Ast, symbols: &Symbols<'_>) -> Robot {
 fn functions(names: &Names) -> TokenStream {
     let robot = &names.robot;
     let (params, inputs) = (derived(names, "Params"), derived(names, "Inputs"));
-    let param = derived(names, "Param");
     let (nq, nu, np) = (names.joints.len(), names.inputs.len(), names.params.len());
     let a = quote!(&[f64; #nq]);
     let out = quote!([f64; #nq]);
-    let singular = quote!(::pid_runtime::dynamics::SingularMassMatrix);
     let never = quote!({ ::core::unreachable!() });
-    let d = quote!(<D: ::pid_runtime::num_dual::DualNum<Primitive = f64> + ::core::marker::Copy>);
     quote! {
         impl #robot {
             pub const NQ: usize = #nq;
@@ -159,14 +160,31 @@ fn functions(names: &Names) -> TokenStream {
             pub fn applied_force(q: #a, v: #a, inputs: &#inputs, params: &#params) -> #out #never
             pub fn residual(q: #a, v: #a, a: #a, inputs: &#inputs, params: &#params) -> #out #never
             pub fn inverse_dynamics(q: #a, v: #a, a: #a, params: &#params) -> #out #never
-            pub fn forward_dynamics(q: #a, v: #a, inputs: &#inputs, params: &#params)
-                -> ::core::result::Result<#out, #singular> #never
             pub fn kinetic_energy(q: #a, v: #a, params: &#params) -> f64 #never
             pub fn potential_energy(q: #a, params: &#params) -> f64 #never
             pub fn inverse_dynamics_derivatives(q: #a, v: #a, a: #a, params: &#params)
                 -> ::pid_runtime::dynamics::InverseDynamicsDerivatives<#nq, #np> #never
             pub fn lagrangian_hessian(q: #a, v: #a, a: #a, inputs: &#inputs, params: &#params, lambda: #a)
                 -> [f64; 0] #never
+        }
+    }
+}
+
+/// What the full face has beside it.
+fn functions_of_full(names: &Names) -> TokenStream {
+    let robot = &names.robot;
+    let (params, inputs) = (derived(names, "Params"), derived(names, "Inputs"));
+    let param = derived(names, "Param");
+    let nq = names.joints.len();
+    let a = quote!(&[f64; #nq]);
+    let out = quote!([f64; #nq]);
+    let singular = quote!(::pid_runtime::dynamics::SingularMassMatrix);
+    let never = quote!({ ::core::unreachable!() });
+    let d = quote!(<D: ::pid_runtime::num_dual::DualNum<Primitive = f64> + ::core::marker::Copy>);
+    quote! {
+        impl #robot {
+            pub fn forward_dynamics(q: #a, v: #a, inputs: &#inputs, params: &#params)
+                -> ::core::result::Result<#out, #singular> #never
             pub const NL: usize = 0;
             pub const NB: usize = 0;
             pub const REGRESSOR_PARAMS: [#param; 0] = [];

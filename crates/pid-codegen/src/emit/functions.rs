@@ -100,6 +100,8 @@ impl Layout {
 pub enum Scalar {
     /// `f64`.
     F64,
+    /// `f64` whose functions are those of `pid-runtime`: `core` has none.
+    Core,
     /// A type parameter `D: DualNum<Primitive = f64> + Copy`.
     Dual,
 }
@@ -107,14 +109,14 @@ pub enum Scalar {
 impl Scalar {
     fn ty(self) -> TokenStream {
         match self {
-            Self::F64 => quote!(f64),
+            Self::F64 | Self::Core => quote!(f64),
             Self::Dual => quote!(D),
         }
     }
 
     fn generics(self) -> TokenStream {
         match self {
-            Self::F64 => TokenStream::new(),
+            Self::F64 | Self::Core => TokenStream::new(),
             Self::Dual => {
                 quote!(<D: ::pid_runtime::num_dual::DualNum<Primitive = f64> + ::core::marker::Copy>)
             }
@@ -124,7 +126,7 @@ impl Scalar {
     fn constant(self, value: f64) -> TokenStream {
         let literal = number(value);
         match self {
-            Self::F64 => literal,
+            Self::F64 | Self::Core => literal,
             Self::Dual => quote!(<D as ::core::convert::From<f64>>::from(#literal)),
         }
     }
@@ -132,8 +134,9 @@ impl Scalar {
     fn call(self, f: Call, x: &TokenStream) -> TokenStream {
         let name = format_ident!("{}", f.name());
         match (self, f) {
-            (Self::F64, Call::Sign) => quote!(::pid_runtime::__private::sign(#x)),
+            (Self::F64 | Self::Core, Call::Sign) => quote!(::pid_runtime::__private::sign(#x)),
             (Self::F64, _) => quote!(f64::#name(#x)),
+            (Self::Core, _) => quote!(::pid_runtime::__private::real::#name(#x)),
             (Self::Dual, Call::Sign | Call::Abs | Call::Tanh) => {
                 let name = format_ident!("dual_{}", f.name());
                 quote!(::pid_runtime::__private::#name(#x))
@@ -144,7 +147,7 @@ impl Scalar {
 
     fn powi(self, x: &TokenStream, n: i32) -> TokenStream {
         match self {
-            Self::F64 => {
+            Self::F64 | Self::Core => {
                 let power = power(x, n.unsigned_abs());
                 if n < 0 { quote!(1.0 / #power) } else { power }
             }
@@ -353,6 +356,7 @@ impl<'a> Writer<'a> {
                     let (sin, cos, x) = (self.name(sin), self.name(cos), self.value(x));
                     match self.scalar {
                         Scalar::F64 => quote!(let (#sin, #cos) = f64::sin_cos(#x);),
+                        Scalar::Core => quote!(let (#sin, #cos) = ::pid_runtime::__private::real::sin_cos(#x);),
                         Scalar::Dual => quote!(let (#sin, #cos) = ::pid_runtime::num_dual::DualNum::sin_cos(&#x);),
                     }
                 }

@@ -8,7 +8,7 @@ use super::bodies::Bodies;
 use super::docs;
 use super::functions::{Function, Layout, Part, from_slices, number};
 use super::lanes::Lanes;
-use super::names::{Names, derived};
+use super::names::{Face, Names, derived};
 use pid_derive::Identifiability;
 use pid_derive::identifiability::Structures;
 use pid_derive::model::{Joint, Robot};
@@ -22,9 +22,12 @@ pub fn values(
     identifiability: &Identifiability,
     lanes: Option<&Lanes>,
 ) -> TokenStream {
-    let definitions = bodies.definitions();
-    let infos = infos(robot, identifiability);
+    let definitions = bodies.definitions(names.face);
     let typed = typed(names, layout, bodies, identifiability);
+    if names.face == Face::Core {
+        return quote!(#definitions #typed);
+    }
+    let infos = infos(robot, identifiability);
     let slices = slices(robot, names, layout, bodies, lanes);
     let generic = generic(names, layout, bodies);
     quote!(#infos #definitions #typed #slices #generic)
@@ -112,7 +115,6 @@ fn typed(
         layout.np,
         layout.nq * (layout.nq + 1) / 2,
     );
-    let total = nm + nq;
     let call = |function: &Function| {
         function.call(
             |part| match part {
@@ -133,7 +135,6 @@ fn typed(
     let applied_force = call(&bodies.applied_force);
     let kinetic_energy = call(&bodies.kinetic_energy);
     let potential_energy = call(&bodies.potential_energy);
-    let forward = call(&bodies.forward);
     let [
         residual_ops,
         mass_matrix_ops,
@@ -152,13 +153,8 @@ fn typed(
         &bodies.potential_energy,
     ]
     .map(docs::operations);
-    let forward_ops = {
-        let text = format!(
-            " Operations before the factorization: {}.",
-            bodies.forward.cost
-        );
-        quote!(#[doc = ""] #[doc = #text])
-    };
+    let forward =
+        (names.face == Face::Full).then(|| forward_dynamics(names, layout, bodies, &call));
     quote! {
         impl #robot {
             /// Number of coordinates.
@@ -221,20 +217,7 @@ fn typed(
                 Self::residual(q, v, a, &#inputs::from_array([0.0_f64; #nu]), params)
             }
 
-            /// Forward dynamics: a with r = 0, by a Cholesky factorization of M.
-            ///
-            /// # Errors
-            /// If M is not positive definite at `q` with these parameters.
-            #forward_ops
-            pub fn forward_dynamics(
-                q: &[f64; #nq], v: &[f64; #nq], inputs: &#inputs, params: &#params,
-            ) -> ::core::result::Result<[f64; #nq], ::pid_runtime::dynamics::SingularMassMatrix> {
-                let mut out = [0.0_f64; #total];
-                #forward;
-                let (m, force) = out.split_at_mut(#nm);
-                ::pid_runtime::generic::cholesky_solve(m, force)?;
-                ::core::result::Result::Ok(*::pid_runtime::__private::exact(force, "force"))
-            }
+            #forward
 
             /// Kinetic energy T(q, v, p), J.
             #kinetic_energy_ops
@@ -251,6 +234,42 @@ fn typed(
                 #potential_energy;
                 out[0]
             }
+        }
+    }
+}
+
+/// The typed function of forward dynamics; `call` writes a call of a body.
+fn forward_dynamics(
+    names: &Names,
+    layout: &Layout,
+    bodies: &Bodies,
+    call: &dyn Fn(&Function) -> TokenStream,
+) -> TokenStream {
+    let (params, inputs) = (derived(names, "Params"), derived(names, "Inputs"));
+    let (nq, nm) = (layout.nq, layout.nq * (layout.nq + 1) / 2);
+    let total = nm + nq;
+    let forward = call(&bodies.forward);
+    let forward_ops = {
+        let text = format!(
+            " Operations before the factorization: {}.",
+            bodies.forward.cost
+        );
+        quote!(#[doc = ""] #[doc = #text])
+    };
+    quote! {
+        /// Forward dynamics: a with r = 0, by a Cholesky factorization of M.
+        ///
+        /// # Errors
+        /// If M is not positive definite at `q` with these parameters.
+        #forward_ops
+        pub fn forward_dynamics(
+            q: &[f64; #nq], v: &[f64; #nq], inputs: &#inputs, params: &#params,
+        ) -> ::core::result::Result<[f64; #nq], ::pid_runtime::dynamics::SingularMassMatrix> {
+            let mut out = [0.0_f64; #total];
+            #forward;
+            let (m, force) = out.split_at_mut(#nm);
+            ::pid_runtime::generic::cholesky_solve(m, force)?;
+            ::core::result::Result::Ok(*::pid_runtime::__private::exact(force, "force"))
         }
     }
 }

@@ -31,8 +31,8 @@ use quote::quote;
 use thiserror::Error;
 
 use bodies::{Bodies, Linear};
-use functions::Layout;
-pub use names::Names;
+use functions::{Layout, Scalar};
+pub use names::{Face, Names};
 use pid_derive::Identifiability;
 use pid_derive::model::Robot;
 use size::TooLarge;
@@ -75,16 +75,21 @@ pub fn try_model(
     let equations = pid_derive::equations(&mut g, robot)?;
     let derivatives = size::derivatives(&mut g, robot, &equations, limit)?;
     let layout = Layout::of(robot);
+    let full = names.face == Face::Full;
+    let scalar = match names.face {
+        Face::Full => Scalar::F64,
+        Face::Core => Scalar::Core,
+    };
 
-    let bodies = Bodies::new(&mut g, &layout, &equations);
+    let bodies = Bodies::new(&mut g, &layout, &equations, scalar);
     let first = robot.emit.first_derivatives || robot.emit.second_derivatives;
-    let jacobian = first.then(|| bodies::jacobian(&g, &layout, &equations, &derivatives));
+    let jacobian = first.then(|| bodies::jacobian(&g, &layout, &equations, &derivatives, scalar));
     let hessian = robot
         .emit
         .second_derivatives
-        .then(|| bodies::hessian(&g, &layout, &derivatives));
+        .then(|| bodies::hessian(&g, &layout, &derivatives, scalar));
 
-    let linear = match robot.emit.regressor || robot.emit.base_parameters {
+    let linear = match full && (robot.emit.regressor || robot.emit.base_parameters) {
         false => None,
         true => Some(Linear::new(&mut g, robot, &equations, &layout)?),
     };
@@ -99,9 +104,7 @@ pub fn try_model(
         linear.as_ref(),
     );
     let types = types::types(robot, names, &robot_docs);
-    let lanes = robot
-        .emit
-        .lanes
+    let lanes = (full && robot.emit.lanes)
         .then(|| lanes::Lanes::new(&g, &layout, &equations, jacobian.as_ref(), hessian.as_ref()));
     let lanes = lanes.as_ref();
     let values = impls::values(robot, names, &layout, &bodies, identifiability, lanes);

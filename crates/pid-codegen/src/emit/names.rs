@@ -3,9 +3,22 @@
 use proc_macro2::{Ident, Span};
 use quote::format_ident;
 
+/// What a robot is written for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Face {
+    /// Everything that its `emit` asks for.
+    #[default]
+    Full,
+    /// Programs without `std` and without a heap: types and functions on arrays. Traits, dual numbers, lanes,
+    /// regressors and forward dynamics are left out.
+    Core,
+}
+
 /// The user's identifiers, with their spans.
 #[derive(Debug, Clone)]
 pub struct Names {
+    /// What is written.
+    pub face: Face,
     /// Visibility of all generated types.
     pub vis: syn::Visibility,
     /// Name of the robot.

@@ -201,6 +201,21 @@ mod tests {
     }
 
     #[test]
+    fn terms_over_the_time_are_no_equations_of_motion() {
+        use crate::with_effects::{Obstacle, takes};
+        for term in all() {
+            let over_time = term.info().class == crate::effect::Class::Time;
+            let taken = takes(&*term);
+            let expected = if over_time {
+                Err(Obstacle::Time)
+            } else {
+                Ok(())
+            };
+            assert_eq!(taken, expected, "{}", term.info().id);
+        }
+    }
+
+    #[test]
     fn a_pull_of_two_has_a_potential() {
         // ∂f₁/∂q₂ = ∂f₂/∂q₁.
         let slope = |row: usize, column: usize| {

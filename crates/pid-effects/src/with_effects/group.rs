@@ -131,6 +131,13 @@ pub(super) fn hooks(effect: &dyn Effect) -> Result<Hooks, Obstacle> {
     if input(5.0, &[1.0, 2.0, 3.0]) != input(5.0, &[2.0, -1.0, 4.0]) {
         return Err(Obstacle::Delay);
     }
+    let later = Commands {
+        begin: 3.0,
+        ..nothing(&[0.0; 3])
+    };
+    if law.input(&e, 0.7, &later, &mut []) != input(0.7, &[0.0; 3]) {
+        return Err(Obstacle::Time);
+    }
     found.input = [-4.0, -0.1, 0.1, 0.7, 4.0]
         .iter()
         .any(|&u| input(u, &[0.0; 3]) != u);
