@@ -47,6 +47,7 @@ mod dump;
 mod error;
 mod excite;
 mod export;
+mod fleet;
 mod identify;
 mod limits;
 mod models;
@@ -106,6 +107,7 @@ pub fn run(own: &'static [Entry], words: impl IntoIterator<Item = OsString>) -> 
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),
         Some(Command::Export(args)) => export::run(&args),
+        Some(Command::Fleet(args)) => fleet::run(&args),
         Some(Command::Models) => {
             list();
             Ok(0)
