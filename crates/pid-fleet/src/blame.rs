@@ -6,7 +6,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
 
-use crate::plan::Plan;
+use crate::plan::{Kind, Plan};
 
 /// Shifts beyond so many deviations count as that many in correlations.
 const CUT: f64 = 2.5;
@@ -14,6 +14,10 @@ const CUT: f64 = 2.5;
 const RIVAL: f64 = 0.9;
 /// Rivals that are named at most.
 const RIVALS: usize = 3;
+/// What explains less than this share explains nothing, and a residual that stands out speaks for itself.
+const EXPLAINS: f64 = 0.5;
+/// A residual stands out beyond so many deviations.
+const STANDS_OUT: f64 = 5.0;
 
 /// What may be the matter with a unit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -59,7 +63,17 @@ impl Correlation {
     }
 }
 
-/// What explains a shift, best first: those that explain nearly as much as the best.
+/// The residual that grows most, if it stands out.
+fn residual<'p>(plan: &'p Plan, shift: &DVector<f64>) -> Option<&'p String> {
+    let of_residuals = plan.quantities.iter().zip(shift.iter());
+    of_residuals
+        .filter(|(q, z)| matches!(q.kind, Kind::Residual { .. }) && **z > STANDS_OUT)
+        .max_by(|a, b| a.1.total_cmp(b.1))
+        .map(|(q, _)| &q.name)
+}
+
+/// What explains a shift, best first: those that explain nearly as much as the best. Where nothing explains half of it
+/// and a residual grows, that residual comes first: the unit has something without a name.
 pub(crate) fn suspects(
     plan: &Plan,
     correlation: &Correlation,
@@ -96,7 +110,14 @@ pub(crate) fn suspects(
     let mut all: Vec<Suspect> = singles.chain(causes).flatten().collect();
     all.sort_by(|a, b| b.explains.total_cmp(&a.explains));
     let best = all.first().map_or(0.0, |s| s.explains);
-    all.retain(|s| s.explains >= RIVAL * best);
+    let unnamed = residual(plan, &d).filter(|_| best < EXPLAINS);
+    if let Some(name) = unnamed
+        && let Some(at) = all.iter().position(|s| s.name == *name)
+    {
+        let first = all.remove(at);
+        all.insert(0, first);
+    }
+    all.retain(|s| Some(&s.name) == unnamed || s.explains >= RIVAL * best);
     all.truncate(RIVALS);
     all
 }

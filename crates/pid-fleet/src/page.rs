@@ -129,7 +129,7 @@ impl Summary {
         let height = Range::of(points.iter().map(|p| p.1)).span(0.05);
         let mut plot = Plot::new(
             "Farthest quantity of every unit in deviations",
-            Axis::new("unit", "", (0.0, points.len() as f64)),
+            Axis::new("unit", "number", (0.0, points.len() as f64)),
             Axis::new("distance from the fleet", "deviations", height),
         )
         .wide();
@@ -157,7 +157,11 @@ impl Summary {
             &format!("{} of {} over time", over.name, u.name),
             Axis::new(
                 "time",
-                if self.dates { "days since 1970" } else { "" },
+                if self.dates {
+                    "days since 1970"
+                } else {
+                    "as given"
+                },
                 time,
             ),
             Axis::new(&over.name, &unit(&over.unit), height.span(0.05)),

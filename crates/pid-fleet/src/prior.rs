@@ -9,7 +9,7 @@ use crate::plan::{Kind, Plan};
 const WIDTH: f64 = 1.96;
 
 /// The description of the next unit: values at the mean of the fleet, half widths of 1.96 deviations (spread and what is
-/// not known of the mean), and the parameters that kept their stated value since the fleet does not tell them. `None`
+/// not known of the mean; at most the stated ones where the mean is that of a combination), and the parameters that kept their stated value since the fleet does not tell them. `None`
 /// for a mechanism that no description states.
 pub fn prior(nominal: &Nominal, plan: &Plan, summary: &Summary) -> Option<(String, Vec<String>)> {
     let (mut values, mut widths, mut kept) = (Vec::new(), Vec::new(), Vec::new());
@@ -25,7 +25,12 @@ pub fn prior(nominal: &Nominal, plan: &Plan, summary: &Summary) -> Option<(Strin
         match told {
             Some(over) => {
                 values.push(over.mean);
-                widths.push(WIDTH * over.spread.hypot(over.deviation));
+                let own = WIDTH * over.spread.hypot(over.deviation);
+                // Of a combination, the others keep their share.
+                widths.push(match over.formula == over.name {
+                    true => own,
+                    false => own.min(tolerance.half_width),
+                });
             }
             None => {
                 values.push(tolerance.nominal);

@@ -45,6 +45,8 @@ pub struct FleetPlan {
     pub units: usize,
     /// Logs of each.
     pub logs: usize,
+    /// Units that differ from their first log on, and as many that change; at most half of the units together.
+    pub odd: usize,
 }
 
 /// What the matter is with a unit.
@@ -103,8 +105,7 @@ pub struct DrawnFleet {
 }
 
 impl FleetPlan {
-    /// Draws the robot and what is hidden: one unit in a hundred differs from its first log on, and one in a hundred
-    /// changes, at least one each.
+    /// Draws the robot and what is hidden.
     ///
     /// # Errors
     /// If the drawn robot is not one; none is known.
@@ -116,7 +117,7 @@ impl FleetPlan {
         let nominal = Nominal::parse("nominal.toml", &stated)?;
         let mut all: Vec<usize> = (0..self.units).collect();
         all.shuffle(&mut random);
-        let share = (self.units / 100).max(1);
+        let share = self.odd.min(self.units / 4);
         let odd = all
             .into_iter()
             .take(2 * share)

@@ -29,6 +29,9 @@ pub struct FleetLogsArgs {
     /// Logs of each unit.
     #[arg(long, default_value_t = 10)]
     logs: usize,
+    /// Units that differ from their first log on, and as many that change over time; one in a hundred if absent.
+    #[arg(long)]
+    odd: Option<usize>,
     /// Seed of the robot, its units, what is the matter with some, motions and noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -75,6 +78,7 @@ pub fn make(args: &FleetLogsArgs) -> Result<(), Failure> {
         seed: args.seed,
         units: args.units,
         logs: args.logs,
+        odd: args.odd.unwrap_or(args.units.div_ceil(100)),
     }
     .draw()?;
     let progress = Progress::start("drawing logs");
@@ -119,9 +123,17 @@ fn unit_logs(drawn: &DrawnFleet, unit: usize, logs: usize, out: &Path) -> Result
         let (day, text) = drawn.log(unit, k);
         let file = format!("logs/{name}_{k:02}.csv");
         write(&out.join(&file), &text)?;
-        lines.push_str(&format!("{name},{day:.3},{file}\n"));
+        lines.push_str(&format!("{name},{},{file}\n", date(day)));
     }
     Ok(lines)
+}
+
+/// A day since 1970-01-01 with its time, to the minute.
+fn date(day: f64) -> String {
+    let minutes = (1440.0 * day).round() as i64;
+    let (hour, minute) = (minutes.rem_euclid(1440) / 60, minutes.rem_euclid(60));
+    let date = pid_page::Date::of_day(minutes.div_euclid(1440));
+    format!("{date}T{hour:02}:{minute:02}")
 }
 
 /// Prints what was found of what is hidden.
