@@ -30,7 +30,8 @@
 //!
 //! Exit codes: 0 done; 1 an error in the input (the message says where and how to mend it); 2 a
 //! mistake in the arguments; 3 finished, but the result must not be used; 130 interrupted (the
-//! results so far are written). `diagnose --exit-code` adds 10 for named causes, 11 where a part is
+//! results so far are written). `fleet collect` ends with 3 where logs are missing and, with `--exit-code`, with 10
+//! where a unit stands out. `diagnose --exit-code` adds 10 for named causes, 11 where a part is
 //! unknown and 12 where all of it is.
 
 mod args;

@@ -6,7 +6,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
 
-use crate::plan::{Kind, Plan};
+use crate::plan::Plan;
 
 /// Shifts beyond so many deviations count as that many in correlations.
 const CUT: f64 = 2.5;
@@ -67,7 +67,7 @@ impl Correlation {
 fn residual<'p>(plan: &'p Plan, shift: &DVector<f64>) -> Option<&'p String> {
     let of_residuals = plan.quantities.iter().zip(shift.iter());
     of_residuals
-        .filter(|(q, z)| matches!(q.kind, Kind::Residual { .. }) && **z > STANDS_OUT)
+        .filter(|(q, z)| plan.is_residual(&q.name) && **z > STANDS_OUT)
         .max_by(|a, b| a.1.total_cmp(b.1))
         .map(|(q, _)| &q.name)
 }
@@ -108,6 +108,9 @@ pub(crate) fn suspects(
     let causes = plan.causes.iter();
     let causes = causes.map(|cause| judge(&cause.name, &cause.unit, &cause.moves));
     let mut all: Vec<Suspect> = singles.chain(causes).flatten().collect();
+    // Less than the usual residual is nothing that is the matter.
+    let less = |s: &Suspect| s.amount < 0.0 && plan.is_residual(&s.name);
+    all.retain(|s| !less(s));
     all.sort_by(|a, b| b.explains.total_cmp(&a.explains));
     let best = all.first().map_or(0.0, |s| s.explains);
     let unnamed = residual(plan, &d).filter(|_| best < EXPLAINS);

@@ -34,6 +34,14 @@ pub struct Plan {
     pub causes: Vec<Cause>,
 }
 
+impl Plan {
+    /// Whether a name is that of a residual.
+    pub(crate) fn is_residual(&self, name: &str) -> bool {
+        let mut all = self.quantities.iter();
+        all.any(|q| q.name == name && matches!(q.kind, Kind::Residual { .. }))
+    }
+}
+
 /// How logs are read: what a user said of them, as the options of the command line say it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Reading {
