@@ -222,12 +222,15 @@ pub fn collect(fleet: &Fleet, rate: f64) -> Result<Summary, FleetError> {
     })
 }
 
+/// Time, values and deviations of a log.
+type Row = (f64, Vec<f64>, Vec<f64>);
+
 /// Results by unit, and what does not count.
 fn courses(fleet: &Fleet) -> Result<(Vec<Course>, Vec<Gap>), FleetError> {
     let digest = plan_digest(&fleet.folder)?;
     let expected = fleet.plan.quantities.len();
     let mut gaps = Vec::new();
-    let mut units: BTreeMap<&str, Vec<(f64, Vec<f64>, Vec<f64>)>> = BTreeMap::new();
+    let mut units: BTreeMap<&str, Vec<Row>> = BTreeMap::new();
     for (job, task) in fleet.jobs.iter().enumerate() {
         let path = fleet.result(job);
         let read = Entry::read(&path);
@@ -262,7 +265,7 @@ fn courses(fleet: &Fleet) -> Result<(Vec<Course>, Vec<Gap>), FleetError> {
     }
     let courses = units.into_iter().map(|(name, mut rows)| {
         rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let column = |of: &dyn Fn(&(f64, Vec<f64>, Vec<f64>)) -> f64| rows.iter().map(of).collect();
+        let column = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).collect();
         Course {
             name: name.to_owned(),
             times: rows.iter().map(|r| r.0).collect(),

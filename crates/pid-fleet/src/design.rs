@@ -67,7 +67,6 @@ pub fn design(
         })
         .collect();
     quantities.extend(extras.iter().map(|extra| beside(*extra, model)));
-    let columns = quantities.len();
     quantities.extend((0..model.dims().nq).map(|j| residual(j, model)));
     let all = sums(&start, &hold, &extras)?;
     let weights = weights(&all).ok_or(FleetError::NothingDetermined)?;
@@ -82,11 +81,6 @@ pub fn design(
         quantities: quantities.len(),
     };
     let causes = causes(nominal, model, &kept, &moved)?;
-    debug_assert!(
-        causes
-            .iter()
-            .all(|c| c.moves.len() == quantities.len() && columns <= quantities.len())
-    );
     Ok(Plan {
         schema: SCHEMA,
         robot: nominal.robot().name.clone(),

@@ -187,7 +187,8 @@ fn fit(series: Series<'_>, candidate: Candidate, quantity: usize) -> [f64; 4] {
         wxy += own * x * y;
     }
     let determinant = w * wxx - wx * wx;
-    if !(determinant > 1e-12 * w * wxx) {
+    let determined = determinant > 1e-12 * w * wxx;
+    if !determined {
         return [origin + wy / w, w.sqrt().recip(), 0.0, f64::INFINITY];
     }
     let amplitude = (w * wxy - wx * wy) / determinant;

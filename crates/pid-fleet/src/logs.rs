@@ -1,7 +1,8 @@
 //! Which logs a fleet has: of which unit each is, and of when.
 //!
-//! A manifest says it: a CSV file with the columns `unit`, `time` and `log`, paths relative to its folder. A folder says
-//! it by names: the folders in it are the units, and the last date in the path of a log below its unit is its time.
+//! A manifest says it: a CSV file with the columns `unit`, `time` and `log`, paths relative to its folder. A folder
+//! says it by names: the folders in it are the units, and the last date in the path of a log below its unit is its
+//! time.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -135,8 +136,8 @@ fn listed(folder: &Path) -> Result<Vec<PathBuf>, FleetError> {
     Ok(all)
 }
 
-/// The last date in a text, in days since 1970-01-01: `2026-01-31` or `20260131`, with the time of day behind it if it is
-/// there (`T08:30`, `_08-30-15`, `_083015`).
+/// The last date in a text, in days since 1970-01-01: `2026-01-31` or `20260131`, with the time of day behind it if it
+/// is there (`T08:30`, `_08-30-15`, `_083015`).
 fn date(text: &str) -> Option<f64> {
     let bytes = text.as_bytes();
     (0..bytes.len()).rev().find_map(|at| {
@@ -148,7 +149,7 @@ fn date(text: &str) -> Option<f64> {
 fn date_at(text: &[u8]) -> Option<f64> {
     let (year, rest) = digits(text, 4)?;
     let dashed = rest.first() == Some(&b'-');
-    let skip = |rest: &'_ [u8]| -> Option<usize> {
+    let skip = |rest: &[u8]| -> Option<usize> {
         match (dashed, rest.first()) {
             (true, Some(b'-')) => Some(1),
             (true, _) => None,
@@ -167,7 +168,7 @@ fn time_of_day(text: &[u8]) -> Option<f64> {
         b'T' | b't' | b'_' | b' ' => &text[1..],
         _ => return None,
     };
-    let past = |rest: &'_ [u8]| usize::from(matches!(rest.first(), Some(b':' | b'-')));
+    let past = |rest: &[u8]| usize::from(matches!(rest.first(), Some(b':' | b'-')));
     let (hours, rest) = digits(text, 2)?;
     let (minutes, rest) = digits(&rest[past(rest)..], 2)?;
     let seconds = digits(&rest[past(rest)..], 2).map_or(0, |s| s.0);

@@ -8,9 +8,9 @@ use crate::plan::{Kind, Plan};
 /// Half widths of the description are so many deviations of the fleet: 95 % of its units.
 const WIDTH: f64 = 1.96;
 
-/// The description of the next unit: values at the mean of the fleet, half widths of 1.96 deviations (spread and what is
-/// not known of the mean; at most the stated ones where the mean is that of a combination), and the parameters that kept their stated value since the fleet does not tell them. `None`
-/// for a mechanism that no description states.
+/// The description of the next unit: values at the mean of the fleet, half widths of 1.96 deviations (spread, and what
+/// is not known of the mean), at most the stated ones where a value stands for a combination; and the parameters that
+/// kept their stated value since the fleet does not tell them. `None` for a mechanism that no description states.
 pub fn prior(nominal: &Nominal, plan: &Plan, summary: &Summary) -> Option<(String, Vec<String>)> {
     let (mut values, mut widths, mut kept) = (Vec::new(), Vec::new(), Vec::new());
     for tolerance in nominal.tolerances() {

@@ -16,6 +16,8 @@ const CUT: f64 = 1.5;
 const EFFICIENCY: f64 = 0.964;
 /// Halvings of the interval that holds the spread.
 const HALVINGS: usize = 80;
+/// Least variance: equal values that are said to be exact have one too.
+const LEAST: f64 = 1e-200;
 /// Passes of the location.
 const PASSES: usize = 50;
 
@@ -67,7 +69,8 @@ pub fn excess(values: &[f64], variances: &[f64]) -> f64 {
 /// The zero of a falling function of a variance, 0 if it is not positive there; `size` is a typical square root.
 fn root(f: impl Fn(f64) -> f64, size: f64) -> f64 {
     // A negative or undefined excess leaves nothing to explain.
-    if !(f(0.0) > 0.0) {
+    let explained = f(0.0) > 0.0;
+    if !explained {
         return 0.0;
     }
     let (mut low, mut high) = (0.0, size * size);
@@ -90,7 +93,7 @@ fn location(values: &[f64], variances: &[f64], square: f64, start: f64) -> f64 {
     for _ in 0..PASSES {
         let (mut sum, mut total) = (0.0, 0.0);
         for (y, v) in values.iter().zip(variances) {
-            let variance = (square + v).max(f64::MIN_POSITIVE);
+            let variance = (square + v).max(LEAST);
             let z = (y - mean).abs() / variance.sqrt();
             let weight = (CUT / z).min(1.0) / variance;
             sum += weight * y;
@@ -108,7 +111,7 @@ fn location(values: &[f64], variances: &[f64], square: f64, start: f64) -> f64 {
 
 fn squares(values: &[f64], variances: &[f64], square: f64, mean: f64) -> f64 {
     let each = values.iter().zip(variances).map(|(y, v)| {
-        let deviation = (square + v).max(f64::MIN_POSITIVE).sqrt();
+        let deviation = (square + v).max(LEAST).sqrt();
         ((y - mean) / deviation).clamp(-CUT, CUT).powi(2)
     });
     each.sum()
