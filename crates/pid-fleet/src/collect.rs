@@ -194,7 +194,7 @@ pub fn collect(fleet: &Fleet, rate: f64) -> Result<Summary, FleetError> {
     let changed: Vec<Option<Change>> = (changes.into_iter().zip(rejected(&p, rate)))
         .map(|(change, beyond)| change.filter(|_| beyond))
         .collect();
-    let levels: Vec<Vec<(f64, f64)>> = (courses.iter().zip(&changed))
+    let levels: Vec<Levels> = (courses.iter().zip(&changed))
         .map(|(course, change)| course.levels(change.as_ref()))
         .collect();
     for (k, over) in quantities.iter_mut().enumerate() {
@@ -221,6 +221,9 @@ pub fn collect(fleet: &Fleet, rate: f64) -> Result<Summary, FleetError> {
         units,
     })
 }
+
+/// Level of each quantity and its deviation.
+type Levels = Vec<(f64, f64)>;
 
 /// Time, values and deviations of a log.
 type Row = (f64, Vec<f64>, Vec<f64>);
@@ -342,7 +345,7 @@ fn over(plan: &Plan, k: usize, courses: &mut [Course]) -> Over {
 }
 
 /// Mean and spread of a quantity between units.
-fn spread(over: &mut Over, levels: &[Vec<(f64, f64)>], k: usize) {
+fn spread(over: &mut Over, levels: &[Levels], k: usize) {
     let values: Vec<f64> = levels.iter().map(|l| l[k].0).collect();
     let variances: Vec<f64> = levels.iter().map(|l| l[k].1.powi(2)).collect();
     if let Some(found) = common(&values, &variances) {
@@ -389,7 +392,7 @@ impl Course {
     }
 
     /// Level of each quantity with its deviation, before the change if there is one.
-    fn levels(&self, change: Option<&Change>) -> Vec<(f64, f64)> {
+    fn levels(&self, change: Option<&Change>) -> Levels {
         if let Some(change) = change {
             return change.before.clone();
         }
@@ -428,7 +431,7 @@ fn units(
     quantities: &[Over],
     rate: f64,
     courses: &[Course],
-    (levels, changed): (&[Vec<(f64, f64)>], Vec<Option<Change>>),
+    (levels, changed): (&[Levels], Vec<Option<Change>>),
     within: &Correlation,
 ) -> Vec<Unit> {
     let z: Vec<Vec<f64>> = levels

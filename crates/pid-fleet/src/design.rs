@@ -206,9 +206,12 @@ fn residual(j: usize, model: &dyn Hessian) -> Quantity {
     }
 }
 
+/// Values of the columns where the robot is assumed to have these parameters.
+type Values<'a> = dyn Fn(&[f64]) -> Result<DVector<f64>, FleetError> + 'a;
+
 /// By how much the values move where a robot differs from its description.
 struct Moved<'a> {
-    at: &'a dyn Fn(&[f64]) -> Result<DVector<f64>, FleetError>,
+    at: &'a Values<'a>,
     start: &'a [f64],
     kept: &'a [usize],
     before: DVector<f64>,
