@@ -19,7 +19,7 @@ use crate::progress::{Interrupt, Progress};
 /// Logs that a plan is made from.
 const LOOKED_AT: usize = 12;
 /// Logs of a slice, unless stated otherwise: starting the command is then below a hundredth of it.
-const PER_SLICE: usize = 500;
+const PER_SLICE: usize = 1000;
 /// Exit code of a summary that lacks logs.
 const INCOMPLETE: u8 = 3;
 /// Exit code of `--exit-code` where a unit stands out.
@@ -142,9 +142,10 @@ fn planned(fleet: &Fleet, slices: usize) -> String {
         .iter()
         .map(|q| q.name.as_str())
         .collect();
-    // The shell of a task reads its number; quotes of the folder stand within those of the task.
-    let task =
-        format!("simtrue fleet run {folder} --slice $HQ_TASK_ID/{slices}").replace('\'', "'\\''");
+    // The shell of a task reads its number and makes way for the command, which then dies with its worker. Quotes of the
+    // folder stand within those of the task.
+    let task = format!("exec simtrue fleet run {folder} --slice $HQ_TASK_ID/{slices}")
+        .replace('\'', "'\\''");
     format!(
         "{} logs of {} units; filter {} Hz; {} quantities: {}\n\n\
          one machine   simtrue fleet run {folder} --threads 0\n\

@@ -37,7 +37,7 @@ pub(crate) struct PlanArgs {
     /// Folder of the fleet; made if needed, shared by all machines that work on it.
     #[arg(long, short, value_name = "FOLDER")]
     pub(crate) out: PathBuf,
-    /// Slices that the printed lines make; by default one per 500 logs.
+    /// Slices that the printed lines make; by default one per 1000 logs.
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub(crate) slices: Option<usize>,
     /// Cut-off of the zero-phase filter of all logs, Hz; from the noise of some logs if absent.
