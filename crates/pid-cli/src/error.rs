@@ -182,6 +182,22 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Firmware(#[from] pid_firmware::FirmwareError),
     #[error(transparent)]
+    Fleet(#[from] pid_fleet::FleetError),
+    #[error(
+        "no nominal.toml can state this robot, and a fleet is described by one\n  help: robots with followers or drives on several joints are identified one by one: `simtrue identify`"
+    )]
+    FleetRobot,
+    #[error("fleet.toml, reading: {0}\n  help: plan the fleet again")]
+    FleetReading(String),
+    #[error(
+        "none of {number} logs can be read as one of the robot\n  help: `simtrue check ROBOT LOG` says what is wrong with one"
+    )]
+    FleetNoLog { number: usize },
+    #[error(
+        "--job {job}: the fleet has {jobs} logs, from 0\n  help: the lines of jobs.csv, the head left out"
+    )]
+    FleetJob { job: usize, jobs: usize },
+    #[error(transparent)]
     Limits(#[from] LimitsError),
     #[error("{}: cannot be read: {error}", path.display())]
     Read { path: PathBuf, error: io::Error },

@@ -30,7 +30,8 @@
 //!
 //! Exit codes: 0 done; 1 an error in the input (the message says where and how to mend it); 2 a
 //! mistake in the arguments; 3 finished, but the result must not be used; 130 interrupted (the
-//! results so far are written). `diagnose --exit-code` adds 10 for named causes, 11 where a part is
+//! results so far are written). `fleet collect` ends with 3 where logs are missing and, with `--exit-code`, with 10
+//! where a unit stands out. `diagnose --exit-code` adds 10 for named causes, 11 where a part is
 //! unknown and 12 where all of it is.
 
 mod args;
@@ -47,6 +48,7 @@ mod dump;
 mod error;
 mod excite;
 mod export;
+mod fleet;
 mod identify;
 mod limits;
 mod models;
@@ -106,6 +108,7 @@ pub fn run(own: &'static [Entry], words: impl IntoIterator<Item = OsString>) -> 
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),
         Some(Command::Export(args)) => export::run(&args),
+        Some(Command::Fleet(args)) => fleet::run(&args),
         Some(Command::Models) => {
             list();
             Ok(0)

@@ -281,6 +281,7 @@ fn from_logs(robot: &Robot, logs: &[Log], args: &OpenArgs) -> Result<Found, CliE
         passive: args.passive,
         sample_time: args.sample_time,
         test: args.test.clone(),
+        whole: args.whole,
         ..Settings::default()
     };
     with_gains(pid_logs::from_logs(logs, &robot.joints(), &settings)?, args)

@@ -53,6 +53,8 @@ pub struct Settings {
     /// Names of the experiments to judge with. Empty: the last quarter of several logs, at least
     /// one, or the last third of a single one.
     pub test: Vec<String>,
+    /// Whether a single log stays whole, to fit on.
+    pub whole: bool,
     /// Whether the logs come from hardware; real by default.
     pub origin: Option<Origin>,
     /// Name of the data set; by default that of the first experiment.

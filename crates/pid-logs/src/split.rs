@@ -36,7 +36,7 @@ pub(crate) fn split(
     let Some(record) = records.pop() else {
         return Ok(Vec::new());
     };
-    if record.t.len() < SHORTEST {
+    if settings.whole || record.t.len() < SHORTEST {
         return Ok(vec![(record, Role::Train)]);
     }
     let cut = slowest(&record);

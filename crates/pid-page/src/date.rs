@@ -25,7 +25,7 @@ impl Date {
     }
 
     /// The date of a day counted from 1970-01-01.
-    fn of_day(mut days: i64) -> Self {
+    pub fn of_day(mut days: i64) -> Self {
         let leap = |y: i64| (y % 4 == 0 && y % 100 != 0) || y % 400 == 0;
         // 400 years have 146 097 days.
         let mut year = 1970 + 400 * days.div_euclid(146_097);

@@ -13,6 +13,7 @@ use std::path::PathBuf;
 use clap::Args;
 use pid_cli::progress::Progress;
 use pid_data::Dataset;
+use pid_fleet::Slice;
 use pid_preflight::{Finding, Settings, Severity, check};
 use pid_withheld::{Drawing, Plan, lay_out};
 use rayon::prelude::*;
@@ -32,6 +33,9 @@ pub struct FaultsArgs {
     /// First case: a study may run in parts.
     #[arg(long, default_value_t = 0)]
     first: usize,
+    /// Only the K-th of N parts of the cases, K from 1.
+    #[arg(long, value_name = "K/N", default_value = "1/1")]
+    slice: Slice,
     /// Most joints of a robot.
     #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u8).range(1..=6))]
     joints: u8,
@@ -79,20 +83,23 @@ pub fn run(args: &FaultsArgs) -> Result<(), Failure> {
         joints: usize::from(args.joints),
         causes: Drawing::All,
     };
-    let cases: Vec<Case> = (args.first..plan.cases)
+    let wanted: Vec<usize> = args.slice.of(args.cases).collect();
+    let cases: Vec<Case> = wanted
         .into_par_iter()
-        .map(|i| case(&plan, i, &args.out))
+        .map(|i| case(&plan, args.first + i, &args.out))
         .collect::<Result<_, _>>()?;
     drop(progress);
     if args.verbose {
         cases.iter().for_each(|case| print!("{}", case.words));
     }
     println!(
-        "seed {}, cases {} to {} of up to {} joints\n",
+        "seed {}, cases {} to {} of up to {} joints, part {}/{}\n",
         args.seed,
         args.first,
         plan.cases.saturating_sub(1),
-        args.joints
+        args.joints,
+        args.slice.part,
+        args.slice.of
     );
     print!("{}", table(&cases));
     Ok(())

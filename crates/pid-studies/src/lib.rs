@@ -10,6 +10,7 @@ pub mod constrained;
 pub mod coverage;
 pub mod dynamics_speed;
 pub mod faults;
+pub mod fleet;
 pub mod hock_schittkowski;
 pub mod intervals;
 pub mod net;

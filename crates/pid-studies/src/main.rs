@@ -4,8 +4,8 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use pid_studies::{
-    Failure, build_budget, constrained, coverage, dynamics_speed, faults, hock_schittkowski, net,
-    paper, robot_files, scaling, seed_study, shooting_study, untidy, withheld,
+    Failure, build_budget, constrained, coverage, dynamics_speed, faults, fleet, hock_schittkowski,
+    net, paper, robot_files, scaling, seed_study, shooting_study, untidy, withheld,
 };
 
 /// Studies of the project; none is needed to use it.
@@ -32,6 +32,10 @@ enum Command {
     Coverage(coverage::CoverageArgs),
     /// Plant faults into drawn records and count what the preflight finds.
     Faults(faults::FaultsArgs),
+    /// Draw logs of a fleet in which a few units differ or change.
+    FleetLogs(fleet::FleetLogsArgs),
+    /// Score what `simtrue fleet` found of such logs.
+    FleetScore(fleet::FleetScoreArgs),
     /// Solve the Hock-Schittkowski collection.
     HockSchittkowski(Words),
     /// Read every URDF and MJCF below a folder, and tell what is refused and why.
@@ -72,6 +76,8 @@ fn main() -> ExitCode {
         Command::Paper(args) => paper::run(&args),
         Command::Coverage(args) => coverage::run(&args),
         Command::Faults(args) => done(faults::run(&args)),
+        Command::FleetLogs(args) => done(fleet::make(&args)),
+        Command::FleetScore(args) => done(fleet::judge(&args)),
         Command::HockSchittkowski(args) => done(hock_schittkowski::command::run(&args.words)),
         Command::RobotFiles(args) => done(robot_files::run(&args)),
         Command::Scaling(args) => done(scaling::run(&args.words)),

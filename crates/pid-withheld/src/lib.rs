@@ -7,11 +7,12 @@
 //! [`UntidyPlan`] several on untidy ones, with the share that each has of the gap. A test of
 //! `pid-diagnose` holds both mechanics against each other. A case is
 //! `cases/ID/{dataset.toml, nominal.toml, *.csv}`, its cause `truth/ID.json`. What is there already is
-//! not made again.
+//! not made again. [`fleet`] draws logs of many units of one arm.
 
 mod causes;
 mod controller;
 mod family;
+pub mod fleet;
 mod like;
 pub mod linkage;
 mod mess;

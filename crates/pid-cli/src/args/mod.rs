@@ -3,6 +3,7 @@
 pub(crate) mod diagnose;
 pub(crate) mod excite;
 pub(crate) mod export;
+pub(crate) mod fleet;
 pub(crate) mod identify;
 pub(crate) mod new;
 pub(crate) mod open;
@@ -19,6 +20,7 @@ use clap::{Args, Parser, Subcommand};
 use diagnose::DiagnoseArgs;
 use excite::ExciteArgs;
 use export::ExportArgs;
+use fleet::FleetArgs;
 use identify::IdentifyArgs;
 use new::NewArgs;
 use open::{CheckArgs, ConvertArgs};
@@ -30,8 +32,8 @@ const EXIT_CODES: &str = "Exit codes:
   0    done; with `diagnose --exit-code`: nothing is missing
   1    an error in the input; `check`: the records contradict the robot
   2    a mistake in the arguments
-  3    `identify`: finished, but the result must not be used
-  10   `diagnose --exit-code`: one cause or several are named
+  3    `identify`: finished, but the result must not be used; `fleet collect`: logs are missing
+  10   `diagnose --exit-code`: one cause or several are named; `fleet collect --exit-code`: a unit stands out
   11   `diagnose --exit-code`: a part of the gap has no name
   12   `diagnose --exit-code`: something is missing that has no name
   130  interrupted; what was reached is written";
@@ -77,6 +79,8 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
     /// Write an identified robot with its effects as files of a simulator (docs/simulators.md).
     Export(ExportArgs),
+    /// Compare thousands of logs of many units: which differ, in what, since when (docs/fleet.md).
+    Fleet(FleetArgs),
     /// List the models.
     Models,
     /// Write the completions of a shell to standard output.

@@ -47,6 +47,9 @@ pub struct OpenArgs {
     /// Inertias that no body can have end the run instead of being mended.
     #[arg(long)]
     pub strict: bool,
+    /// A single log is not parted into one to fit on and one to judge with.
+    #[arg(skip)]
+    pub whole: bool,
 }
 
 impl OpenArgs {

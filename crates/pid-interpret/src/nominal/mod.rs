@@ -319,6 +319,26 @@ impl Nominal {
         (out.effects, out.simulated) = (effects, simulated);
         out
     }
+
+    /// The same robot with other half widths, in the order of [`Nominal::tolerances`].
+    ///
+    /// # Panics
+    /// If there are not as many half widths as parameters.
+    pub fn with_half_widths(mut self, half_widths: &[f64]) -> Self {
+        assert_eq!(
+            half_widths.len(),
+            self.tolerances.len(),
+            "one half width per parameter"
+        );
+        for ((tolerance, param), &half_width) in
+            (self.tolerances.iter_mut().zip(&mut self.robot.params)).zip(half_widths)
+        {
+            tolerance.half_width = half_width;
+            param.fixed = half_width == 0.0;
+            (param.lower, param.upper) = tolerance.range(Ranges::Tolerance);
+        }
+        self
+    }
 }
 
 impl Tolerance {

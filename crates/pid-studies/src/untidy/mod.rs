@@ -5,12 +5,12 @@ mod score;
 mod tables;
 
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use clap::Args;
 use pid_cli::output;
 use pid_cli::progress::Progress;
 use pid_diagnose::search::Settings;
+use pid_fleet::Slice;
 use pid_withheld::UntidyPlan;
 
 pub use score::{Effect, Row, row};
@@ -31,38 +31,12 @@ pub struct UntidyArgs {
     /// Most joints of a robot.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=6))]
     joints: u8,
-    /// Only the A-th of B parts of the cases, A from 1.
-    #[arg(long, value_name = "A/B", default_value = "1/1")]
+    /// Only the K-th of N parts of the cases, K from 1.
+    #[arg(long, value_name = "K/N", default_value = "1/1")]
     slice: Slice,
     /// Folder for cases, causes, diagnoses and scores; results that are there already are kept.
     #[arg(long, short, value_name = "FOLDER", default_value = "simtrue-untidy")]
     out: PathBuf,
-}
-
-/// A part of the cases: every `of`-th from the `part`-th on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Slice {
-    /// From 1.
-    part: usize,
-    of: usize,
-}
-
-impl FromStr for Slice {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let numbers = text.split_once('/').and_then(|(part, of)| {
-            let (part, of) = (part.parse().ok()?, of.parse().ok()?);
-            (1 <= part && part <= of).then_some(Self { part, of })
-        });
-        numbers.ok_or_else(|| "write A/B with 1 ≤ A ≤ B, like 1/2".to_owned())
-    }
-}
-
-impl Slice {
-    fn of(self, cases: usize) -> Vec<usize> {
-        (self.part - 1..cases).step_by(self.of).collect()
-    }
 }
 
 /// Runs or continues the study, prints a table and a line per case, and writes rows.json.
@@ -75,7 +49,7 @@ pub fn run(args: &UntidyArgs) -> Result<u8, Failure> {
         cases: args.cases,
         joints: usize::from(args.joints),
     };
-    let wanted = args.slice.of(args.cases);
+    let wanted: Vec<usize> = args.slice.of(args.cases).collect();
     let progress = Progress::start("drawing cases");
     let settings = Settings::default();
     let outcomes = diagnose_some(&plan, &wanted, &settings, &args.out, &|done, of| {

@@ -11,6 +11,7 @@ use clap::Args;
 use pid_cli::output;
 use pid_cli::progress::Progress;
 use pid_diagnose::search::Settings;
+use pid_fleet::Slice;
 use pid_withheld::{Drawing, Plan};
 
 pub use page::to_html;
@@ -37,6 +38,9 @@ pub struct WithheldArgs {
     /// Only cases with a cause outside the list: how often a law of its own describes it.
     #[arg(long, conflicts_with = "nulls")]
     outside: bool,
+    /// Only the K-th of N parts of the cases, K from 1.
+    #[arg(long, value_name = "K/N", default_value = "1/1")]
+    slice: Slice,
     /// Folder for cases, causes, diagnoses and the report; results that are there already are kept.
     #[arg(long, short, value_name = "FOLDER", default_value = "simtrue-study")]
     out: PathBuf,
@@ -58,15 +62,22 @@ pub fn run(args: &WithheldArgs) -> Result<u8, Failure> {
         },
     };
     let progress = Progress::start("drawing cases");
-    let outcomes = diagnose_all(&plan, &Settings::default(), &args.out, &|done, of| {
+    let wanted: Vec<usize> = args.slice.of(args.cases).collect();
+    let settings = Settings::default();
+    let outcomes = diagnose_some(&plan, &wanted, &settings, &args.out, &|done, of| {
         progress.step(format!("{done} of {of} cases"));
         progress.done(done as f64 / of as f64);
     })?;
     drop(progress);
     let figures = summary(&outcomes);
     let json = serde_json::to_string_pretty(&figures).unwrap_or_default();
-    write(&args.out.join("summary.json"), &json)?;
-    write(&args.out.join("report.html"), &to_html(&figures, &outcomes))?;
+    let part = match args.slice {
+        Slice { of: 1, .. } => String::new(),
+        Slice { part, of } => format!("-{part}-of-{of}"),
+    };
+    let at = |stem: &str, ending: &str| args.out.join(format!("{stem}{part}.{ending}"));
+    write(&at("summary", "json"), &json)?;
+    write(&at("report", "html"), &to_html(&figures, &outcomes))?;
     let mut text = format!("{} cases\n", outcomes.len());
     for (name, figures) in figures.lines() {
         text.push_str(&format!("  {name:42} {figures}\n"));
