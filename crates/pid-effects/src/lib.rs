@@ -2,8 +2,9 @@
 //!
 //! An effect is one file below [`effects`]: its law over any scalar, its parameters with units and
 //! ranges, its state, what it is easily taken for, which effects no motion tells from it, and what
-//! models it in MuJoCo, Isaac and URDF. What has no name there is a sum of [`terms`]. The same law serves the diagnosis (crate `pid-diagnose`),
-//! identification by exact Hessians ([`with_effects`]) and simulation.
+//! models it in MuJoCo, Isaac and URDF. What has no name there is a sum of [`terms`]. The same law
+//! serves the diagnosis (crate `pid-diagnose`), identification by exact Hessians ([`with_effects`]) and
+//! simulation.
 //!
 //! ```
 //! use pid_effects::effect::Friction;
