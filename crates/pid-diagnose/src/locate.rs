@@ -248,7 +248,9 @@ const SETTLING: f64 = 0.2;
 
 /// The force that a fit still misses, its effects included, on the test records.
 ///
-/// It is that of [`residuals`], so it includes every effect of the library.
+/// An observer of disturbances runs on the simulation itself and follows the readings (K. Ohnishi, M.
+/// Shibata, T. Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996), so every effect of the library is
+/// included.
 pub fn residual_force(case: &Case, fit: &Fit) -> MissingForce {
     let mut joints = vec![JointForce::default(); case.n()];
     let (mut squares, mut count) = (vec![0.0; case.n()], 0.0);

@@ -36,8 +36,10 @@ pub(in crate::search) fn with_law(
     let criteria = &settings.criteria;
     let over = |floors: f64, e: &Evidence| e.after.total >= floors * e.floor;
     let sought = evidence.sought.take();
-    let wanted = evidence.remainder.is_some() && over(criteria.near, &evidence);
-    if !wanted || settings.watch.stopped() {
+    // A hum is no noise, however little it moves the robot.
+    let lines = criteria.allowance * criteria.line(evidence.residue.of.frequencies);
+    let left = over(criteria.near, &evidence) || evidence.residue.hum >= lines;
+    if evidence.remainder.is_none() || !left || settings.watch.stopped() {
         return evidence;
     }
     let mut imitated = evidence
