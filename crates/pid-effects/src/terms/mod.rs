@@ -12,24 +12,20 @@ mod friction_above_load;
 mod friction_above_speed;
 mod friction_wave;
 mod gain_over_time;
-mod hinge_above;
-mod hinge_below;
+mod hinge;
 mod pull_of_two;
 mod time_wave;
 mod wave_of_two;
-mod wave_of_two_before;
 
 pub use base_wave::BaseWave;
 pub use friction_above_load::FrictionAboveLoad;
 pub use friction_above_speed::FrictionAboveSpeed;
 pub use friction_wave::FrictionWave;
 pub use gain_over_time::GainOverTime;
-pub use hinge_above::HingeAbove;
-pub use hinge_below::HingeBelow;
+pub use hinge::Hinge;
 pub use pull_of_two::PullOfTwo;
 pub use time_wave::TimeWave;
 pub use wave_of_two::WaveOfTwo;
-pub use wave_of_two_before::WaveOfTwoBefore;
 
 use std::sync::Arc;
 
@@ -39,16 +35,16 @@ use crate::scalar::Scalar;
 /// All terms.
 pub fn all() -> Vec<Arc<dyn Effect>> {
     vec![
-        Arc::new(HingeAbove),
-        Arc::new(HingeBelow),
+        Arc::new(Hinge::Above),
+        Arc::new(Hinge::Below),
         Arc::new(FrictionAboveSpeed),
         Arc::new(FrictionAboveLoad),
         Arc::new(FrictionWave),
         Arc::new(GainOverTime),
         Arc::new(TimeWave),
         Arc::new(BaseWave),
-        Arc::new(WaveOfTwo),
-        Arc::new(WaveOfTwoBefore),
+        Arc::new(WaveOfTwo::Own),
+        Arc::new(WaveOfTwo::Before),
         Arc::new(PullOfTwo),
     ]
 }

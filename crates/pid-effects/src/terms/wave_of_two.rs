@@ -1,4 +1,5 @@
-//! A force that waves over two positions: additional force a sin(φ) + b cos(φ), φ = w (q + r q_before).
+//! A force that waves over two positions: additional force a sin(φ) + b cos(φ), φ = w (q + r q_before), on the joint or
+//! on the one before.
 //!
 //! Source: Fourier series over both positions.
 
@@ -8,11 +9,16 @@ use crate::effect::{
 };
 use crate::scalar::Scalar;
 
-/// A force that waves over two positions.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct WaveOfTwo;
+/// A force that waves over the positions of a joint and the one before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WaveOfTwo {
+    /// On the joint.
+    Own,
+    /// On the joint before.
+    Before,
+}
 
-static INFO: Info = Info {
+static OWN: Info = Info {
     id: "wave_of_two",
     title: "A force that waves over two positions",
     equation: "additional force a sin(φ) + b cos(φ), φ = w (q + r q_before)",
@@ -36,18 +42,32 @@ static INFO: Info = Info {
     urdf: None,
 };
 
+static BEFORE: Info = Info {
+    id: "wave_of_two_before",
+    title: "A force on the joint before that waves over both positions",
+    equation: "additional force on the joint before a sin(φ) + b cos(φ), φ = w (q + r q_before)",
+    ..OWN
+};
+
+/// The force in the words of `robot!`.
+const WAVE: &str = "{sine}*sin({periods_per_unit}*({q} + {ratio}*{q_before})) + {cosine}*cos({periods_per_unit}*({q} + {ratio}*{q_before}))";
+
 impl Model for WaveOfTwo {
     fn info(&self) -> &'static Info {
-        &INFO
+        match self {
+            WaveOfTwo::Own => &OWN,
+            WaveOfTwo::Before => &BEFORE,
+        }
     }
     fn read_off(&self) -> Option<ReadOff> {
         Some(ReadOff::WaveOfTwo { wave: 2, ratio: 3 })
     }
     fn source(&self) -> Option<Source> {
-        Some(Source {
-            own: "{sine}*sin({periods_per_unit}*({q} + {ratio}*{q_before})) + {cosine}*cos({periods_per_unit}*({q} + {ratio}*{q_before}))",
-            before: None,
-        })
+        let (own, before) = match self {
+            WaveOfTwo::Own => (WAVE, None),
+            WaveOfTwo::Before => ("", Some(WAVE)),
+        };
+        Some(Source { own, before })
     }
     fn partner(&self, joint: usize) -> Option<usize> {
         joint.checked_sub(1)
@@ -70,6 +90,10 @@ impl<D: Scalar> Law<D> for WaveOfTwo {
             return;
         };
         let (sine, cosine) = (e[2] * (at.q[at.joint] + e[3] * at.q[other])).sine_cosine();
-        f.value[at.joint] += e[0] * sine + e[1] * cosine;
+        let on = match self {
+            WaveOfTwo::Own => at.joint,
+            WaveOfTwo::Before => other,
+        };
+        f.value[on] += e[0] * sine + e[1] * cosine;
     }
 }

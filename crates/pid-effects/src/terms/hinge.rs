@@ -1,4 +1,4 @@
-//! A force beyond a position: additional force −k max(q − a, 0).
+//! A force beyond a position or below it: additional force −k max(q − a, 0), or k max(a − q, 0).
 //!
 //! Source: J. H. Friedman, Annals of Statistics 19(1), 1991.
 
@@ -9,11 +9,16 @@ use crate::effect::{
 use crate::scalar::Scalar;
 use crate::terms::positive;
 
-/// A force beyond a position.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct HingeAbove;
+/// A force on one side of a position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hinge {
+    /// −k max(q − a, 0).
+    Above,
+    /// k max(a − q, 0).
+    Below,
+}
 
-static INFO: Info = Info {
+static ABOVE: Info = Info {
     id: "hinge_above",
     title: "A force beyond a position",
     equation: "additional force −k max(q − a, 0)",
@@ -35,9 +40,20 @@ static INFO: Info = Info {
     urdf: None,
 };
 
-impl Model for HingeAbove {
+static BELOW: Info = Info {
+    id: "hinge_below",
+    title: "A force below a position",
+    equation: "additional force k max(a − q, 0)",
+    regime: "positions below it",
+    ..ABOVE
+};
+
+impl Model for Hinge {
     fn info(&self) -> &'static Info {
-        &INFO
+        match self {
+            Hinge::Above => &ABOVE,
+            Hinge::Below => &BELOW,
+        }
     }
     fn read_off(&self) -> Option<ReadOff> {
         Some(ReadOff::Place {
@@ -46,14 +62,19 @@ impl Model for HingeAbove {
         })
     }
     fn source(&self) -> Option<Source> {
-        Some(Source {
-            own: "-{stiffness}*0.5*({q} - {from} + sqrt(({q} - {from})^2 + ({round_q})^2))",
-            before: None,
-        })
+        let own = match self {
+            Hinge::Above => {
+                "-{stiffness}*0.5*({q} - {from} + sqrt(({q} - {from})^2 + ({round_q})^2))"
+            }
+            Hinge::Below => {
+                "{stiffness}*0.5*({from} - {q} + sqrt(({from} - {q})^2 + ({round_q})^2))"
+            }
+        };
+        Some(Source { own, before: None })
     }
 }
 
-impl<D: Scalar> Law<D> for HingeAbove {
+impl<D: Scalar> Law<D> for Hinge {
     fn force(
         &self,
         e: &[D],
@@ -62,6 +83,10 @@ impl<D: Scalar> Law<D> for HingeAbove {
         f: &mut Forces<'_, D>,
         _constants: &Constants<D>,
     ) {
-        f.value[at.joint] += -(e[0] * positive(at.q[at.joint] - e[1]));
+        let beyond = at.q[at.joint] - e[1];
+        f.value[at.joint] += match self {
+            Hinge::Above => -(e[0] * positive(beyond)),
+            Hinge::Below => e[0] * positive(-beyond),
+        };
     }
 }
