@@ -1,14 +1,14 @@
 //! The content of the page of a diagnosis; layout and plots are those of `pid_page`.
 
+mod laws;
+
+use laws::{its_law, law, nameless, own_law};
 use maud::{Markup, html};
 use pid_page::number::{self, short};
 use pid_page::{Bar, Footer, Ink, Legend, Page, bars, figure, legend};
 
-use crate::diagnosis::{
-    Ceiling, Diagnosis, Magnitude, Named, Nameless, Outcome, OwnLaw, Remainder,
-};
+use crate::diagnosis::{Ceiling, Diagnosis, Magnitude, Named, Outcome, Remainder};
 use crate::effects;
-use crate::free::Form;
 use crate::locate::{Axis, MissingForce, classes};
 use crate::next::Experiment;
 use crate::plot;
@@ -53,9 +53,9 @@ fn content(report: &Report) -> Markup {
     let d = report.diagnosis();
     html! {
         @if let Some(law) = law(d) { section { (nameless(report, law)) } }
-        @if let Some(law) = d.remainder.as_ref().and_then(|r| r.law.as_ref()) { section { (own_law(d, law)) } }
         @if let Some(budget) = budget(d) { section { (budget) } }
         @for e in &d.effects { section { (effect(d, e)) } }
+        @if let Some(law) = its_law(d) { section { (own_law(d, law)) } }
         @if !d.beyond_tolerance.is_empty() {
             section {
                 h2 { "Outside its tolerance" }
@@ -301,7 +301,11 @@ fn budget(d: &Diagnosis) -> Option<Markup> {
     if shares.is_empty() {
         return None;
     }
-    shares.push(bar("left".to_owned(), left, None));
+    let law = its_law(d).map_or(0.0, |law| law.share);
+    if law > 0.0 {
+        shares.push(bar("a law without a name".to_owned(), law, None));
+    }
+    shares.push(bar("left".to_owned(), (left - law).max(0.0), None));
     Some(html! {
         h2 { "The budget of the gap" }
         p {
@@ -339,75 +343,6 @@ fn rounds(d: &Diagnosis) -> Markup {
                 p { "Dropped after it: " (round.dropped.join(", ")) "." }
             }
         }
-    }
-}
-
-/// The law without a name that describes the records better than any effect.
-fn law(d: &Diagnosis) -> Option<&Nameless> {
-    d.remainder.as_ref()?.nameless.as_ref()
-}
-
-/// A cause without a name.
-fn nameless(report: &Report, law: &Nameless) -> Markup {
-    let j = law.joint - 1;
-    let name = &report.evidence.case.nominal.joints[j].name;
-    let (what, shape, names) = match law.form {
-        Form::ForceOverPosition => (
-            format!("a force that depends on the position of joint {name} alone"),
-            "a stop shows as a kink, a hard point as a hill",
-            (
-                axis_name(report, j, Axis::Position),
-                ("force", unit(report, j)),
-            ),
-        ),
-        Form::GainOverTime => (
-            format!("a gain of the drive of joint {name} that depends on the time alone"),
-            "a supply that sags and magnets that warm up fade",
-            (
-                ("time since the start of the record", "s"),
-                ("relative change of the gain", "1"),
-            ),
-        ),
-    };
-    html! {
-        h2 { "A cause without a name" }
-        p {
-            "In place of all effects, " (what) " explains " (format!("{:.0} %", 100.0 * law.explained))
-            " of the squared gap beyond the floor on motions that were never fitted, and describes the records better than the "
-            "named effects, its number of parameters counted. Its shape is free: " (shape) "."
-        }
-        div.single {
-            (figure(
-                &plot::free_law(law, name, names.0, names.1),
-                name,
-                "straight between the marks, with a band of two standard deviations where the records determine it",
-            ))
-        }
-    }
-}
-
-/// A law of its own beside the named effects, term by term.
-fn own_law(d: &Diagnosis, law: &OwnLaw) -> Markup {
-    let hull = |(low, high): (f64, f64)| format!("{} to {}", short(low), short(high));
-    html! {
-        h2 { "A law of its own for what is left" }
-        p {
-            "No effect of the library describes what the named ones leave. The terms below do, within the motions of the train records: they "
-            "remove " (format!("{:.0} %", 100.0 * law.share)) " of the squared gap beyond the floor on motions that were never fitted (gap "
-            (short(law.gap_without)) " without them). They say what the records show, and not what causes it. "
-            span class="equation" { "extended.toml" } " states them as effects."
-        }
-        @for term in &law.terms { (effect(d, term)) }
-        div.scroll { table {
-            thead { tr { th { "joint" } th.num { "position, rad or m" } th.num { "velocity, rad/s or m/s" } } }
-            @for e in &law.earned {
-                tr {
-                    td { (e.joint) }
-                    td class="num" { (hull(e.position)) }
-                    td class="num" { (hull(e.velocity)) }
-                }
-            }
-        } }
     }
 }
 
