@@ -142,8 +142,8 @@ fn planned(fleet: &Fleet, slices: usize) -> String {
         .iter()
         .map(|q| q.name.as_str())
         .collect();
-    // The shell of a task reads its number and makes way for the command, which then dies with its worker. Quotes of the
-    // folder stand within those of the task.
+    // The shell of a task reads its number and makes way for the command, which then dies with its
+    // worker. Quotes of the folder stand within those of the task.
     let task = format!("exec simtrue fleet run {folder} --slice $HQ_TASK_ID/{slices}")
         .replace('\'', "'\\''");
     format!(

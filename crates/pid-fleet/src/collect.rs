@@ -1,10 +1,10 @@
 //! All results of a fleet as one summary.
 //!
-//! A value `y_ij` of the unit i in its log j is `μ + b_i + c_ij + e_ij`: the mean of the fleet, what is the unit's own
-//! (spread τ), what changes from log to log (ω), and what the log tells wrongly (the jackknife's deviation, which the
-//! quantity's median over the fleet steadies). ω follows from differences between neighbouring logs of a unit, μ and τ
-//! from the units' levels; both by [`robust`](crate::robust). A trend that all units share is taken out before
-//! single ones are looked at.
+//! A value `y_ij` of the unit i in its log j is `μ + b_i + c_ij + e_ij`: the mean of the fleet, what is
+//! the unit's own (spread τ), what changes from log to log (ω), and what the log tells wrongly (the
+//! jackknife's deviation, which the quantity's median over the fleet steadies). ω follows from
+//! differences between neighbouring logs of a unit, μ and τ from the units' levels; both by
+//! [`robust`](crate::robust). A trend that all units share is taken out before single ones are looked at.
 
 use std::collections::BTreeMap;
 

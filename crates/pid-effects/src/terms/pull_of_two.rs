@@ -1,5 +1,5 @@
-//! A hose between two joints that pulls beyond a length: additional force −k max(s − a, 0) on the joint and r times that on
-//! the one before, s = q + r q_before.
+//! A hose between two joints that pulls beyond a length: additional force −k max(s − a, 0) on the joint
+//! and r times that on the one before, s = q + r q_before.
 //!
 //! Source: J. H. Friedman, Annals of Statistics 19(1), 1991.
 

@@ -1,5 +1,5 @@
-//! A force that waves over two positions: additional force a sin(φ) + b cos(φ), φ = w (q + r q_before), on the joint or
-//! on the one before.
+//! A force that waves over two positions: additional force a sin(φ) + b cos(φ), φ = w (q + r q_before),
+//! on the joint or on the one before.
 //!
 //! Source: Fourier series over both positions.
 

@@ -2,8 +2,8 @@
 //!
 //! Where free runs with the named effects leave more than noise, [terms](pid_effects::terms) without a
 //! name are taken one after the other by the rules for effects: a score beyond chance, a gain on records
-//! never fitted, and free runs that shrink beyond their scatter. Their sum is the law. Where a law
-//! without a name describes the records better than the effects, these are judged again beside it.
+//! never fitted, and free runs that shrink beyond their scatter. Their sum is the law. Where effects imitate
+//! what has no name, effects and terms are taken together.
 
 use pid_data::Role;
 
@@ -78,24 +78,21 @@ fn beside(
     let criteria = &settings.criteria;
     let rounds = taken(&mut now, &evidence.rivals, settings, sensors, named);
     evidence.refits += rounds.iter().map(|r| r.candidates.len()).sum::<usize>();
+    evidence.rounds.extend(rounds);
     if now.fit.hypothesis.terms.iter().all(|t| !is_term(t)) {
-        evidence.rounds.extend(rounds);
         return evidence;
     }
     let now = ended(case, SHORT, now, settings, sensors);
     // As a second effect has to.
     let least = (1.0 - 2.0 * criteria.least_shrink) * evidence.after.total;
     if now.gap.total > least || grows(criteria, &evidence.after, &now.gap) {
-        evidence.rounds.extend(rounds);
         return evidence;
+    }
+    if named.is_empty() {
+        return together(evidence, now, settings);
     }
     let explained = |gap: f64| share(evidence.before.total, gap, evidence.floor);
     let more = explained(now.gap.total) - explained(evidence.after.total);
-    if named.is_empty() {
-        evidence.rounds = rounds;
-        return together(evidence, now, settings);
-    }
-    evidence.rounds.extend(rounds);
     let left = evidence.after.total;
     let without = evidence.fit.clone();
     adopted(evidence, now, (more, left, without))
