@@ -180,6 +180,7 @@ fn scale(unit: Unit) -> &'static str {
         Unit::Drag => "typical torque / typical speed²",
         Unit::Wave => "1 / range of motion",
         Unit::Compliance => "range of motion / typical torque",
+        Unit::InverseInput => "1 / typical input",
         Unit::InverseSquareInput => "1 / typical input²",
         Unit::Ratio => "range of this joint / range of the joint before",
         Unit::Mass => "mass of the last link",

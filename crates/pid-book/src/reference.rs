@@ -63,6 +63,7 @@ impl Reference {
             Unit::Drag => TORQUE / (SPEED * SPEED),
             Unit::Wave => 1.0 / RANGE,
             Unit::Compliance => RANGE / TORQUE,
+            Unit::InverseInput => 1.0 / self.input(),
             Unit::InverseSquareInput => 1.0 / self.input().powi(2),
             Unit::Mass => 1.0,
             Unit::Force => TORQUE / 0.25,

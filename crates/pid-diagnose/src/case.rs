@@ -524,6 +524,7 @@ impl Case {
             Unit::Drag => s.torque / (s.speed * s.speed),
             Unit::Wave => 1.0 / s.range,
             Unit::Compliance => s.range / s.torque,
+            Unit::InverseInput => 1.0 / s.input,
             Unit::InverseSquareInput => 1.0 / (s.input * s.input),
             Unit::Ratio => joint
                 .checked_sub(1)

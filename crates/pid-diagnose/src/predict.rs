@@ -10,7 +10,7 @@ use pid_interpret::nominal::Gain as ServoGain;
 
 use crate::case::{Case, Record, Velocity};
 use crate::constants::{Constant, Constants};
-use crate::effect::{Commands, Pick};
+use crate::effect::{Commands, Pick, tell_others};
 use crate::hypothesis::Hypothesis;
 use crate::nominal::{EncoderSide, Nominal};
 use crate::observer::{Design, Gain, gain};
@@ -284,8 +284,10 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                     begin: self.record.begin,
                     t: k as f64 * self.record.h + s as f64 * dt,
                     dt,
+                    others: 0.0,
                 });
             }
+            tell_others(commands);
             let links = self.substeps.links(self.record.h, s);
             self.machine.step(state, commands, links);
         }

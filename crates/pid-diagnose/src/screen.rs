@@ -64,6 +64,10 @@ pub fn candidates(
         if effect.needs_bodies() && !case.nominal.has_bodies() {
             continue;
         }
+        // Behind a loop the records hold targets, not inputs.
+        if effect.needs_inputs() && (case.n() < 2 || case.nominal.has_servos()) {
+            continue;
+        }
         let joints = if info.has_joint { case.n() } else { 1 };
         for joint in 0..joints {
             if effect.needs_partner() && effect.partner(joint).is_none() {

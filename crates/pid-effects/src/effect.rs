@@ -18,7 +18,7 @@ use pid_symbolic::program::Element;
 
 pub use crate::circumstances::EqualWhen;
 pub use crate::class::Class;
-pub use crate::commands::Commands;
+pub use crate::commands::{Commands, tell_others};
 use crate::constants::Constants;
 pub use crate::read_off::{Over, ReadOff};
 use crate::scalar::{Lanes, Scalar};
@@ -75,6 +75,8 @@ pub enum Unit {
     Wave,
     /// Range over torque.
     Compliance,
+    /// 1 over input.
+    InverseInput,
     /// 1 over squared input.
     InverseSquareInput,
     /// Range of this joint over that of its partner.
@@ -367,6 +369,8 @@ pub trait Effect: Send + Sync {
     /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its
     /// Lagrangian.
     fn needs_bodies(&self) -> bool;
+    /// Whether it acts on the inputs of all joints together: it needs several, without position loops.
+    fn needs_inputs(&self) -> bool;
     /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act
     /// between them.
     fn edges(&self) -> &'static [usize];
@@ -416,6 +420,10 @@ pub trait Model: Send + Sync {
     /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its
     /// Lagrangian.
     fn needs_bodies(&self) -> bool {
+        false
+    }
+    /// Whether it acts on the inputs of all joints together: it needs several, without position loops.
+    fn needs_inputs(&self) -> bool {
         false
     }
     /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act
@@ -474,6 +482,9 @@ where
     }
     fn needs_bodies(&self) -> bool {
         Model::needs_bodies(self)
+    }
+    fn needs_inputs(&self) -> bool {
+        Model::needs_inputs(self)
     }
     fn edges(&self) -> &'static [usize] {
         Model::edges(self)

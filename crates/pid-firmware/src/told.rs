@@ -79,6 +79,7 @@ pub fn expression(id: &str) -> Option<&'static str> {
         "wave_of_two" => "force over both positions",
         "wave_of_two_before" => "force on the joint before over both positions",
         "pull_of_two" => "forces on both joints",
+        "supply_sag" => "nothing: it acts on the inputs of all joints together",
         "gain_over_time" | "time_wave" | "base_wave" => "nothing: it depends on the time",
         _ => return None,
     })

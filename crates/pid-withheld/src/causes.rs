@@ -141,6 +141,34 @@ pub enum Kind {
         amplitude: f64,
         frequency: f64,
     },
+    /// Outside the list: gears of two joints that mesh.
+    GearMesh {
+        amplitude: f64,
+        waves: [f64; 2],
+        phase: f64,
+    },
+    /// Outside the list: a hose between two joints that pulls where it is tight.
+    Hose {
+        stiffness: f64,
+        ratio: f64,
+        slack: f64,
+    },
+    /// Outside the list: a motor that loses torque as it warms.
+    GainFade {
+        loss: f64,
+        time: f64,
+    },
+    /// Outside the list: a supply that gives less the more all drives take; `at` is the sum of inputs
+    /// at which the whole share is lost.
+    SupplySag {
+        loss: f64,
+        at: f64,
+    },
+    /// Outside the list: a base that something shakes.
+    ShakenBase {
+        amplitude: [f64; 3],
+        frequency: f64,
+    },
 }
 
 /// A cause at a joint (from 0).
@@ -155,9 +183,13 @@ pub struct Cause {
 /// Number of causes of the taxonomy.
 pub(crate) const LISTED: usize = 25;
 /// Number of causes outside.
-pub(crate) const OUTSIDE: usize = 3;
+pub(crate) const OUTSIDE: usize = 8;
 /// Place of the coupling of two joints among the causes, as [`Kind::draw`] counts them.
 pub(crate) const COUPLING: usize = 10;
+/// Places of the gears that mesh, of the hose and of the supply.
+const MESH: usize = 28;
+const HOSE: usize = 29;
+const SAG: usize = 31;
 /// Place of the lag of the velocity.
 pub(crate) const VELOCITY_LAG: usize = 23;
 
@@ -190,9 +222,24 @@ impl Kind {
             Kind::EncoderEccentricity { .. } => "encoder_eccentricity",
             Kind::VelocityFilterLag { .. } => "velocity_filter_lag",
             Kind::SensorDelay { .. } => "sensor_delay",
-            Kind::SoftStop { .. } | Kind::DroppedCommands { .. } | Kind::MainsHum { .. } => {
-                "unknown"
-            }
+            Kind::SoftStop { .. }
+            | Kind::DroppedCommands { .. }
+            | Kind::MainsHum { .. }
+            | Kind::GearMesh { .. }
+            | Kind::Hose { .. }
+            | Kind::GainFade { .. }
+            | Kind::SupplySag { .. }
+            | Kind::ShakenBase { .. } => "unknown",
+        }
+    }
+
+    /// Whether the `index`-th cause can be outside the list at a joint of `n`: a hose and gears that
+    /// mesh are between a joint and the one before it, and one drive alone has no common supply.
+    pub(crate) fn fits(index: usize, joint: usize, n: usize) -> bool {
+        match index {
+            MESH | HOSE => joint > 0,
+            SAG => n > 1,
+            _ => true,
         }
     }
 
@@ -200,7 +247,11 @@ impl Kind {
     pub fn has_joint(&self) -> bool {
         !matches!(
             self,
-            Kind::Payload { .. } | Kind::BaseTilt { .. } | Kind::ExternalForce { .. }
+            Kind::Payload { .. }
+                | Kind::BaseTilt { .. }
+                | Kind::ExternalForce { .. }
+                | Kind::SupplySag { .. }
+                | Kind::ShakenBase { .. }
         )
     }
 
@@ -235,7 +286,12 @@ impl Kind {
             Kind::ExternalForce { .. }
             | Kind::SoftStop { .. }
             | Kind::DroppedCommands { .. }
-            | Kind::MainsHum { .. } => return None,
+            | Kind::MainsHum { .. }
+            | Kind::GearMesh { .. }
+            | Kind::Hose { .. }
+            | Kind::GainFade { .. }
+            | Kind::SupplySag { .. }
+            | Kind::ShakenBase { .. } => return None,
         })
     }
 
@@ -412,10 +468,50 @@ impl Kind {
                 probability: 0.004 * x,
                 length: 25,
             },
-            _ => Kind::MainsHum {
+            27 => Kind::MainsHum {
                 amplitude: 0.05 * x * s.torque,
                 frequency: 6.0 + 6.0 * up,
             },
+            MESH => {
+                let b = partner.unwrap_or(*s);
+                Kind::GearMesh {
+                    amplitude: 0.05 * x * s.torque,
+                    waves: [
+                        (4.0 + 6.0 * up) / s.length,
+                        sign * (5.0 + 3.0 * any) / b.length,
+                    ],
+                    phase,
+                }
+            }
+            HOSE => {
+                let b = partner.unwrap_or(*s);
+                let ratio = sign * (0.6 + 0.5 * up) * s.length / b.length;
+                Kind::Hose {
+                    stiffness: 0.3 * x * s.torque / s.amplitude,
+                    ratio,
+                    slack: s.centre + ratio * b.centre + 0.2 * s.amplitude * (1.0 + any),
+                }
+            }
+            30 => Kind::GainFade {
+                loss: (0.06 * x).min(0.6),
+                time: 2.0 + 6.0 * up,
+            },
+            SAG => Kind::SupplySag {
+                loss: (0.12 * x).min(0.6),
+                at: 2.0 * s.torque / s.gain,
+            },
+            _ => {
+                let a = 0.25 * x;
+                let (along, across) = if planar {
+                    (sign, 0.0)
+                } else {
+                    (phase.cos(), phase.sin())
+                };
+                Kind::ShakenBase {
+                    amplitude: [a * along, a * across, 0.3 * a * any],
+                    frequency: 2.0 + 4.0 * up,
+                }
+            }
         }
     }
 }

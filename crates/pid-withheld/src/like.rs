@@ -102,6 +102,7 @@ impl Like<'_> {
             };
             // A coupling is between a joint and the one before it.
             let there = (index != COUPLING || joint > 0)
+                && Kind::fits(index, joint, n)
                 && (index != VELOCITY_LAG || self.velocity != "absent");
             let mine = self.cause(&candidate);
             if there && !others.iter().any(|o| self.same(&self.cause(o), &mine)) {

@@ -136,7 +136,7 @@ impl Plan {
             } else {
                 random.random_range(0..LISTED)
             };
-            if index == COUPLING && n == 1 {
+            if (index == COUPLING && n == 1) || !Kind::fits(index, joint, n) {
                 continue;
             }
             // A lag of a channel that is not recorded leaves no trace.

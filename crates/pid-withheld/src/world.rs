@@ -106,7 +106,7 @@ impl<'a> World<'a> {
             let r = world.rotor[j];
             world.q[r] = q[j];
         }
-        world.around(None);
+        world.around(None, 0.0);
         world.load.copy_from_slice(&world.bias);
         for j in 0..n {
             world.applied[j] = world.bias[j] / world.plant.gain[j];
@@ -149,9 +149,23 @@ impl<'a> World<'a> {
         self.load.copy_from_slice(&moment.load);
     }
 
-    fn around(&mut self, push: Option<[f64; 3]>) {
+    fn around(&mut self, push: Option<[f64; 3]>, t: f64) {
+        let mut gravity = self.plant.gravity;
+        for c in self.causes {
+            if let Kind::ShakenBase {
+                amplitude,
+                frequency,
+            } = c.kind
+            {
+                // In the axes of a base that accelerates, gravity is less its acceleration.
+                let wave = (std::f64::consts::TAU * frequency * t).sin();
+                for (g, a) in gravity.iter_mut().zip(amplitude) {
+                    *g -= a * wave;
+                }
+            }
+        }
         let surroundings = Surroundings {
-            gravity: self.plant.gravity,
+            gravity,
             tip_force: push,
         };
         let n = self.n;
@@ -191,7 +205,7 @@ impl<'a> World<'a> {
                 .then_some(force),
             _ => None,
         });
-        self.around(push);
+        self.around(push, t);
         let mut m = DMatrix::zeros(rows, rows);
         let mut f = DVector::zeros(rows);
         let mut level = vec![0.0; rows];
@@ -204,7 +218,7 @@ impl<'a> World<'a> {
         for j in 0..self.n {
             let r = self.rotor[j];
             m[(r, r)] += self.plant.rotor[j];
-            level[r] = self.drive(j, u[j], t, &mut f);
+            level[r] = self.drive(j, u, t, &mut f);
         }
         // The free motion, then the impulses of dry friction.
         let Some(factor) = m.cholesky() else {
@@ -228,8 +242,9 @@ impl<'a> World<'a> {
 
     /// Adds the forces of a drive and of the causes that act at it; returns the level of its dry
     /// friction.
-    fn drive(&mut self, j: usize, u: f64, t: f64, f: &mut DVector<f64>) -> f64 {
+    fn drive(&mut self, j: usize, inputs: &[f64], t: f64, f: &mut DVector<f64>) -> f64 {
         let r = self.rotor[j];
+        let u = inputs[j];
         let mut drive = Drive {
             coulomb: self.plant.coulomb[j],
             viscous: self.plant.viscous[j],
@@ -241,7 +256,11 @@ impl<'a> World<'a> {
         for c in self.causes {
             if c.joint == j {
                 self.rub(&c.kind, j, t, &mut drive, f);
-                drive.distort(&c.kind);
+                drive.distort(&c.kind, t);
+            }
+            if let Kind::SupplySag { loss, at } = c.kind {
+                let taken: f64 = inputs.iter().map(|u| u.abs()).sum();
+                drive.input *= (1.0 - loss * taken / at).max(0.0);
             }
             self.push(c, j, t, f);
         }
@@ -336,6 +355,23 @@ impl<'a> World<'a> {
                     f[j] -= stiffness * ratio * stretch;
                 }
             }
+            Kind::GearMesh {
+                amplitude,
+                waves,
+                phase,
+            } if here => {
+                let other = self.rotor[j - 1];
+                f[r] += amplitude * (waves[0] * q + waves[1] * self.q[other] + phase).sin();
+            }
+            Kind::Hose {
+                stiffness,
+                ratio,
+                slack,
+            } if here => {
+                let tight = (self.q[j] + ratio * self.q[j - 1] - slack).max(0.0);
+                f[j] -= stiffness * tight;
+                f[j - 1] -= stiffness * ratio * tight;
+            }
             Kind::Spring { stiffness, rest } if here => {
                 f[j] -= stiffness * (self.q[j] - rest);
             }
@@ -368,7 +404,7 @@ struct Drive {
 
 impl Drive {
     /// What a cause does to the input.
-    fn distort(&mut self, kind: &Kind) {
+    fn distort(&mut self, kind: &Kind, t: f64) {
         match *kind {
             Kind::ActuatorLag { time } => self.lag = Some(time),
             Kind::TorqueSaturation { limit } => self.limit = limit,
@@ -376,6 +412,9 @@ impl Drive {
                 self.input /= 1.0 + droop * (self.input / at).powi(2);
             }
             Kind::CurrentOffset { offset } => self.input += offset,
+            Kind::GainFade { loss, time } => {
+                self.input *= 1.0 - loss * (1.0 - (-t.max(0.0) / time).exp());
+            }
             Kind::DriveDeadZone { half_width } => {
                 self.input = self.input.signum() * (self.input.abs() - half_width).max(0.0);
             }

@@ -217,7 +217,8 @@ impl<D: Pick> Machine<'_, D> {
         let looped = self.loops[j].is_some();
         for i in 0..self.hypothesis.terms.len() {
             let term = &self.hypothesis.terms[i];
-            if term.joint != j || (looped && term.effect.before_drive()) != before {
+            let elsewhere = term.joint != j && term.effect.info().has_joint;
+            if elsewhere || (looped && term.effect.before_drive()) != before {
                 continue;
             }
             let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());

@@ -1,5 +1,5 @@
 use super::*;
-use crate::effect::{Commands, Term};
+use crate::effect::{Commands, Term, tell_others};
 use crate::nominal::Nominal;
 use crate::predict::Substeps;
 
@@ -10,28 +10,27 @@ const SAMPLES: usize = 100;
 /// Link positions of a six-joint arm whose second joint has a gear, after a motion under
 /// current; the links are evaluated at every fine substep, or held.
 fn run(effect: &str, e: &[f64], refined: usize, held: bool) -> Vec<f64> {
+    let wave = |j: usize, k: usize| (0.3 + 0.05 * (k as f64 * (0.2 + 0.1 * j as f64)).sin()) * 9.0;
+    let u: Vec<Vec<f64>> = (0..6)
+        .map(|j| (0..SAMPLES).map(|k| wave(j, k)).collect())
+        .collect();
+    under(&u, effect, e, refined, held)
+}
+
+/// The same under inputs of each joint at the samples.
+fn under(u: &[Vec<f64>], effect: &str, e: &[f64], refined: usize, held: bool) -> Vec<f64> {
     let text = include_str!("../../robots/ur10e.toml");
     let nominal = Nominal::parse(text, "ur10e.toml".as_ref()).unwrap();
-    let n = nominal.n();
-    let effect = crate::effects::all()
-        .into_iter()
-        .find(|x| x.info().id == effect)
-        .unwrap();
+    let effect = crate::effects::by_id(effect).unwrap();
     let hypothesis = Hypothesis::new(vec![Term { effect, joint: 1 }]);
     let constants = Constants::new(&nominal, &vec![0.0; nominal.size()]);
     let mut machine = Machine::<f64>::new(constants, &hypothesis, e.to_vec());
     let steps = Substeps::new(H, true, refined);
     let dt = H / steps.number() as f64;
-    let u: Vec<Vec<f64>> = (0..n)
-        .map(|j| {
-            let wave = |k: usize| (0.3 + 0.05 * (k as f64 * (0.2 + 0.1 * j as f64)).sin()) * 9.0;
-            (0..SAMPLES).map(wave).collect()
-        })
-        .collect();
     let mut state = machine.rest(&[0.3, -0.8, 0.9, 0.2, 0.4, 0.1], &[0.0; 6], &[0.0; 6]);
     for k in 0..SAMPLES {
         for i in 0..steps.number() {
-            let commands: Vec<Commands<'_>> = u
+            let mut commands: Vec<Commands<'_>> = u
                 .iter()
                 .map(|u| Commands {
                     u,
@@ -40,13 +39,41 @@ fn run(effect: &str, e: &[f64], refined: usize, held: bool) -> Vec<f64> {
                     begin: 0.0,
                     t: k as f64 * H + i as f64 * dt,
                     dt,
+                    others: 0.0,
                 })
                 .collect();
+            tell_others(&mut commands);
             let links = if held { steps.links(H, i) } else { Some(dt) };
             machine.step(&mut state, &commands, links);
         }
     }
     state.q
+}
+
+/// Every joint gets less by the inputs of all, as under inputs that are less by hand.
+#[test]
+fn a_supply_that_sags_takes_from_every_joint() {
+    let wave = |j: usize, k: usize| 3.0 - 1.4 * (j as f64 + 0.11 * (j + 1) as f64 * k as f64).sin();
+    let u: Vec<Vec<f64>> = (0..6)
+        .map(|j| {
+            (0..SAMPLES)
+                .map(|k| (-1.0_f64).powi(j as i32) * wave(j, k))
+                .collect()
+        })
+        .collect();
+    let loss = 0.01;
+    let mut less = u.clone();
+    for k in 0..SAMPLES {
+        let all: f64 = u.iter().map(|u| u[k].abs()).sum();
+        for own in &mut less {
+            own[k] *= 1.0 - loss * all;
+        }
+    }
+    let sagged = under(&u, "supply_sag", &[loss], 1, false);
+    let by_hand = under(&less, "supply_sag", &[0.0], 1, false);
+    assert!(distance(&sagged, &by_hand) < 1e-9, "{sagged:?} {by_hand:?}");
+    let full = under(&u, "supply_sag", &[0.0], 1, false);
+    assert!(distance(&sagged, &full) > 1e-2, "{sagged:?} {full:?}");
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
@@ -122,6 +149,7 @@ fn behind(drive: &str, seconds: f64, finer: usize) -> (f64, f64) {
                 begin: 0.0,
                 t: k as f64 * H + i as f64 * dt,
                 dt,
+                others: 0.0,
             }];
             machine.step(&mut state, &commands, steps.links(H, i));
         }

@@ -14,6 +14,7 @@ mod friction_wave;
 mod gain_over_time;
 mod hinge;
 mod pull_of_two;
+mod supply_sag;
 mod time_wave;
 mod wave_of_two;
 
@@ -24,6 +25,7 @@ pub use friction_wave::FrictionWave;
 pub use gain_over_time::GainOverTime;
 pub use hinge::Hinge;
 pub use pull_of_two::PullOfTwo;
+pub use supply_sag::SupplySag;
 pub use time_wave::TimeWave;
 pub use wave_of_two::WaveOfTwo;
 
@@ -46,6 +48,7 @@ pub fn all() -> Vec<Arc<dyn Effect>> {
         Arc::new(WaveOfTwo::Own),
         Arc::new(WaveOfTwo::Before),
         Arc::new(PullOfTwo),
+        Arc::new(SupplySag),
     ]
 }
 
@@ -113,6 +116,7 @@ mod tests {
                 begin: 0.0,
                 t: 0.05,
                 dt: 0.01,
+                others: 0.0,
             };
             let base = term.plain().base_acceleration(&e, 0.8);
             assert!(base.is_none_or(|a| a == [0.0; 3]), "{}", info.id);

@@ -62,6 +62,8 @@ pub enum Obstacle {
     Tool,
     /// It depends on the time.
     Time,
+    /// It acts on the inputs of all joints together.
+    Inputs,
     /// It changes masses or gravity.
     Structure,
     /// It changes friction or input of a joint where another effect's state takes their place.
@@ -90,6 +92,9 @@ impl fmt::Display for Obstacle {
             }
             Obstacle::Time => {
                 "it depends on the time, which equations of motion do not have\n  help: use records of a warm joint, or parameters of each record (--private); `simtrue simulate` and `simtrue diagnose` take it"
+            }
+            Obstacle::Inputs => {
+                "it acts on the inputs of all joints together\n  help: leave it out; `simtrue simulate` and `simtrue diagnose` take it"
             }
             Obstacle::Together => {
                 "a state of another effect takes the place of the friction or input that it changes\n  help: leave one of the two out; `simtrue simulate` and `simtrue diagnose` take both"

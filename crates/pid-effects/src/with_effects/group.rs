@@ -70,6 +70,7 @@ fn nothing<'a>(u: &'a [f64]) -> Commands<'a> {
         begin: 0.0,
         t: 1.5,
         dt: 0.5,
+        others: 0.0,
     }
 }
 
@@ -115,6 +116,9 @@ pub(super) fn hooks(effect: &dyn Effect) -> Result<Hooks, Obstacle> {
     }
     if law.tip_force(&e, 0.0, 1.0).is_some() {
         return Err(Obstacle::Tool);
+    }
+    if effect.needs_inputs() {
+        return Err(Obstacle::Inputs);
     }
     if law.base_acceleration(&e, 0.4).is_some() {
         return Err(Obstacle::Time);

@@ -37,6 +37,7 @@ INPUT = (
     "current_offset",
     "drive_dead_zone",
     "gain_over_time",
+    "supply_sag",
 )
 FRICTION = (
     "stribeck",
@@ -260,6 +261,9 @@ class Robot:
         """Applied input of joint `j`, averaged over the step of length `h` from `t`."""
         u = self.commands[-1][1][j]
         for e in self.effects:
+            if e.id == "supply_sag":
+                others = sum(abs(x) for k, x in enumerate(self.commands[-1][1]) if k != j)
+                u = u * (1.0 - e.p["loss_per_input"] * (abs(u) + others))
             if e.joint != j:
                 continue
             if e.id == "input_delay":

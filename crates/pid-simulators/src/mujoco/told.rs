@@ -153,6 +153,11 @@ fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
             NOTHING,
             "changes the input with the time since the start",
         ),
+        "supply_sag" => (
+            Wrapper,
+            NOTHING,
+            "takes a share off each input that grows with the inputs of all joints",
+        ),
         "base_wave" => (
             Wrapper,
             NOTHING,

@@ -226,6 +226,7 @@ impl<'a> Missing<'a> {
                 begin: t,
                 t: 0.0,
                 dt: 0.0,
+                others: 0.0,
             };
             let drive = law.input(e, load[own], &commands, &mut []) - load[own];
             for (out, &j) in out.iter_mut().zip(joints) {
