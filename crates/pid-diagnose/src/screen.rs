@@ -65,7 +65,7 @@ pub fn candidates(
             continue;
         }
         // Behind a loop the records hold targets, not inputs.
-        if effect.needs_inputs() && (case.n() < 2 || case.nominal.has_servos()) {
+        if effect.needs_inputs() && (case.n() < 2 || case.nominal.description.has_servos()) {
             continue;
         }
         let joints = if info.has_joint { case.n() } else { 1 };
