@@ -287,6 +287,9 @@ pub struct OwnLaw {
     pub terms: Vec<Named>,
     /// Share of the squared gap beyond the floor that it removes on the test records.
     pub share: f64,
+    /// Interval of 95 % of the share, as of [`Named::share_interval`].
+    #[serde(default)]
+    pub share_interval: Option<(f64, f64)>,
     /// Gap on the test records with the named effects alone; [`Diagnosis::gap_after`] is with the law.
     pub gap_without: f64,
     /// Motions that it was fitted to, joint by joint: it says nothing of others.

@@ -303,7 +303,8 @@ fn budget(d: &Diagnosis) -> Option<Markup> {
     }
     let law = its_law(d).map_or(0.0, |law| law.share);
     if law > 0.0 {
-        shares.push(bar("a law without a name".to_owned(), law, None));
+        let interval = its_law(d).and_then(|law| law.share_interval);
+        shares.push(bar("a law without a name".to_owned(), law, interval));
     }
     shares.push(bar("left".to_owned(), (left - law).max(0.0), None));
     Some(html! {

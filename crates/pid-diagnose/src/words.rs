@@ -23,7 +23,7 @@ pub fn budget(d: &Diagnosis) -> Vec<String> {
 fn own_law(d: &Diagnosis) -> Option<String> {
     let law = d.remainder.as_ref()?.law.as_ref()?;
     let terms: Vec<String> = law.terms.iter().map(described).collect();
-    let share = percent(law.share);
+    let share = portion(law.share, law.share_interval);
     Some(format!("{share}: no name, but a law: {}", terms.join("; ")))
 }
 
@@ -68,16 +68,17 @@ fn percent(share: f64) -> String {
     format!("{:.0} % of the gap", 100.0 * share)
 }
 
+/// A share with its interval: `62 % of the gap (55 to 68 %)`.
+fn portion(share: f64, interval: Option<(f64, f64)>) -> String {
+    let interval = interval.map_or(String::new(), |(low, high)| {
+        format!(" ({:.0} to {:.0} %)", 100.0 * low, 100.0 * high)
+    });
+    percent(share) + &interval
+}
+
 /// A cause: `62 % of the gap: the drive acts later at joint 2 (input_delay): delay 14.2 ± 0.6 ms`.
 fn line(e: &Named, share: Option<f64>) -> String {
-    let share = match (share, e.share_interval) {
-        (None, _) => "cause".to_owned(),
-        (Some(share), None) => percent(share),
-        (Some(share), Some((low, high))) => {
-            let (low, high) = (100.0 * low, 100.0 * high);
-            format!("{} ({low:.0} to {high:.0} %)", percent(share))
-        }
-    };
+    let share = share.map_or("cause".to_owned(), |share| portion(share, e.share_interval));
     format!("{share}: {}", described(e))
 }
 

@@ -194,9 +194,10 @@ fn on_whole_records(case: &Case, mut evidence: Evidence) -> Evidence {
         e.after = measured(&e.case, &e.fit);
         let law = e.remainder.as_mut().and_then(|r| r.law.as_mut());
         if let (Some(law), Some(without)) = (law, &e.without_law) {
-            law.gap_without = measured(&e.case, without).total;
-            let explained = |gap: f64| share(e.before.total, gap, e.floor);
-            law.share = explained(e.after.total) - explained(law.gap_without);
+            let without = measured(&e.case, without);
+            let own = shares::beyond(&e.before, &without, &e.after, e.floor);
+            (law.share, law.share_interval) = (own.share, own.interval);
+            law.gap_without = without.total;
         }
         if e.part.is_none() {
             // Otherwise the levels are those of the model's errors.

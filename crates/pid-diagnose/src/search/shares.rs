@@ -25,6 +25,9 @@ use crate::fit::{Basis, Effort, Fit, Point, fit};
 use crate::gap::{FEW_WINDOWS, Gap, draws, within};
 use crate::hypothesis::Hypothesis;
 
+/// Seed of the draws of windows: the same ones for all gaps.
+const SEED: u64 = 0x5a4e;
+
 /// Gaps with and without one effect.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Parts {
@@ -39,6 +42,18 @@ pub(super) struct Parts {
 pub(super) struct Portion {
     pub(super) share: f64,
     pub(super) interval: Option<(f64, f64)>,
+}
+
+impl Portion {
+    /// A share, and its values in draws of the windows; none where there are too few windows.
+    fn new(share: f64, drawn: impl Iterator<Item = f64>) -> Self {
+        let mut drawn = drawn.peekable();
+        let some = drawn.peek().is_some();
+        Self {
+            share,
+            interval: some.then(|| within(drawn)),
+        }
+    }
 }
 
 /// A part of the effects of a fit, their nominal parameters fitted again in so many steps.
@@ -106,6 +121,46 @@ pub(super) fn parts(
 
 /// Shares of the squared gap beyond the floor, with the gaps of all windows and of those of draws.
 pub(super) fn shares(parts: &[Parts], before: &Gap, after: &Gap, floor: f64) -> Vec<Portion> {
+    let (all, drawn) = with_draws(parts, before, after, floor);
+    let own = |i: usize| Portion::new(all[i], drawn.iter().map(|shares| shares[i]));
+    (0..parts.len()).map(own).collect()
+}
+
+/// What several of the effects have of the gap together.
+pub(super) fn together(
+    parts: &[Parts],
+    before: &Gap,
+    after: &Gap,
+    floor: f64,
+    among: impl Fn(usize) -> bool,
+) -> Portion {
+    let (all, drawn) = with_draws(parts, before, after, floor);
+    let sum = |shares: &Vec<f64>| {
+        let own = shares.iter().enumerate().filter(|(i, _)| among(*i));
+        own.map(|(_, s)| s).sum::<f64>()
+    };
+    Portion::new(sum(&all), drawn.iter().map(sum))
+}
+
+/// What is explained with something that is missing in the gap `without`.
+pub(super) fn beyond(before: &Gap, without: &Gap, after: &Gap, floor: f64) -> Portion {
+    let of = |square: &dyn Fn(&Gap) -> f64| {
+        let explained = |gap: &Gap| share(square(before).sqrt(), square(gap).sqrt(), floor);
+        explained(after) - explained(without)
+    };
+    let n = before.windows.len();
+    let draws = (n >= FEW_WINDOWS).then(|| draws(n, SEED));
+    Portion::new(
+        of(&|gap| gap.total * gap.total),
+        draws
+            .into_iter()
+            .flatten()
+            .map(|draw| of(&|gap| gap.square_of(&draw))),
+    )
+}
+
+/// Shares of the effects with the gaps of all windows, and with those of draws, where the windows tell.
+fn with_draws(parts: &[Parts], before: &Gap, after: &Gap, floor: f64) -> (Vec<f64>, Vec<Vec<f64>>) {
     let of = |square: &dyn Fn(&Gap) -> f64| -> Vec<f64> {
         let pairs: Vec<(f64, f64)> = (parts.iter())
             .map(|p| (square(&p.without), square(&p.alone)))
@@ -116,15 +171,11 @@ pub(super) fn shares(parts: &[Parts], before: &Gap, after: &Gap, floor: f64) -> 
     let n = before.windows.len();
     let drawn: Vec<Vec<f64>> = match n < FEW_WINDOWS {
         true => Vec::new(),
-        false => draws(n, 0x5a4e)
+        false => draws(n, SEED)
             .map(|draw| of(&|gap| gap.square_of(&draw)))
             .collect(),
     };
-    let portion = |(i, &share): (usize, &f64)| Portion {
-        share,
-        interval: (!drawn.is_empty()).then(|| within(drawn.iter().map(|shares| shares[i]))),
-    };
-    all.iter().enumerate().map(portion).collect()
+    (all, drawn)
 }
 
 /// Shares from squared gaps: without and with each effect alone, before, after, and the floor.
@@ -234,6 +285,36 @@ mod tests {
             1.0,
         );
         assert_eq!(found[0].interval, None);
+    }
+
+    #[test]
+    fn a_group_has_what_its_effects_have() {
+        let parts = [(7.0, 4.0), (4.0, 7.0), (2.0, 9.0)].map(|(without, alone)| Parts {
+            without: gap(&[without, 1.1 * without, 0.9 * without, without]),
+            alone: gap(&[alone; 4]),
+        });
+        let (before, after) = (gap(&[10.0, 9.0, 11.0, 10.0]), gap(&[1.0; 4]));
+        let own = shares(&parts, &before, &after, 1.0);
+        let group = together(&parts, &before, &after, 1.0, |i| i != 1);
+        assert!((group.share - own[0].share - own[2].share).abs() < 1e-12);
+        let rest = together(&parts, &before, &after, 1.0, |i| i == 1);
+        assert_eq!(rest, own[1]);
+        // All is explained in every draw, so that what one has the others lack.
+        let (group, rest) = (group.interval.unwrap(), rest.interval.unwrap());
+        assert!((group.0 + rest.1 - 1.0).abs() < 1e-9, "{group:?} {rest:?}");
+    }
+
+    #[test]
+    fn what_something_adds_is_told_by_the_gap_without_it() {
+        // Squares beyond a floor of 1: 9 of the gap, 5 left without, none left with it.
+        let added = beyond(&gap(&[10.0; 4]), &gap(&[6.0; 4]), &gap(&[1.0; 4]), 1.0);
+        assert!((added.share - 5.0 / 9.0).abs() < 1e-12, "{added:?}");
+        let (low, high) = added.interval.expect("four windows");
+        assert!((low - high).abs() < 1e-12, "{added:?}");
+        assert_eq!(
+            beyond(&gap(&[10.0; 3]), &gap(&[6.0; 3]), &gap(&[1.0; 3]), 1.0).interval,
+            None
+        );
     }
 
     #[test]

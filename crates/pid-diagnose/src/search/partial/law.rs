@@ -18,9 +18,9 @@ use crate::fit::{Effort, Fit, fit};
 use crate::levels::SHORT;
 use crate::search::evidence::Evidence;
 use crate::search::magnitude::name;
-use crate::search::measure::{measured, share};
+use crate::search::measure::measured;
 use crate::search::settings::Settings;
-use crate::search::shares::{parts, shares, with};
+use crate::search::shares::{self, Portion, beyond, parts, with};
 use crate::terms;
 
 /// The evidence with a law of its own beside the effects, where something is left that terms describe;
@@ -91,11 +91,10 @@ fn beside(
     if named.is_empty() {
         return together(evidence, now, settings);
     }
-    let explained = |gap: f64| share(evidence.before.total, gap, evidence.floor);
-    let more = explained(now.gap.total) - explained(evidence.after.total);
+    let own = beyond(&evidence.before, &evidence.after, &now.gap, evidence.floor);
     let left = evidence.after.total;
     let without = evidence.fit.clone();
-    adopted(evidence, now, (more, left, without))
+    adopted(evidence, now, (own, left, without))
 }
 
 /// Whether a term is one of a law without a name.
@@ -182,9 +181,9 @@ fn taken(
     rounds
 }
 
-/// The evidence with a law that explains `more` beside the named effects, which leave a gap under a fit
-/// without it.
-fn adopted(evidence: Evidence, now: Stand, (more, left, without): (f64, f64, Fit)) -> Evidence {
+/// The evidence with a law that has its `own` share beside the named effects, which leave a gap under a
+/// fit without it.
+fn adopted(evidence: Evidence, now: Stand, (own, left, without): (Portion, f64, Fit)) -> Evidence {
     let all = name(&now.case, &evidence.criteria, &now.fit);
     let is_named = |n: &Named| {
         let mut named = evidence.effects.iter();
@@ -202,7 +201,8 @@ fn adopted(evidence: Evidence, now: Stand, (more, left, without): (f64, f64, Fit
     let effects = evidence.effects.iter().map(again).collect();
     let law = OwnLaw {
         terms,
-        share: more,
+        share: own.share,
+        share_interval: own.interval,
         gap_without: left,
         earned: earned(&now.case),
     };
@@ -227,7 +227,7 @@ fn together(mut evidence: Evidence, now: Stand, settings: &Settings) -> Evidence
     let floor = evidence.floor.min(now.gap.total);
     let gaps = (&evidence.before, &now.gap);
     let parts = parts(&now.case, &now.directions, settings, &now.fit, gaps);
-    let portions = shares(&parts, &evidence.before, &now.gap, floor);
+    let portions = shares::shares(&parts, &evidence.before, &now.gap, floor);
     let hypothesis = &now.fit.hypothesis;
     let keep = |i: usize| !is_term(&hypothesis.terms[i]);
     let without = with(
@@ -248,7 +248,7 @@ fn together(mut evidence: Evidence, now: Stand, settings: &Settings) -> Evidence
     }
     effects.sort_by(|a, b| b.share.unwrap_or(0.0).total_cmp(&a.share.unwrap_or(0.0)));
     let of_names: f64 = effects.iter().filter_map(|e| e.share).sum();
-    let explained = share(evidence.before.total, now.gap.total, floor);
+    let own = shares::together(&parts, gaps.0, gaps.1, floor, |i| !keep(i));
     if let Some(part) = &mut evidence.part {
         // What has a name is not the verdict where most has none, or effects imitated it.
         part.nameless = true;
@@ -259,7 +259,7 @@ fn together(mut evidence: Evidence, now: Stand, settings: &Settings) -> Evidence
     }
     evidence.effects = effects;
     let left = measured(&now.case, &without).total;
-    adopted(evidence, now, (explained - of_names, left, without))
+    adopted(evidence, now, (own, left, without))
 }
 
 /// What the train records pass through, joint by joint.
