@@ -487,7 +487,7 @@ impl Kind {
                 let b = partner.unwrap_or(*s);
                 let ratio = sign * (0.6 + 0.5 * up) * s.length / b.length;
                 Kind::Hose {
-                    stiffness: 0.3 * x * s.torque / s.amplitude,
+                    stiffness: 0.1 * x * s.torque / s.amplitude,
                     ratio,
                     slack: s.centre + ratio * b.centre + 0.2 * s.amplitude * (1.0 + any),
                 }
@@ -497,7 +497,7 @@ impl Kind {
                 time: 2.0 + 6.0 * up,
             },
             SAG => Kind::SupplySag {
-                loss: (0.12 * x).min(0.6),
+                loss: (0.06 * x).min(0.3),
                 at: 2.0 * s.torque / s.gain,
             },
             _ => {

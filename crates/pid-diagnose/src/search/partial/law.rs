@@ -10,9 +10,9 @@ use pid_data::Role;
 use super::finish::ended;
 use super::judge::grows;
 use super::read_off::Missing;
-use super::{Asked, Stand, last_of, pruned, readings, round, tuned};
+use super::{Asked, SMALLER, Stand, last_of, pruned, readings, round, tuned};
 use crate::case::Case;
-use crate::diagnosis::{Earned, Named, OwnLaw, Remainder, Round};
+use crate::diagnosis::{Earned, Named, OwnLaw, Remainder, Round, Tried};
 use crate::effect::Term;
 use crate::fit::{Effort, Fit, fit};
 use crate::levels::SHORT;
@@ -26,8 +26,9 @@ use crate::terms;
 /// The evidence with a law of its own beside the effects, where something is left that terms describe;
 /// `case` has the levels from which the effects were sought.
 ///
-/// Effects imitate what has no name. Where many leave much all the same, or a free law describes the records
-/// better, effects and terms are taken together from the nominal structure on.
+/// Effects imitate what has no name. Where many leave much all the same, where a free law describes the records
+/// better, or where nothing is left of an effect beside a term that explains more, effects and terms are taken
+/// together from the nominal structure on.
 pub(in crate::search) fn with_law(
     mut evidence: Evidence,
     case: &Case,
@@ -52,8 +53,12 @@ pub(in crate::search) fn with_law(
         let now = resumed(sought.stand, &evidence.fit, settings);
         sensors = sought.sensors;
         let named: Vec<String> = labels(&now);
+        // As a second effect has to.
+        let least = (1.0 - 2.0 * criteria.least_shrink) * now.gap.total;
+        let before = evidence.rounds.len();
         evidence = beside(evidence, case, now, settings, &sensors, &named);
         imitated |= evidence.part.is_some_and(|part| part.nameless);
+        imitated |= evidence.rounds[before..].iter().any(|r| replaces(r, least));
         let many = named.len() > criteria.together && over(criteria.unexplained, &evidence);
         imitated = !named.is_empty() && (imitated || many);
     }
@@ -95,6 +100,12 @@ fn beside(
     let left = evidence.after.total;
     let without = evidence.fit.clone();
     adopted(evidence, now, (own, left, without))
+}
+
+/// Whether a term of a round leaves little and nothing to an effect beside it: that imitated it.
+fn replaces(round: &Round, least: f64) -> bool {
+    let smaller = |c: &Tried| c.refused.as_deref() == Some(SMALLER) && c.gap <= least;
+    round.candidates.iter().any(smaller)
 }
 
 /// Whether a term is one of a law without a name.

@@ -241,6 +241,9 @@ fn last_of(fits: &[Fit], term: &Term) -> Vec<Vec<f64>> {
 /// What is said of candidates behind the one taken.
 const LATER: &str = "another one came first";
 
+/// What is said of a candidate beside which another effect is hardly there.
+const SMALLER: &str = "beside it an effect is smaller than its deviation";
+
 /// The rule that refuses a term with its score and its gain on records never fitted, if one does;
 /// `before` and `after` are the gaps without and with it, `shown` whether a signal shows it by itself.
 fn refused(
@@ -288,7 +291,7 @@ fn led_to(
     }
     let own = sizes(&case, &settings.criteria, &fit);
     if own.iter().any(|s| *s <= 1.0) {
-        return Err("beside it an effect is smaller than its deviation");
+        return Err(SMALLER);
     }
     Ok(Stand {
         case,
@@ -357,6 +360,9 @@ fn over(first: f64, then: Option<f64>, evidence: &Evidence, settings: &Settings)
             std::mem::swap(&mut found, &mut other);
         }
         found.grown.refits += other.grown.refits;
+        // What was tried over the other part comes first.
+        other.grown.rounds.append(&mut found.grown.rounds);
+        found.grown.rounds = other.grown.rounds;
     }
     found
 }
