@@ -202,8 +202,10 @@ fn unit(case: &Case, (joint, role): (usize, Role)) -> String {
 fn outside(case: &Case, wider: &Evidence) -> Vec<Beyond> {
     let std = deviations(&wider.case, &wider.criteria, &wider.fit);
     let mut out = Vec::new();
-    let roles = GAINS.into_iter().chain(FRICTION);
-    for (role, joint) in roles.flat_map(|role| (0..case.n()).map(move |joint| (role, joint))) {
+    let groups = [&GAINS[..], &FRICTION[..]].into_iter();
+    let all = groups
+        .flat_map(|roles| (0..case.n()).flat_map(move |j| roles.iter().map(move |r| (j, *r))));
+    for (joint, role) in all {
         let Some(place) = case.nominal.place(joint, role) else {
             continue;
         };
