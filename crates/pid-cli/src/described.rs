@@ -5,7 +5,7 @@ use std::path::Path;
 
 use pid_data::Dataset;
 use pid_diagnose::with_effects::gain_name;
-use pid_interpret::nominal::{Effect, Nominal, Servo};
+use pid_interpret::nominal::{Effect, Gain, Nominal, Servo, ServoGain};
 use pid_runtime::dynamics::ParamInfo;
 
 use crate::args::source::Source;
@@ -87,9 +87,11 @@ fn fitted_loops(nominal: &Nominal, value: &dyn Fn(&str) -> Option<f64>) -> Vec<O
     joints
         .map(|(j, joint)| {
             let mut servo = nominal.servo(j)?.clone();
-            for &gain in servo.law.gains() {
-                let own = &mut servo.gains[gain as usize];
-                own.value = value(&gain_name(gain, &joint.name)).or(own.value);
+            let gains: Vec<Gain> = servo.gains().collect();
+            for gain in gains {
+                if let Some(found) = value(&gain_name(gain, &joint.name)) {
+                    servo.set(gain, ServoGain::found(found, servo.gain(gain).half_width));
+                }
             }
             Some(servo)
         })
@@ -242,7 +244,7 @@ mod tests {
         );
         let written = Nominal::read(at.join("fit/identified.toml")).expect("a description");
         let servo = written.servo(0).expect("a loop");
-        assert_eq!(servo.gains[0].value, Some(10.0));
+        assert_eq!(servo.gain(Gain::Kp).value, Some(10.0));
     }
 
     #[test]

@@ -5,11 +5,12 @@ use std::path::Path;
 use pid_data::signal;
 use pid_data::{Dataset, Experiment, InputHold, Role, VelocityKind};
 use pid_interpret::links;
-use pid_interpret::nominal::{Gain, Role as Part};
+use pid_interpret::nominal::Role as Part;
 
 pub use crate::case_error::CaseError;
 use crate::channel;
 use crate::constants::{Constant, Constants};
+use crate::drives::{Gains, slopes};
 use crate::effect::Unit;
 use crate::hypothesis::{Hypothesis, Run};
 use crate::known::Known;
@@ -505,8 +506,13 @@ impl Case {
     /// Torque or force per unit of the recorded input of a joint: of its target where the drive has a
     /// position loop.
     pub fn force_per_input(&self, joint: usize) -> f64 {
-        let kp = self.nominal.place(joint, Part::Servo(Gain::Kp));
-        self.nominal.gain(joint) * kp.map_or(1.0, |i| self.nominal.values[i].nominal)
+        let servo = self.nominal.description.servo(joint);
+        let per_input = servo.map_or(1.0, |servo| {
+            let value = |i: usize| self.nominal.values[i].nominal;
+            let place = |gain| self.nominal.place(joint, Part::Servo(gain));
+            slopes(servo.law, &Gains::of(|gain| place(gain).map_or(0.0, value)))[0]
+        });
+        self.nominal.gain(joint) * per_input
     }
 
     /// Size of a unit at a joint, in SI.

@@ -3,9 +3,9 @@
 //! Nothing here is computed. [`Diagnosis`] is the form of `diagnosis.json`; the search fills it
 //! once, from its evidence.
 
-use pid_page::number;
 use serde::{Deserialize, Serialize};
 
+pub use crate::beyond::Beyond;
 use crate::channel::Reading;
 use crate::effect::Class;
 use crate::free::Form;
@@ -35,6 +35,11 @@ pub enum Verdict {
         /// The first joint concerned, from 1.
         joint: usize,
     },
+    /// Only the stated gains of a position loop are wrong, beyond their tolerance. Word: `servo_gain`.
+    ServoGain {
+        /// The first joint concerned, from 1.
+        joint: usize,
+    },
     /// Several effects together explain most of what the gap has beyond its floor, and none of them
     /// leads by itself; all stand in [`Diagnosis::effects`], the largest first. Word: `several`.
     Several,
@@ -47,6 +52,8 @@ impl Verdict {
     pub const NOTHING: &'static str = "none";
     /// Word of [`Verdict::OutsideTolerance`].
     pub const FRICTION: &'static str = "friction";
+    /// Word of [`Verdict::ServoGain`].
+    pub const SERVO_GAIN: &'static str = "servo_gain";
     /// Word of [`Verdict::Several`].
     pub const SEVERAL: &'static str = "several";
     /// Word of [`Verdict::Unknown`].
@@ -58,6 +65,7 @@ impl Verdict {
             Verdict::Nothing => Self::NOTHING,
             Verdict::Effect { id, .. } => id,
             Verdict::OutsideTolerance { .. } => Self::FRICTION,
+            Verdict::ServoGain { .. } => Self::SERVO_GAIN,
             Verdict::Several => Self::SEVERAL,
             Verdict::Unknown => Self::UNKNOWN,
         }
@@ -67,9 +75,17 @@ impl Verdict {
     pub fn joint(&self) -> Option<usize> {
         match self {
             Verdict::Effect { joint, .. } => *joint,
-            Verdict::OutsideTolerance { joint } => Some(*joint),
+            Verdict::OutsideTolerance { joint } | Verdict::ServoGain { joint } => Some(*joint),
             Verdict::Nothing | Verdict::Several | Verdict::Unknown => None,
         }
+    }
+
+    /// Whether values that are stated, and no effect, are what is wrong.
+    pub fn is_outside_tolerance(&self) -> bool {
+        matches!(
+            self,
+            Verdict::OutsideTolerance { .. } | Verdict::ServoGain { .. }
+        )
     }
 }
 
@@ -79,7 +95,7 @@ pub enum Outcome {
     /// Nothing is missing.
     #[serde(rename = "none")]
     Nothing,
-    /// One effect, or friction outside its tolerance.
+    /// One effect, or friction or gains of loops outside their tolerance.
     #[serde(rename = "one cause")]
     OneCause,
     /// Several effects together.
@@ -102,7 +118,9 @@ impl Outcome {
             Verdict::Unknown => Outcome::PartlyUnknown,
             Verdict::Several => Outcome::Several,
             Verdict::Effect { .. } if effects > 1 => Outcome::Several,
-            Verdict::Effect { .. } | Verdict::OutsideTolerance { .. } => Outcome::OneCause,
+            Verdict::Effect { .. }
+            | Verdict::OutsideTolerance { .. }
+            | Verdict::ServoGain { .. } => Outcome::OneCause,
         }
     }
 
@@ -141,6 +159,7 @@ impl From<Words> for Verdict {
             (Self::SEVERAL, _) => Verdict::Several,
             (Self::UNKNOWN, _) => Verdict::Unknown,
             (Self::FRICTION, Some(joint)) => Verdict::OutsideTolerance { joint },
+            (Self::SERVO_GAIN, Some(joint)) => Verdict::ServoGain { joint },
             _ => Verdict::Effect { id: effect, joint },
         }
     }
@@ -309,43 +328,6 @@ pub struct Earned {
 
 fn counted() -> bool {
     true
-}
-
-/// A nominal value outside its stated tolerance.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Beyond {
-    /// Name, as [`role_name`](crate::nominal::role_name) gives it.
-    pub parameter: String,
-    /// Joint from 1.
-    pub joint: usize,
-    /// Unit of the values.
-    pub unit: String,
-    /// As stated.
-    pub stated: f64,
-    /// Its tolerance.
-    pub tolerance: f64,
-    /// As found.
-    pub value: f64,
-    /// Standard deviation; `None` if the records do not determine it.
-    pub std: Option<f64>,
-}
-
-impl Beyond {
-    /// In words: which value, as found and as stated.
-    pub fn words(&self) -> String {
-        let value = match self.std {
-            Some(std) => number::plus_minus(self.value, std),
-            None => number::value(self.value),
-        };
-        format!(
-            "{} friction of joint {} {value} {} (stated {} ± {})",
-            self.parameter,
-            self.joint,
-            number::unit(&self.unit),
-            number::value(self.stated),
-            number::value(self.tolerance)
-        )
-    }
 }
 
 /// A cause without a name.
@@ -583,6 +565,10 @@ mod tests {
             (
                 Verdict::OutsideTolerance { joint: 2 },
                 r#"{"effect":"friction","joint":2}"#,
+            ),
+            (
+                Verdict::ServoGain { joint: 2 },
+                r#"{"effect":"servo_gain","joint":2}"#,
             ),
             (effect(None), r#"{"effect":"payload","joint":null}"#),
             (effect(Some(1)), r#"{"effect":"payload","joint":1}"#),

@@ -59,6 +59,7 @@
 
 #[cfg(test)]
 mod bench;
+mod beyond;
 pub mod case;
 mod case_error;
 mod ceilings;

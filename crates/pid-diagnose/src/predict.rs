@@ -6,10 +6,9 @@
 
 use std::ops::ControlFlow;
 
-use pid_interpret::nominal::Gain as ServoGain;
-
 use crate::case::{Case, Record, Velocity};
 use crate::constants::{Constant, Constants};
+use crate::drives::{Gains, slopes};
 use crate::effect::{Commands, Pick, tell_others};
 use crate::hypothesis::Hypothesis;
 use crate::nominal::{EncoderSide, Nominal};
@@ -47,10 +46,12 @@ impl Substeps {
         Self::within(h, LONGEST_STEP, geared, refined)
     }
 
-    /// The same for a robot of a description: a drive that reads at a rate of its own does so at the
-    /// start of a substep, as far as its rate and that of the record allow.
+    /// The same for a robot of a description: a drive that reads, or takes targets, at a rate of its own does
+    /// so at the start of a substep, as far as its rate and that of the record allow.
     pub fn of(nominal: &Nominal, h: f64, geared: bool, refined: usize) -> Self {
-        let rates = (0..nominal.n()).filter_map(|j| nominal.description.servo(j)?.rate_hz);
+        let loops = (0..nominal.n()).filter_map(|j| nominal.description.servo(j));
+        let rates = loops.flat_map(|servo| [servo.rate_hz, servo.shaping.rate_hz]);
+        let rates = rates.flatten();
         let longest = rates.fold(LONGEST_STEP, |longest, rate| {
             let period = rate.recip();
             match period > LONGEST_STEP {
@@ -103,16 +104,17 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
                     case.nominal.encoder_side == EncoderSide::Joint,
                 )
             });
-            let servo = |of| {
+            let servo = case.nominal.description.servo(j).map_or([0.0; 2], |servo| {
                 let constant = |which| machine.constants.get(which);
-                constant(Constant::Gain(j)) * constant(Constant::Servo(of, j))
-            };
+                let k = Gains::of(|gain| constant(Constant::Servo(gain, j)));
+                slopes(servo.law, &k).map(|slope| constant(Constant::Gain(j)) * slope)
+            });
             gain(&Design {
                 h,
                 inertia: if gear.is_some() { rotor } else { all },
                 viscous: machine.constants.get(Constant::Viscous(j)).max(0.0),
                 gear,
-                servo: (servo(ServoGain::Kp), servo(ServoGain::Kd)),
+                servo: (servo[0], servo[1]),
                 torque: noise.torque,
                 passed: noise.passed,
                 q: noise.q,

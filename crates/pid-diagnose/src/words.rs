@@ -30,7 +30,10 @@ fn own_law(d: &Diagnosis) -> Option<String> {
 /// A cause with its joint and its magnitudes: `the drive acts later at joint 2 (input_delay): delay 14 ± 1 ms`.
 fn described(e: &Named) -> String {
     let title = by_id(&e.effect).map(|effect| effect.info().title);
-    let title = title.unwrap_or("Friction is outside its stated tolerance");
+    let title = title.unwrap_or(match e.effect.as_str() {
+        Verdict::SERVO_GAIN => "The drive has other gains than stated",
+        _ => "Friction is outside its stated tolerance",
+    });
     let (first, rest) = title.split_at(1);
     let first = first.to_lowercase();
     let joint = e.joint.map_or(String::new(), |j| format!(" at joint {j}"));
@@ -44,6 +47,9 @@ pub fn headline(d: &Diagnosis) -> String {
         Outcome::Nothing => "Nothing is missing beyond parameters within their tolerances.",
         Outcome::OneCause if matches!(d.verdict, Verdict::OutsideTolerance { .. }) => {
             "No effect is missing, but friction lies outside its stated tolerance."
+        }
+        Outcome::OneCause if matches!(d.verdict, Verdict::ServoGain { .. }) => {
+            "No effect is missing, but a drive has other gains than stated."
         }
         Outcome::OneCause => "One cause explains the gap.",
         Outcome::Several => "Several causes together explain the gap.",

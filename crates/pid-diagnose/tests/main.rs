@@ -5,6 +5,7 @@
 mod common;
 mod declared;
 mod drawn;
+mod drive_laws;
 mod effects;
 mod extended;
 mod next;

@@ -27,7 +27,7 @@ pub enum Constant {
     Coulomb(usize),
     /// Viscous friction of a coordinate, N·m·s/rad or N·s/m.
     Viscous(usize),
-    /// A gain of the position loop of a coordinate, in the unit of its input per rad, rad/s or rad·s; m likewise.
+    /// A gain, share or time of the position loop of a coordinate, in its unit.
     Servo(servo::Gain, usize),
 }
 
@@ -42,8 +42,8 @@ pub struct Constants<'n, D> {
     gain: Vec<D>,
     coulomb: Vec<D>,
     viscous: Vec<D>,
-    /// kp, kd, ki; empty where no drive has a position loop.
-    servo: [Vec<D>; 3],
+    /// In the order of [`servo::Gain::ALL`]; empty where no drive has a position loop.
+    servo: [Vec<D>; servo::Gain::ALL.len()],
 }
 
 impl<'n, D: Scalar + Element> Constants<'n, D> {
@@ -71,6 +71,14 @@ impl<'n, D: Scalar + Element> Constants<'n, D> {
             }),
             p,
         }
+    }
+
+    /// Mass matrix and bias of the robot that the feed-forward of the drives knows: what is stated, or what
+    /// is stated of the drives.
+    pub fn known_to_drives(nominal: &Nominal) -> (links::Work<D>, Vec<f64>) {
+        let (p, gains) = nominal.known_to_drives::<D>();
+        let links = nominal.links.constants(&p);
+        (nominal.links.prepare(&p, &links), gains)
     }
 
     /// Everything of mass matrix and bias that depends on constants alone.

@@ -255,16 +255,20 @@ impl Nominal {
         }
     }
 
-    /// The position loops with the gains at deviations, half widths kept.
+    /// The position loops with the gains at deviations; half widths are those stated, of unknown gains those
+    /// that they started with.
     pub fn servos(&self, theta: &[f64]) -> Vec<Option<description::Servo>> {
         let of = |joint: usize| {
             let mut servo = self.description.servo(joint)?.clone();
-            for &gain in servo.law.gains() {
+            let gains: Vec<Gain> = servo.gains().collect();
+            for gain in gains {
                 if let Some(place) = self.place(joint, Role::Servo(gain)) {
-                    servo.gains[gain as usize] = ServoGain {
-                        value: Some(self.value(place, theta)),
-                        half_width: self.values[place].half_width,
+                    let (value, stated) = (self.value(place, theta), servo.gain(gain));
+                    let half_width = match stated.value {
+                        Some(_) => stated.half_width,
+                        None => self.values[place].half_width,
                     };
+                    servo.set(gain, ServoGain::found(value, half_width));
                 }
             }
             Some(servo)
@@ -273,6 +277,28 @@ impl Nominal {
             true => (0..self.n()).map(of).collect(),
             false => Vec::new(),
         }
+    }
+
+    /// Parameters of the robot that the feed-forward of the drives knows, and the torque or force per unit
+    /// of the input that it counts with, joint by joint.
+    pub fn known_to_drives<D: Scalar>(&self) -> (Vec<D>, Vec<f64>) {
+        let mut p: Vec<D> = self.parameters(&vec![D::nil(); self.size()]);
+        let stated = self.description.tolerances();
+        let mut gains = vec![1.0; self.n()];
+        for (i, t) in stated.iter().enumerate() {
+            let Some(j) = t.joint.filter(|j| *j < gains.len()) else {
+                continue;
+            };
+            let known = self.description.drive_model(j);
+            let of = |known: Option<f64>| known.unwrap_or(t.nominal);
+            match t.role {
+                Role::Mass => p[i] = D::constant(of(known.map(|k| k.mass))),
+                Role::CenterOfMass(k) => p[i] = D::constant(of(known.map(|own| own.com[k]))),
+                Role::Gain => gains[j] = of(known.map(|k| k.motor_gain)),
+                _ => {}
+            }
+        }
+        (p, gains)
     }
 
     /// Value of the parameter at a place.
@@ -330,7 +356,7 @@ impl Nominal {
 /// [`Nominal::begin_servo`] says where to start.
 fn servo_gains(description: &description::Nominal, joints: usize) -> Vec<Value> {
     let loops = (0..joints).filter_map(|j| Some((j, description.servo(j)?)));
-    let all = loops.flat_map(|(j, servo)| servo.law.gains().iter().map(move |&g| (j, servo, g)));
+    let all = loops.flat_map(|(j, servo)| servo.gains().map(move |g| (j, servo, g)));
     all.map(|(joint, servo, gain)| Value {
         joint: Some(joint),
         role: Role::Servo(gain),

@@ -2,7 +2,7 @@
 
 use pid_interpret::Model;
 use pid_interpret::nominal::{
-    Channel, EncoderSide, Gain, Nominal, Ranges, Role, ServoLaw, Velocity,
+    Channel, EncoderSide, Gain, Nominal, Ranges, Role, Servo, ServoLaw, Velocity,
 };
 use pid_runtime::dynamics::{At, Dynamics};
 
@@ -328,6 +328,69 @@ fn with_drive(lines: &str) -> Result<Nominal, String> {
     Nominal::parse("nominal.toml", &text).map_err(|e| e.to_string())
 }
 
+/// The loop of the first joint, wherever it stands.
+fn loops(n: &Nominal) -> Option<Servo> {
+    let mut servo = n.servo(0)?.clone();
+    servo.place = None;
+    Some(servo)
+}
+
+#[test]
+fn stages_of_position_loops_are_read_and_written() {
+    let lines = "law = \"cascade\"\nkp = 12.0\nkv = { value = 1.1, tolerance_rel = 0.2 }\nki = { unknown = true }\n\
+                 gravity = { value = 0.9, tolerance = 0.9 }\nvelocity_limit = 3.0\nvelocity_filter_s = 0.01\ndead_band = 0.02\n\
+                 target_step = 0.001\ntarget_rate_hz = 50.0\ntarget_speed = 2.0\ntarget_filter_s = { unknown = true }\n";
+    let own = TEXT.replacen(
+        "[[joint]]\nname = \"slide\"",
+        &format!("[joint.drive]\n{lines}[[joint]]\nname = \"slide\""),
+        1,
+    );
+    let nominal = parse(&own);
+    let servo = nominal.servo(0).unwrap();
+    assert_eq!(servo.law, ServoLaw::Cascade);
+    let of = |gain| (servo.gain(gain).value, servo.gain(gain).half_width);
+    assert_eq!(of(Gain::Kp), (Some(12.0), 0.0));
+    assert_eq!(of(Gain::Kv).0, Some(1.1));
+    assert!((of(Gain::Kv).1 - 0.22).abs() < 1e-15);
+    assert_eq!(of(Gain::Gravity), (Some(0.9), 0.9));
+    assert_eq!(of(Gain::VelocityTime), (Some(0.01), 0.0));
+    assert!(servo.has(Gain::TargetTime) && of(Gain::TargetTime).0.is_none());
+    assert!(!servo.has(Gain::Kd));
+    assert_eq!(
+        (servo.velocity_limit, servo.dead_band),
+        (Some(3.0), Some(0.02))
+    );
+    let shaping = &servo.shaping;
+    assert_eq!(
+        (shaping.step, shaping.rate_hz, shaping.speed),
+        (Some(0.001), Some(50.0), Some(2.0))
+    );
+    let units = [
+        Gain::Kp,
+        Gain::Kv,
+        Gain::Ki,
+        Gain::Gravity,
+        Gain::TargetTime,
+    ];
+    let units = units.map(|gain| servo.unit(gain, "A", "rad"));
+    assert_eq!(units, ["1/s", "A*s/rad", "A/rad", "1", "s"]);
+    assert_eq!(servo.beyond_equations(), Some("velocity_limit"));
+    let again = parse(&nominal.to_toml().unwrap());
+    assert_eq!(loops(&again), loops(&nominal));
+    assert!(again.drive_model(0).is_none());
+    // Other values of the robot are none of its drives.
+    let mut values: Vec<f64> = nominal.tolerances().iter().map(|t| t.nominal).collect();
+    let mass = |n: &Nominal| n.tolerances()[0].nominal;
+    assert_eq!(nominal.tolerances()[0].role, Role::Mass);
+    values[0] *= 2.0;
+    let heavier = nominal.extended(&values, Vec::new(), None);
+    let again = parse(&heavier.to_toml().unwrap());
+    assert_eq!(mass(&again), 2.0 * mass(&nominal));
+    let known = again.drive_model(0).unwrap();
+    assert_eq!(known.mass, mass(&nominal));
+    assert_eq!(Some(known), heavier.drive_model(0));
+}
+
 #[test]
 fn position_loops_are_read_and_written() {
     let swing = "[joint.drive]\nlaw = \"pid\"\nkp = { value = 40.0, tolerance_rel = 0.3 }\nkd = { unknown = true }\n\
@@ -350,11 +413,7 @@ fn position_loops_are_read_and_written() {
         (Some(6.0), Some(1.5), Some(500.0))
     );
     let again = parse(&nominal.to_toml().unwrap());
-    let of_both = |n: &Nominal| {
-        n.servo(0)
-            .map(|s| (s.law, s.gains, s.limit, s.integral_limit, s.rate_hz))
-    };
-    assert_eq!(of_both(&again), of_both(&nominal));
+    assert_eq!(loops(&again), loops(&nominal));
     assert!(again.servo(1).is_none());
     // Robots without one are as they were.
     assert!(!parse(TEXT).has_servos() && !parse(TEXT).to_toml().unwrap().contains("drive"));
@@ -399,7 +458,7 @@ fn mistakes_of_position_loops_are_named() {
         ),
         (
             "law = \"servo\"\nkp = 3.0",
-            "write one of \"p\", \"pd\", \"pid\", \"none\"",
+            "write one of \"p\", \"pd\", \"pid\", \"cascade\", \"none\"",
         ),
         ("law = \"p\"\nkp = 3.0\nlimit = 0.0", "`limit` is 0"),
         (
@@ -407,6 +466,56 @@ fn mistakes_of_position_loops_are_named() {
             "`integral_limit` is stated",
         ),
         ("law = \"p\"\nkp = 3.0\nrate_hz = -5.0", "`rate_hz` is -5"),
+        (
+            "law = \"cascade\"\nkp = -3.0\nkv = 1.0\nki = 0.0",
+            "`kp` is -3\n  help: the velocity that a cascade asks for per error is positive",
+        ),
+        (
+            "law = \"cascade\"\nkp = 3.0\nkv = -1.0\nki = 0.0",
+            "`kv` is -1\n  help: a loop holds its joint only with a gain that is positive, as `motor_gain` is",
+        ),
+        ("law = \"cascade\"\nkp = 3.0\nki = 0.0", "`kv` is absent"),
+        ("law = \"p\"\nkp = 3.0\nkv = 1.0", "`kv` is stated"),
+        (
+            "law = \"p\"\nkp = 3.0\nvelocity_limit = 1.0",
+            "`velocity_limit` is stated\n  help: only the law \"cascade\"",
+        ),
+        (
+            "law = \"p\"\nkp = 3.0\nvelocity_filter_s = 0.1",
+            "`velocity_filter_s` is stated\n  help: the law \"p\" does not use the velocity",
+        ),
+        (
+            "law = \"pd\"\nkp = 3.0\nkd = 1.0\nvelocity_filter_s = -0.1",
+            "`velocity_filter_s` is -0.1\n  help: give a time constant above zero",
+        ),
+        (
+            "law = \"p\"\nkp = 3.0\ntarget_filter_s = { value = 0.1, tolerance = 0.1 }",
+            "`target_filter_s` is 0.1 ± 0.1",
+        ),
+        (
+            "law = \"p\"\nkp = 3.0\ntarget_filter_s = 0.0",
+            "`target_filter_s` is 0",
+        ),
+        (
+            "law = \"p\"\nkp = 3.0\ngravity = -1.0",
+            "`gravity` is -1\n  help: give the share of gravity",
+        ),
+        (
+            "law = \"p\"\nkp = 3.0\ntarget_speed = 0.0",
+            "`target_speed` is 0",
+        ),
+        (
+            "law = \"p\"\nkp = 3.0\ntarget_step = -0.1",
+            "`target_step` is -0.1",
+        ),
+        (
+            "law = \"p\"\nkp = 3.0\ntarget_rate_hz = 0.0",
+            "`target_rate_hz` is 0",
+        ),
+        (
+            "law = \"p\"\nkp = 3.0\ndead_band = nan",
+            "`dead_band` is NaN",
+        ),
     ] {
         let error = with_drive(lines).expect_err(lines);
         assert!(error.contains(message), "{lines}: {error}");

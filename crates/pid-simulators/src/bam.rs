@@ -141,5 +141,8 @@ fn list(machine: &Machine) -> String {
             );
         }
     }
+    for line in &machine.mended {
+        let _ = writeln!(out, "\n{line}");
+    }
     out
 }

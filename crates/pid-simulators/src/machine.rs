@@ -73,7 +73,7 @@ pub(crate) struct Machine {
     pub(crate) tool: Option<(usize, [f64; 3])>,
     /// Side of the encoders.
     pub(crate) encoder_side: EncoderSide,
-    /// What was changed so that a simulator takes it, one sentence each.
+    /// What was changed so that a simulator takes it, and position loops, which no file has: one sentence each.
     pub(crate) mended: Vec<String>,
 }
 
@@ -122,7 +122,36 @@ impl Machine {
         };
         machine.check()?;
         machine.mend();
+        machine.leave_loops_out(nominal);
         Ok(machine)
+    }
+
+    /// Says that the inputs of the files are those of the motors where a drive follows targets.
+    fn leave_loops_out(&mut self, nominal: &description::Nominal) {
+        for c in 0..self.drives.len() {
+            let Some(servo) = nominal.servo(c) else {
+                continue;
+            };
+            let late = self.effects.iter().filter(|e| {
+                let effect = &*e.term.effect;
+                e.term.joint == c && effect.before_drive()
+            });
+            let late: Vec<&str> = late.map(Named::id).collect();
+            let acts = match late.is_empty() {
+                true => String::new(),
+                false => format!(
+                    "; {} acts on the target there, on that input here",
+                    late.join(", ")
+                ),
+            };
+            let line = format!(
+                "Joint `{}`: its drive follows targets by a position loop of law \"{}\", which no file has. The input of the files is that of the motor behind the loop, in {}: close the loop in code of yours{acts}.",
+                self.joint(c),
+                servo.law.word(),
+                self.drives[c].unit,
+            );
+            self.mended.push(line);
+        }
     }
 
     /// Size of gravity, m/s².

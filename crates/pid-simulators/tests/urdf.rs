@@ -74,3 +74,29 @@ fn what_urdf_cannot_say_is_listed() {
         assert!(list.contains(line), "{line}\n{list}");
     }
 }
+
+/// No file has a position loop: each list says so, and what acts on a target elsewhere than here.
+#[test]
+fn position_loops_are_told_to_be_left_out() {
+    let delay = effect("input_delay", Some("j2"), &[("delay", 0.01)]);
+    let loops = "[drive]\nlaw = \"pd\"\nkp = 40.0\nkd = 1.0\n";
+    let nominal = described(&(delay + loops));
+    for target in [
+        Target::Mujoco,
+        Target::Urdf,
+        Target::IsaacLab,
+        Target::Newton,
+        Target::Bam,
+    ] {
+        let files = export(&nominal, target, &Options::default()).unwrap_or_else(|e| panic!("{e}"));
+        let list = files.iter().find(|f| f.name == "not_expressed.md");
+        let list = &list.unwrap_or_else(|| panic!("no list")).text;
+        for line in [
+            "Joint `j1`: its drive follows targets by a position loop of law \"pd\", which no file has.",
+            "close the loop in code of yours.",
+            "code of yours; input_delay acts on the target there, on that input here.",
+        ] {
+            assert!(list.contains(line), "{target:?}: {line}\n{list}");
+        }
+    }
+}

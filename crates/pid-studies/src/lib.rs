@@ -18,6 +18,7 @@ pub mod paper;
 pub mod robot_files;
 pub mod scaling;
 pub mod seed_study;
+pub mod servo;
 pub mod shooting_study;
 pub mod untidy;
 pub mod withheld;

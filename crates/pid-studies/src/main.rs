@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use pid_studies::{
     Failure, build_budget, constrained, coverage, dynamics_speed, faults, fleet, hock_schittkowski,
-    net, paper, robot_files, scaling, seed_study, shooting_study, untidy, withheld,
+    net, paper, robot_files, scaling, seed_study, servo, shooting_study, untidy, withheld,
 };
 
 /// Studies of the project; none is needed to use it.
@@ -23,6 +23,8 @@ enum Command {
     Withheld(withheld::WithheldArgs),
     /// Measure the diagnosis on drawn cases with several effects and untidy records.
     Untidy(untidy::UntidyArgs),
+    /// Measure the diagnosis on drawn cases behind position loops, with targets and positions alone.
+    Servo(servo::ServoArgs),
     /// Measure what the statistics of the diagnosis are where nothing is missing.
     Null(Words),
     /// Reproduce the study of the paper on the idealised two-link robot: tables, figures, and its
@@ -72,6 +74,7 @@ fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Withheld(args) => withheld::run(&args),
         Command::Untidy(args) => untidy::run(&args),
+        Command::Servo(args) => servo::run(&args),
         Command::Null(args) => done(withheld::null::run(&args.words)),
         Command::Paper(args) => paper::run(&args),
         Command::Coverage(args) => coverage::run(&args),

@@ -218,6 +218,7 @@ impl DrawnFleet {
             causes: &causes,
             velocity: "absent",
             mess: &Mess::default(),
+            loops: None,
         };
         // Nothing untidy is drawn.
         let mut none = random.clone();
@@ -229,7 +230,7 @@ impl DrawnFleet {
             &mut random,
             &mut none,
         );
-        (day, rows_text(&run.rows, "absent"))
+        (day, rows_text(&run.rows, "absent", "u"))
     }
 
     /// Deviations of a healthy unit in tolerances.

@@ -4,7 +4,8 @@
 //! The physics is written here a second time and shares nothing with the mechanics by which records
 //! are judged: rigid bodies ([`linkage`]), integration (symplectic Euler at 0.1 ms), friction
 //! (impulses), gears, channels and every cause. [`Plan`] draws one cause on clean records,
-//! [`UntidyPlan`] several on untidy ones, with the share that each has of the gap. A test of
+//! [`UntidyPlan`] several on untidy ones, with the share that each has of the gap, [`ServoPlan`] one behind
+//! position loops. A test of
 //! `pid-diagnose` holds both mechanics against each other. A case is
 //! `cases/ID/{dataset.toml, nominal.toml, *.csv}`, its cause `truth/ID.json`. What is there already is
 //! not made again. [`fleet`] draws logs of many units of one arm.
@@ -25,6 +26,7 @@ mod replay;
 pub mod rigid;
 mod robot;
 mod sensors;
+mod servo;
 mod text;
 mod untidy;
 mod world;
@@ -37,6 +39,7 @@ pub use causes::{Cause, Kind};
 pub use mess::{Current, Mess};
 pub use plan::{Drawing, Plan, Truth};
 pub use replay::{Gaps, Part};
+pub use servo::{Law, Loop, ServoPlan, ServoTruth, Stated};
 pub use untidy::{Recording, UntidyPlan, UntidyTruth};
 
 /// File names and contents.

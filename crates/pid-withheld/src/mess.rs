@@ -155,6 +155,7 @@ mod tests {
                 causes: &[],
                 velocity: "measured",
                 mess,
+                loops: None,
             };
             let stream = |seed| ChaCha8Rng::seed_from_u64(seed);
             let (mut tidy, mut rest) = (stream(1), stream(2));
@@ -189,7 +190,7 @@ mod tests {
         assert_eq!(tidy.len() - rows_lost.len(), 25);
         mess.cells = true;
         let (cells_lost, _) = rows(&mess);
-        let text = text(&cells_lost, "measured");
+        let text = text(&cells_lost, "measured", "u");
         let empty = text.lines().flat_map(|line| line.split(','));
         assert_eq!(empty.filter(|cell| cell.is_empty()).count(), 75);
     }

@@ -54,12 +54,12 @@ pub struct Truth {
 }
 
 /// A case before its records.
-struct Drawn {
-    truth: Truth,
-    robot: Robot,
-    nominal: Nominal,
+pub(crate) struct Drawn {
+    pub(crate) truth: Truth,
+    pub(crate) robot: Robot,
+    pub(crate) nominal: Nominal,
     /// Deviations of the true values from the nominal ones, in tolerances.
-    theta: Vec<f64>,
+    pub(crate) theta: Vec<f64>,
 }
 
 impl Plan {
@@ -69,7 +69,7 @@ impl Plan {
     }
 
     /// What is drawn of the `i`-th case before its records, and the numbers that go on from there.
-    fn drawn(&self, i: usize) -> Result<(Drawn, ChaCha8Rng), NominalError> {
+    pub(crate) fn drawn(&self, i: usize) -> Result<(Drawn, ChaCha8Rng), NominalError> {
         let mut random =
             ChaCha8Rng::seed_from_u64(self.seed.wrapping_mul(1_000_003).wrapping_add(i as u64));
         let family = random
@@ -203,12 +203,13 @@ impl Study for Plan {
             causes: &truth.causes,
             velocity,
             mess: &Mess::default(),
+            loops: None,
         };
         // Nothing untidy is drawn.
         let mut none = random.clone();
         for record in records {
             let run = run(&setup, record.motion, samples, &mut random, &mut none);
-            files.push((record.name, rows_text(&run.rows, velocity)));
+            files.push((record.name, rows_text(&run.rows, velocity, "u")));
         }
         Ok((files, truth))
     }

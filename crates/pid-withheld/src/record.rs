@@ -10,9 +10,10 @@ use crate::causes::{Cause, Kind};
 use crate::controller::Controller;
 use crate::mess::{Current, Mess};
 use crate::motion::Motion;
-use crate::plant::Plant;
+use crate::plant::{PER_JOINT, Plant};
 use crate::robot::Robot;
-use crate::sensors::{Colour, Sensors, Track, normal};
+use crate::sensors::{Colour, Sensors, Track, normal, prompt};
+use crate::servo::{Loop, Running};
 use crate::world::{Moment, STEP, World};
 
 /// Time at rest before a record, s.
@@ -35,6 +36,8 @@ pub(crate) struct Setup<'a> {
     pub(crate) velocity: &'a str,
     /// How the records are untidy.
     pub(crate) mess: &'a Mess,
+    /// Position loops inside the drives: the controller sends targets alone.
+    pub(crate) loops: Option<&'a [Loop]>,
 }
 
 /// One sample as it is recorded.
@@ -168,6 +171,40 @@ impl Run {
     }
 }
 
+/// The loops of all joints at work, with what the drives know of the robot.
+struct Loops<'a> {
+    running: Vec<Running<'a>>,
+    model: Plant<f64>,
+}
+
+impl<'a> Loops<'a> {
+    /// At rest at `start`; the record begins after `origin` steps.
+    fn new(setup: &Setup<'a>, start: &[f64], origin: usize) -> Option<Self> {
+        let n = start.len();
+        let model = Plant::new(setup.nominal, &vec![0.0; n * PER_JOINT]);
+        let (_, weight) = setup.plant.mass_and_bias(start, &vec![0.0; n]);
+        let of = |(j, own): (usize, &'a Loop)| {
+            Running::new(own, start[j], weight[j] / setup.plant.gain[j], origin)
+        };
+        let running = setup.loops?.iter().enumerate().map(of).collect();
+        Some(Self { running, model })
+    }
+
+    /// Currents over the next step, in place of the targets.
+    fn act(&mut self, applied: &mut [f64], readings: &[(f64, f64)]) {
+        let n = readings.len();
+        let mut weight = vec![0.0; n];
+        if self.running.iter().any(Running::weighs) {
+            let q: Vec<f64> = readings.iter().map(|r| r.0).collect();
+            let (_, bias) = self.model.mass_and_bias(&q, &vec![0.0; n]);
+            weight = (0..n).map(|j| bias[j] / self.model.gain[j]).collect();
+        }
+        for (j, own) in self.running.iter_mut().enumerate() {
+            applied[j] = own.next(applied[j], readings[j], weight[j]);
+        }
+    }
+}
+
 /// Moves the robot; `window`: rows from one kept moment to the next. Two streams of numbers: for
 /// what is there in a tidy record too, and for the rest.
 pub(crate) fn run(
@@ -190,6 +227,7 @@ pub(crate) fn run(
     let controller = Controller::new(setup, motion, (hold, samples), random);
     let start: Vec<f64> = (0..n).map(|j| controller.target(j, 0)).collect();
     let mut world = World::new(setup.plant.clone(), causes, &start);
+    let mut loops = Loops::new(setup, &start, (hold as f64 * h / STEP).round() as usize);
     let mut sensors = Sensors::new(robot, causes, setup.velocity);
     let mut colour = Colour::new(n, mess.colour, h);
     let mut currents = Currents {
@@ -212,7 +250,10 @@ pub(crate) fn run(
         let (step, at) = run.clock.steps(k);
         let noise = Some((&mut colour, &mut *random));
         let (q, v) = sensors.read(&run.track, at, run.clock.elapsed(k), noise);
-        let u = controller.command(k, &q, &sensors.filtered);
+        let u = match &loops {
+            None => controller.command(k, &q, &sensors.filtered),
+            Some(_) => (0..n).map(|j| controller.target(j, k)).collect(),
+        };
         let mut taken = u.clone();
         run.sent.push(u.clone());
         if let Some(row) = k.checked_sub(hold) {
@@ -236,6 +277,12 @@ pub(crate) fn run(
                 values: &run.taken,
             };
             let mut applied = held.over(causes, from);
+            if let Some(loops) = &mut loops {
+                let readings: Vec<(f64, f64)> = (0..n)
+                    .map(|j| prompt(causes, world.encoder(j), j))
+                    .collect();
+                loops.act(&mut applied, &readings);
+            }
             for (a, e) in applied.iter_mut().zip(&noise) {
                 *a += e;
             }
@@ -250,12 +297,12 @@ pub(crate) fn run(
     run
 }
 
-/// The text of rows; what is lost is an empty cell.
-pub(crate) fn text(rows: &[Row], velocity: &str) -> String {
+/// The text of rows, the inputs under a name; what is lost is an empty cell.
+pub(crate) fn text(rows: &[Row], velocity: &str, input: &str) -> String {
     let n = rows.first().map_or(0, |row| row.q.len());
     let recorded = velocity != "absent";
     let mut text = String::from("t");
-    for (head, some) in [("q", true), ("dq", recorded), ("u", true)] {
+    for (head, some) in [("q", true), ("dq", recorded), (input, true)] {
         for j in 0..n {
             if some {
                 // Writing to a string cannot fail.

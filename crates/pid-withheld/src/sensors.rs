@@ -46,7 +46,11 @@ pub(crate) fn sensed(causes: &[Cause], track: &Track, steps: f64, j: usize) -> (
             _ => None,
         })
         .unwrap_or(0.0);
-    let (mut x, mut w) = track.at(j, steps - delay);
+    prompt(causes, track.at(j, steps - delay), j)
+}
+
+/// The same of a place of the encoder, at once: what the loop of a drive reads.
+pub(crate) fn prompt(causes: &[Cause], (mut x, mut w): (f64, f64), j: usize) -> (f64, f64) {
     for c in causes.iter().filter(|c| c.joint == j) {
         match c.kind {
             Kind::EncoderOffset { offset } => x += offset,

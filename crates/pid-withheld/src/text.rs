@@ -99,3 +99,24 @@ pub(crate) fn dataset(
     }
     s
 }
+
+/// A description with a table for each joint at the end of what is stated of it.
+pub(crate) fn with_loops(nominal: &str, tables: &[String]) -> String {
+    let mut parts = nominal.split("\n[[joint]]\n");
+    let mut out = parts.next().unwrap_or_default().to_owned();
+    for (joint, table) in parts.zip(tables) {
+        let _ = write!(out, "\n[[joint]]\n{joint}{table}");
+    }
+    out
+}
+
+/// The head of records whose inputs are targets.
+pub(crate) fn commanded(dataset: &str) -> String {
+    let hinge = "type = \"revolute\"\ninput = \"current\"\ninput_unit = \"A\"";
+    let slide = hinge.replace("revolute", "prismatic");
+    let target = |kind: &str, unit: &str| {
+        format!("type = \"{kind}\"\ninput = \"position\"\ninput_unit = \"{unit}\"")
+    };
+    let turned = dataset.replace(hinge, &target("revolute", "rad"));
+    turned.replace(&slide, &target("prismatic", "m"))
+}

@@ -140,6 +140,7 @@ impl Drawn {
             causes,
             velocity: &self.velocity,
             mess: &mess,
+            loops: None,
         })
     }
 
@@ -195,7 +196,7 @@ impl Drawn {
         let motion = self.records[k].motion;
         let mut rows = run(setup, motion, self.window(), &mut tidy, &mut rest).rows;
         setup.mess.spoil(setup, &mut rows, &mut rest);
-        rows_text(&rows, setup.velocity)
+        rows_text(&rows, setup.velocity, "u")
     }
 }
 

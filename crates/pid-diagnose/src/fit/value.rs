@@ -5,7 +5,6 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 
 use pid_data::Role;
-use pid_interpret::nominal::ServoLaw;
 use rayon::prelude::*;
 
 use crate::case::{Case, Velocity};
@@ -68,7 +67,7 @@ impl Value {
 pub fn all_gains(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<Vec<Gain>> {
     let integrates = (0..case.n()).any(|j| {
         let servo = case.nominal.description.servo(j);
-        servo.is_some_and(|servo| servo.law == ServoLaw::Pid)
+        servo.is_some_and(|servo| servo.law.integrates())
     });
     case.records
         .par_iter()

@@ -272,13 +272,10 @@ impl Evidence {
                 regime: "the search was stopped before its end".to_owned(),
             };
         }
-        // Nothing is missing; where a tolerance had to be left for that, another level of friction
-        // is the cause.
+        // Nothing is missing; where a tolerance had to be left for that, another gain or another level of
+        // friction is the cause.
         let (verdict, regime) = match self.beyond.first() {
-            Some(b) => (
-                Verdict::OutsideTolerance { joint: b.joint },
-                FRICTION_REGIME,
-            ),
+            Some(b) => (b.verdict(), FRICTION_REGIME),
             None if self.coloured => (
                 Verdict::Nothing,
                 "all records; what is left is no white noise, but free runs do not show it",
@@ -343,7 +340,7 @@ impl Evidence {
             regime,
         } = self.stated();
         let effects = match verdict {
-            Verdict::OutsideTolerance { .. } => friction(&self.beyond),
+            _ if verdict.is_outside_tolerance() => outside(&self.beyond),
             _ => self.effects.clone(),
         };
         let [ceilings, of_the_rest] = around.ceilings;
@@ -386,11 +383,11 @@ impl Evidence {
     }
 }
 
-/// Where another level of friction shows.
+/// Where another level of friction, or another gain, shows.
 const FRICTION_REGIME: &str = "all motion of the joint";
 
-/// One entry per joint whose friction lies outside its tolerance.
-fn friction(beyond: &[Beyond]) -> Vec<Named> {
+/// One entry per joint whose gains or whose friction lie outside their tolerance.
+fn outside(beyond: &[Beyond]) -> Vec<Named> {
     let mut out: Vec<Named> = Vec::new();
     for b in beyond {
         let parameter = Magnitude {
@@ -399,10 +396,13 @@ fn friction(beyond: &[Beyond]) -> Vec<Named> {
             unit: b.unit.clone(),
             std: b.std,
         };
-        match out.iter_mut().find(|n| n.joint == Some(b.joint)) {
+        let verdict = b.verdict();
+        let effect = verdict.word();
+        let mut there = out.iter_mut();
+        match there.find(|n| n.effect == effect && n.joint == Some(b.joint)) {
             Some(n) => n.parameters.push(parameter),
             None => out.push(Named {
-                effect: Verdict::FRICTION.to_owned(),
+                effect: effect.to_owned(),
                 joint: Some(b.joint),
                 parameters: vec![parameter],
                 regime: FRICTION_REGIME.to_owned(),

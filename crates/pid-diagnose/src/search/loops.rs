@@ -1,6 +1,6 @@
 //! What the records say of the gains of position loops, and what they leave open.
 
-use pid_interpret::nominal::{Gain, Role as Part};
+use pid_interpret::nominal::{Gain, Role as Part, Servo};
 
 use super::magnitude::covariances;
 use crate::case::Case;
@@ -34,7 +34,7 @@ pub(super) fn loop_gains(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Loo
         let Some(servo) = case.nominal.description.servo(joint) else {
             continue;
         };
-        for &gain in servo.law.gains() {
+        for gain in servo.gains() {
             let Some(place) = case.nominal.place(joint, Part::Servo(gain)) else {
                 continue;
             };
@@ -66,7 +66,7 @@ pub(super) fn loop_gains(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Loo
             out.push(LoopGain {
                 joint: joint + 1,
                 gain: gain.key().to_owned(),
-                unit: unit(case, joint, gain),
+                unit: unit(case, servo, (joint, gain)),
                 stated: stated.value,
                 tolerance: stated.value.map(|_| stated.half_width),
                 value,
@@ -80,19 +80,14 @@ pub(super) fn loop_gains(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Loo
 }
 
 /// Unit of a gain.
-fn unit(case: &Case, joint: usize, gain: Gain) -> String {
+pub(super) fn unit(case: &Case, servo: &Servo, (joint, gain): (usize, Gain)) -> String {
     let robot = case.nominal.description.robot();
     let input = robot.inputs.get(joint).map_or("1", |input| &input.unit);
-    let position = if case.nominal.joints[joint].revolute {
-        "rad"
-    } else {
-        "m"
+    let position = match case.nominal.joints[joint].revolute {
+        true => "rad",
+        false => "m",
     };
-    match gain {
-        Gain::Kp => format!("{input}/{position}"),
-        Gain::Kd => format!("{input}*s/{position}"),
-        Gain::Ki => format!("{input}/({position}*s)"),
-    }
+    servo.unit(gain, input, position)
 }
 
 /// What moves together with a value that the records leave open: along the regression on it, the

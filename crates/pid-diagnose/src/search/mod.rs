@@ -33,7 +33,7 @@ use std::time::Instant;
 use pid_data::Role;
 
 use crate::case::Case;
-use crate::diagnosis::{Diagnosis, Verdict};
+use crate::diagnosis::Diagnosis;
 use crate::excerpt::{excerpt, restore_tests};
 use crate::fit::{Fit, value};
 use crate::levels::{SHORT, WHOLE};
@@ -71,7 +71,8 @@ enum Whole {
     },
 }
 
-/// Effects within the tolerances; where none explains the records, friction outside its tolerance.
+/// Effects within the tolerances; where none explains the records, gains of position loops outside their
+/// tolerance, then friction.
 fn whole(case: &Case, settings: &Settings) -> Whole {
     let started = Instant::now();
     let select = |case: &Case| {
@@ -82,7 +83,14 @@ fn whole(case: &Case, settings: &Settings) -> Whole {
     if !stated.unexplained || stated.remainder.is_some() || settings.watch.stopped() {
         return Whole::Explained(stated);
     }
-    settings.watch.step("friction outside its tolerance");
+    settings
+        .watch
+        .step("gains and friction outside their tolerance");
+    let gains = tolerance::other_gains(case, settings, &stated).map(|wide| select(&wide));
+    if let Some(mut wider) = gains.filter(|wider| !wider.unexplained) {
+        wider.refits += stated.refits;
+        return Whole::Explained(tolerance::beyond(stated, wider, settings));
+    }
     let wider = tolerance::widened(case, settings, &stated).map(|wide| select(&wide));
     match wider {
         Some(mut wider) if !wider.unexplained => {
@@ -144,9 +152,7 @@ fn explain(case: &Case, settings: &Settings) -> Evidence {
 /// records left; the verdict's regime says so.
 fn with_a_test_record(case: &Case, settings: &Settings, evidence: Evidence) -> Evidence {
     let criteria = &settings.criteria;
-    let named = |e: &Evidence| {
-        !e.effects.is_empty() || matches!(e.verdict(), Verdict::OutsideTolerance { .. })
-    };
+    let named = |e: &Evidence| !e.effects.is_empty() || e.verdict().is_outside_tolerance();
     let explained = |e: &Evidence| named(e) && e.remainder.is_none();
     let followed = !explained(&evidence) && evidence.misfit.1 < criteria.largest_misfit;
     if !followed || evidence.residue.unseen < criteria.unseen {

@@ -15,7 +15,7 @@ use crate::constants::{Constant, Constants};
 use crate::effect::{Gear, Law, Pick};
 use crate::hypothesis::Hypothesis;
 use crate::known::Known;
-use servo::Loop;
+use servo::{Loop, Model};
 
 pub(crate) use servo::Memory;
 
@@ -79,6 +79,8 @@ pub(crate) struct Machine<'h, D: Pick> {
     shaken: bool,
     /// Position loops of the drives.
     loops: Vec<Option<Loop<'h, D>>>,
+    /// What their feed-forward knows of the robot.
+    model: Option<Model<D>>,
     links: links::Work<D>,
     /// Row by row.
     mass: Vec<D>,
@@ -151,6 +153,7 @@ impl<'h, D: Pick> Machine<'h, D> {
         let loops = (0..n)
             .map(|j| Some((nominal.description.servo(j)?, Self::gains_of(&constants, j))))
             .collect();
+        let model = Model::of(&constants);
         Machine {
             constants,
             hypothesis,
@@ -163,6 +166,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             rotors,
             shaken,
             loops,
+            model,
             links,
             mass: vec![zero; n * n],
             bias: vec![zero; n],

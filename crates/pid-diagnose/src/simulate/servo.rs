@@ -1,12 +1,15 @@
 //! Position loops of drives within a substep: from the target to the input of the motor, before
 //! effects between them.
 
+use pid_interpret::links;
+use pid_interpret::nominal::{Gain, Servo};
+
 use super::{Machine, State};
-use crate::constants::Constant;
-use crate::drives::{Gains, Output, Seen, at_rest, integrated, output};
+use crate::constants::{Constant, Constants};
+use crate::drives::target::{Shaped, followed};
+use crate::drives::{Gains, Output, Seen, at_rest, filter, integrated, output};
 use crate::effect::Pick;
 use crate::nominal::EncoderSide;
-use pid_interpret::nominal::{Gain, Servo, ServoLaw};
 
 /// The loop of a joint with its gains.
 pub(super) type Loop<'h, D> = (&'h Servo, Gains<D>);
@@ -20,6 +23,10 @@ pub(crate) struct Memory<D> {
     held: D,
     /// When it reads next, s since the start of what was recorded.
     due: f64,
+    /// What has become of the target.
+    shaped: Shaped<D>,
+    /// The velocity behind its filter.
+    velocity: D,
 }
 
 impl Memory<f64> {
@@ -29,6 +36,8 @@ impl Memory<f64> {
             integral: D::constant(self.integral),
             held: D::constant(self.held),
             due: self.due,
+            shaped: self.shaped.map(D::constant),
+            velocity: D::constant(self.velocity),
         }
     }
 }
@@ -40,25 +49,66 @@ impl<D: Pick> Memory<D> {
             integral: D::nil(),
             held: D::nil(),
             due: f64::NEG_INFINITY,
+            shaped: Shaped::at_rest(D::nil()),
+            velocity: D::nil(),
         }
     }
 }
 
+/// The robot as the feed-forward of the drives knows it.
+pub(super) struct Model<D> {
+    links: links::Work<D>,
+    /// Torque or force per unit of the input, joint by joint.
+    gains: Vec<f64>,
+    /// Where it was evaluated last, and the velocity, which is none.
+    q: Vec<D>,
+    still: Vec<D>,
+    bias: Vec<D>,
+    /// Input that makes up for gravity, joint by joint, where its loop read last.
+    gravity: Vec<D>,
+}
+
+impl<D: Pick> Model<D> {
+    /// Where a drive has a feed-forward.
+    pub(super) fn of(constants: &Constants<'_, D>) -> Option<Self> {
+        let nominal = constants.nominal();
+        let n = nominal.n();
+        let fed = |j| {
+            let servo = nominal.description.servo(j);
+            servo.is_some_and(|servo| servo.has(Gain::Gravity))
+        };
+        if !(0..n).any(fed) {
+            return None;
+        }
+        let (links, gains) = Constants::known_to_drives(nominal);
+        let zero = || vec![D::nil(); n];
+        Some(Model {
+            links,
+            gains,
+            q: zero(),
+            still: zero(),
+            bias: zero(),
+            gravity: zero(),
+        })
+    }
+}
+
+/// Rate of a loop that holds its output over more than a substep of `dt`, as its period.
+fn held(servo: &Servo, dt: f64) -> Option<f64> {
+    let period = servo.rate_hz.map(|rate| 1.0 / rate);
+    period.filter(|period| *period > dt * 1.001)
+}
+
 impl<D: Pick> Machine<'_, D> {
     /// The gains of a loop.
-    pub(super) fn gains_of(constants: &crate::constants::Constants<'_, D>, j: usize) -> Gains<D> {
-        let of = |gain| constants.get(Constant::Servo(gain, j));
-        Gains {
-            kp: of(Gain::Kp),
-            kd: of(Gain::Kd),
-            ki: of(Gain::Ki),
-        }
+    pub(super) fn gains_of(constants: &Constants<'_, D>, j: usize) -> Gains<D> {
+        Gains::of(|gain| constants.get(Constant::Servo(gain, j)))
     }
 
     /// Joints whose loop has an integral.
     pub(crate) fn integrating(&self) -> Vec<usize> {
         let of = |(j, own): (usize, &Option<Loop<'_, D>>)| {
-            own.is_some_and(|(servo, _)| servo.law == ServoLaw::Pid)
+            own.is_some_and(|(servo, _)| servo.law.integrates())
                 .then_some(j)
         };
         self.loops.iter().enumerate().filter_map(of).collect()
@@ -69,77 +119,166 @@ impl<D: Pick> Machine<'_, D> {
         self.gears[j].is_some() && self.constants.nominal().encoder_side == EncoderSide::Joint
     }
 
+    /// Position and velocity that the loop of a joint reads, `ahead` of a state, s.
+    #[inline(always)]
+    fn reading(&self, state: &State<D>, j: usize, ahead: f64) -> (D, D) {
+        let (q, v) = match (self.reads_link(j), ahead == 0.0) {
+            (true, _) => (
+                state.q[j] + state.v[j] * ahead,
+                state.v[j] + state.acceleration[j] * ahead,
+            ),
+            (false, true) => (state.drive_q[j], state.drive_v[j]),
+            // The middle of the substep.
+            (false, false) => (self.site_q[j], self.site_v[j]),
+        };
+        self.sense(j, q, v)
+    }
+
+    /// What the drives' model makes up for at the positions that their loops read over the substep from
+    /// `t`: in its middle, or at its start where a loop reads there and holds its output.
+    #[inline(always)]
+    pub(super) fn feed_forward(&mut self, state: &State<D>, (t, dt): (f64, f64)) {
+        let Some(mut model) = self.model.take() else {
+            return;
+        };
+        for holds in [false, true] {
+            let reads = |j: usize| match self.loops[j] {
+                Some((servo, _)) if servo.has(Gain::Gravity) => {
+                    let period = held(servo, dt);
+                    period.is_some() == holds && (!holds || t >= state.loops[j].due - 1e-3 * dt)
+                }
+                _ => false,
+            };
+            if !(0..self.n()).any(reads) {
+                continue;
+            }
+            let ahead = if holds { 0.0 } else { 0.5 * dt };
+            for j in 0..self.n() {
+                model.q[j] = self.reading(state, j, ahead).0;
+            }
+            self.evaluate_model(&mut model);
+            for j in (0..self.n()).filter(|&j| reads(j)) {
+                model.gravity[j] = model.bias[j] / model.gains[j];
+            }
+        }
+        self.model = Some(model);
+    }
+
+    /// Forces that the drives' model needs to rest at its positions.
+    #[inline(always)]
+    fn evaluate_model(&self, model: &mut Model<D>) {
+        let at = links::At {
+            q: &model.q,
+            v: &model.still,
+            force: None,
+        };
+        let programs = &self.constants.nominal().links;
+        programs.evaluate(&mut model.links, &at, D::sine_cosine, &mut model.bias);
+    }
+
+    /// Input with which the model of the drive of a joint makes up for gravity.
+    fn gravity(&self, j: usize) -> D {
+        self.model
+            .as_ref()
+            .map_or_else(D::nil, |own| own.gravity[j])
+    }
+
+    /// The velocity that a loop uses in place of the one it reads, in the middle and at the end of `dt`, and
+    /// how it moves with that.
+    #[inline(always)]
+    fn filtered(&self, (servo, k): &Loop<'_, D>, w: D, v: D, dt: f64) -> ([D; 2], D) {
+        if !servo.has(Gain::VelocityTime) {
+            return ([v, v], D::constant(1.0));
+        }
+        let middle = filter::kept(k.velocity_time, 0.5 * dt);
+        let end = filter::after(w, v, k.velocity_time, dt);
+        ([v + (w - v) * middle, end], -middle + 1.0)
+    }
+
     /// Output of the loop of joint `j` for a target over the substep from `t`, and the slopes that the
     /// step takes implicitly: none where the loop closes over a gear or holds its output.
     #[inline(always)]
     pub(super) fn answer(
         &self,
         state: &mut State<D>,
-        (j, (servo, k)): (usize, Loop<'_, D>),
-        r: D,
+        (j, own): (usize, Loop<'_, D>),
+        target: D,
         (t, dt): (f64, f64),
     ) -> Output<D> {
-        let (half, link) = (0.5 * dt, self.reads_link(j));
-        let held = servo
-            .rate_hz
-            .map(|rate| 1.0 / rate)
-            .filter(|period| *period > dt * 1.001);
+        let (servo, k) = own;
+        let gravity = self.gravity(j);
+        let memory = state.loops[j];
+        let mut next = memory;
         let none = |u| Output {
             u,
             stiffness: D::nil(),
             damping: D::nil(),
         };
-        if let Some(period) = held {
-            let memory = state.loops[j];
+        if let Some(period) = held(servo, dt) {
             if t < memory.due - 1e-3 * dt {
                 return none(memory.held);
             }
             // It reads at the start of the substep.
-            let (q, v) = match link {
-                true => (state.q[j], state.v[j]),
-                false => (state.drive_q[j], state.drive_v[j]),
-            };
-            let (q, v) = self.sense(j, q, v);
-            let at = Seen { r, q, v };
-            let integral = integrated(servo, &k, &at, (memory.integral, period));
-            let held = output(servo, &k, &at, integral).u;
-            let late = t > memory.due + period || memory.due.is_infinite();
-            state.loops[j] = Memory {
-                integral,
-                held,
-                due: if late { t } else { memory.due } + period,
-            };
-            return none(held);
+            let first = memory.due.is_infinite();
+            let [_, r] = followed(servo, &k, &mut next.shaped, target, (t, period));
+            let (q, v) = self.reading(state, j, 0.0);
+            let before = if first { v } else { memory.velocity };
+            let ([_, v], _) = self.filtered(&own, before, v, period);
+            let at = Seen { r, q, v, gravity };
+            next.velocity = v;
+            next.integral = integrated(servo, &k, &at, (memory.integral, period));
+            next.held = output(servo, &k, &at, next.integral).u;
+            let late = first || t > memory.due + period;
+            next.due = if late { t } else { memory.due } + period;
+            state.loops[j] = next;
+            return none(next.held);
         }
-        let (q, v) = match link {
-            true => (
-                state.q[j] + state.v[j] * half,
-                state.v[j] + state.acceleration[j] * half,
-            ),
-            false => (self.site_q[j], self.site_v[j]),
-        };
-        let (q, v) = self.sense(j, q, v);
-        let at = Seen { r, q, v };
-        let before = state.loops[j].integral;
-        let after = integrated(servo, &k, &at, (before, dt));
-        state.loops[j].integral = after;
-        let out = output(servo, &k, &at, (before + after) * 0.5);
-        if link { none(out.u) } else { out }
+        let [r, _] = followed(servo, &k, &mut next.shaped, target, (t, dt));
+        let (q, v) = self.reading(state, j, 0.5 * dt);
+        let ([v, end], moves) = self.filtered(&own, memory.velocity, v, dt);
+        let at = Seen { r, q, v, gravity };
+        next.velocity = end;
+        next.integral = integrated(servo, &k, &at, (memory.integral, dt));
+        state.loops[j] = next;
+        let out = output(servo, &k, &at, (memory.integral + next.integral) * 0.5);
+        match self.reads_link(j) {
+            true => none(out.u),
+            false => Output {
+                damping: out.damping * moves,
+                ..out
+            },
+        }
     }
 
     /// Output of the loops of all joints as they hold the robot at a state at rest, for targets `r`:
     /// torques without a loop. An integral is where the torque `self.bias` needs it.
-    pub(super) fn hold(&self, state: &mut State<D>, targets: &[f64]) -> Vec<D> {
+    pub(super) fn hold(&mut self, state: &mut State<D>, targets: &[f64]) -> Vec<D> {
+        if let Some(mut model) = self.model.take() {
+            for j in 0..self.n() {
+                model.q[j] = self.reading(state, j, 0.0).0;
+            }
+            self.evaluate_model(&mut model);
+            for j in 0..self.n() {
+                model.gravity[j] = model.bias[j] / model.gains[j];
+            }
+            self.model = Some(model);
+        }
         let of = |j: usize| {
             let r = D::constant(targets[j]);
             let Some((servo, k)) = self.loops[j] else {
                 return r;
             };
-            let (q, v) = self.sense(j, state.drive_q[j], state.drive_v[j]);
-            let at = Seen { r, q, v };
+            let (q, v) = self.reading(state, j, 0.0);
+            let gravity = self.gravity(j);
+            let at = Seen { r, q, v, gravity };
             let needed = self.bias[j] / self.constants.get(Constant::Gain(j));
             let integral = at_rest(servo, &k, &at, needed);
-            state.loops[j].integral = integral;
+            state.loops[j] = Memory {
+                integral,
+                shaped: Shaped::at_rest(r),
+                velocity: v,
+                ..state.loops[j]
+            };
             output(servo, &k, &at, integral).u
         };
         (0..targets.len()).map(of).collect()

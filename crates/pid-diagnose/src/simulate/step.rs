@@ -46,6 +46,7 @@ impl<D: Pick> Machine<'_, D> {
             self.evaluate_links(state, t, length);
         }
         self.place_links(state, dt);
+        self.feed_forward(state, (t, dt));
         self.add_forces(state, t, dt);
         let mut rotor = 0;
         for j in 0..n {

@@ -1,9 +1,10 @@
-//! Laws of the position loop inside a drive: one file per law, over any scalar.
+//! Position loops inside drives: one file per law and per stage, over any scalar.
 //!
 //! Behind such a loop the input of a joint is a target position r, and what acts is
 //!
 //! ```text
-//! target r -> effects on the command -> law on the read position and velocity, within ± limit
+//! target r -> effects on the command -> shaping ([`target`]) -> error less the dead band
+//!          -> law on the read position and the read velocity, filtered -> plus feed-forward, within ± limit
 //!          -> effects between drive and motor -> motor gain -> joint
 //! ```
 //!
@@ -12,34 +13,66 @@
 //! substeps (an IMEX step; U. M. Ascher, S. J. Ruuth, R. J. Spiteri, Applied Numerical Mathematics 25,
 //! 1997).
 
+mod cascade;
+mod dead_band;
+pub mod filter;
+mod integral;
 mod p;
 mod pd;
 mod pid;
+pub mod target;
 
-use pid_interpret::nominal::{Servo, ServoLaw};
+use pid_interpret::nominal::{Gain, Servo, ServoLaw};
+
+pub use integral::{at_rest, growth, integrated};
 
 use crate::scalar::Scalar;
 
 /// Gains of a loop, in the unit of the joint's input.
 #[derive(Debug, Clone, Copy)]
 pub struct Gains<D> {
-    /// Of the error of the position.
+    /// Of the error of the position; in a cascade the velocity per error, 1/s.
     pub kp: D,
     /// Of the velocity.
     pub kd: D,
-    /// Of the integral of the error.
+    /// Of the integral of the error; in a cascade of that of the velocity.
     pub ki: D,
+    /// Of the error of the velocity, in a cascade.
+    pub kv: D,
+    /// Share of the gravity that the drive's model knows.
+    pub gravity: D,
+    /// Time constant of the filter of the target, s.
+    pub target_time: D,
+    /// Time constant of the filter of the velocity, s.
+    pub velocity_time: D,
+}
+
+impl<D> Gains<D> {
+    /// From each of them.
+    pub fn of(mut of: impl FnMut(Gain) -> D) -> Self {
+        Gains {
+            kp: of(Gain::Kp),
+            kd: of(Gain::Kd),
+            ki: of(Gain::Ki),
+            kv: of(Gain::Kv),
+            gravity: of(Gain::Gravity),
+            target_time: of(Gain::TargetTime),
+            velocity_time: of(Gain::VelocityTime),
+        }
+    }
 }
 
 /// What a loop sees, averaged over a substep.
 #[derive(Debug, Clone, Copy)]
 pub struct Seen<D> {
-    /// Target.
+    /// Target, shaped.
     pub r: D,
     /// Position.
     pub q: D,
-    /// Velocity.
+    /// Velocity, filtered.
     pub v: D,
+    /// Input with which the drive's model makes up for gravity.
+    pub gravity: D,
 }
 
 /// Output of a loop.
@@ -53,20 +86,29 @@ pub struct Output<D> {
     pub damping: D,
 }
 
-/// Output of a law without limits; `integral` is the part of its integral, in the unit of the input.
+/// Output of a loop without its limit; `integral` is the part of its integral, in the unit of the input.
 #[inline(always)]
-pub fn unlimited<D: Scalar>(law: ServoLaw, k: &Gains<D>, at: &Seen<D>, integral: D) -> Output<D> {
-    match law {
-        ServoLaw::P => p::output(k, at),
-        ServoLaw::Pd => pd::output(k, at),
-        _ => pid::output(k, at, integral),
+pub fn unlimited<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>, integral: D) -> Output<D> {
+    let (at, open) = dead_band::applied(servo, at);
+    let mut out = match servo.law {
+        ServoLaw::P => p::output(k, &at),
+        ServoLaw::Pd => pd::output(k, &at),
+        ServoLaw::Cascade => cascade::output(servo, k, &at, integral),
+        _ => pid::output(k, &at, integral),
+    };
+    if servo.has(Gain::Gravity) {
+        out.u += k.gravity * at.gravity;
     }
+    if !open {
+        out.stiffness = D::nil();
+    }
+    out
 }
 
 /// Output of a loop; `integral` is the part of its integral, in the unit of the input.
 #[inline(always)]
 pub fn output<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>, integral: D) -> Output<D> {
-    let free = unlimited(servo.law, k, at, integral);
+    let free = unlimited(servo, k, at, integral);
     match servo.limit {
         Some(limit) if free.u.value().abs() > limit => Output {
             u: D::constant(limit * free.u.value().signum()),
@@ -77,55 +119,43 @@ pub fn output<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>, integral: D)
     }
 }
 
-/// The part of the integral after a substep of length `dt`, s. It stops where the output is limited and
-/// the error pushes further (conditional integration: K. J. Åström, L. Rundqwist, ACC 1989).
-#[inline(always)]
-pub fn integrated<D: Scalar>(
-    servo: &Servo,
-    k: &Gains<D>,
-    at: &Seen<D>,
-    (integral, dt): (D, f64),
-) -> D {
-    if servo.law != ServoLaw::Pid {
-        return integral;
+/// By how much the output of a law falls per unit of the position and of the velocity, limits, bands and
+/// filters aside.
+pub fn slopes(law: ServoLaw, k: &Gains<f64>) -> [f64; 2] {
+    match law {
+        ServoLaw::P => [k.kp, 0.0],
+        ServoLaw::Cascade => [k.kp * k.kv, k.kv],
+        _ => [k.kp, k.kd],
     }
-    pid::integrated(servo, k, at, (integral, dt))
-}
-
-/// The part of the integral with which a loop at rest gives an input `u`.
-pub fn at_rest<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>, u: D) -> D {
-    if servo.law != ServoLaw::Pid {
-        return D::nil();
-    }
-    pid::clipped(servo, u - pd::output(k, at).u)
 }
 
 #[cfg(test)]
 mod tests {
     use num_dual::Dual64;
+    use pid_interpret::nominal::Shaping;
 
     use super::*;
 
     fn servo(law: ServoLaw, limit: Option<f64>) -> Servo {
-        Servo {
-            law,
-            gains: Default::default(),
-            limit,
-            integral_limit: Some(1.5),
-            rate_hz: None,
-            place: None,
-        }
+        let mut servo = Servo::new(law);
+        (servo.limit, servo.integral_limit) = (limit, Some(1.5));
+        servo
     }
 
     const AT: Seen<f64> = Seen {
         r: 0.5,
         q: 0.2,
         v: -0.4,
+        gravity: 0.6,
     };
     const K: Gains<f64> = Gains {
         kp: 10.0,
         kd: 2.0,
         ki: 5.0,
+        kv: 1.5,
+        gravity: 0.9,
+        target_time: 0.05,
+        velocity_time: 0.01,
     };
 
     #[test]
@@ -134,28 +164,44 @@ mod tests {
         assert!((of(ServoLaw::P) - 3.0).abs() < 1e-15);
         assert!((of(ServoLaw::Pd) - 3.8).abs() < 1e-15);
         assert!((of(ServoLaw::Pid) - 4.5).abs() < 1e-15);
+        // 1.5 (10 · 0.3 + 0.4) + 0.7.
+        assert!((of(ServoLaw::Cascade) - 5.8).abs() < 1e-15);
         let most = output(&servo(ServoLaw::Pd, Some(1.2)), &K, &AT, 0.0);
         assert_eq!((most.u, most.stiffness, most.damping), (1.2, 0.0, 0.0));
+        // A cascade that asks for 2 rad/s at most: 1.5 (2 + 0.4).
+        let mut slow = servo(ServoLaw::Cascade, None);
+        slow.velocity_limit = Some(2.0);
+        let out = output(&slow, &K, &AT, 0.0);
+        assert!((out.u - 3.6).abs() < 1e-15 && out.stiffness == 0.0 && out.damping == 1.5);
+        // 0.1 rad of the error of 0.3 do not count; 0.9 of the gravity of 0.6 are added.
+        let mut banded = servo(ServoLaw::Pd, None);
+        banded.dead_band = Some(0.1);
+        banded.set(Gain::Gravity, Default::default());
+        assert!((output(&banded, &K, &AT, 0.0).u - (2.0 + 0.8 + 0.54)).abs() < 1e-15);
+        banded.dead_band = Some(0.35);
+        let out = output(&banded, &K, &AT, 0.0);
+        assert!((out.u - (0.8 + 0.54)).abs() < 1e-15 && out.stiffness == 0.0);
     }
 
     #[test]
     fn slopes_are_those_of_the_output() {
-        for law in [ServoLaw::P, ServoLaw::Pd, ServoLaw::Pid] {
+        for law in ServoLaw::ALL {
+            let k = Gains::of(|gain| {
+                let all = [10.0, 2.0, 5.0, 1.5, 0.9, 0.05, 0.01];
+                Dual64::from(all[gain as usize])
+            });
             let lift = Dual64::from;
-            let k = Gains {
-                kp: lift(K.kp),
-                kd: lift(K.kd),
-                ki: lift(K.ki),
-            };
             let at = |q: f64, v: f64| Seen {
                 r: lift(AT.r),
                 q: Dual64::new(AT.q, q),
                 v: Dual64::new(AT.v, v),
+                gravity: lift(AT.gravity),
             };
             let slope = |q, v| output(&servo(law, None), &k, &at(q, v), lift(0.7)).u.eps;
             let own = output(&servo(law, None), &K, &AT, 0.7);
             assert_eq!(slope(1.0, 0.0), -own.stiffness);
             assert_eq!(slope(0.0, 1.0), -own.damping);
+            assert_eq!(slopes(law, &K), [own.stiffness, own.damping]);
         }
     }
 
@@ -165,16 +211,78 @@ mod tests {
         let next = integrated(&free, &K, &AT, (0.1, 0.01));
         assert!((next - (0.1 + 5.0 * 0.3 * 0.01)).abs() < 1e-15);
         assert_eq!(integrated(&free, &K, &AT, (1.499, 0.01)), 1.5);
+        let next = integrated(&servo(ServoLaw::Cascade, None), &K, &AT, (0.1, 0.01));
+        assert!((next - (0.1 + 5.0 * 3.4 * 0.01)).abs() < 1e-15);
         // Limited, and the error pushes further; back it may go.
         let tight = servo(ServoLaw::Pid, Some(2.0));
         assert_eq!(integrated(&tight, &K, &AT, (0.1, 0.01)), 0.1);
         let back = Seen { r: -0.5, ..AT };
         assert!(integrated(&tight, &K, &back, (0.1, 0.01)) > -1.5);
-        let held = at_rest(&free, &K, &AT, 4.3);
-        assert!((output(&free, &K, &AT, held).u - 4.3).abs() < 1e-14);
+        for law in [ServoLaw::Pid, ServoLaw::Cascade] {
+            let mut own = servo(law, None);
+            own.integral_limit = None;
+            let held = at_rest(&own, &K, &AT, 4.3);
+            assert!((output(&own, &K, &AT, held).u - 4.3).abs() < 1e-14);
+        }
         assert_eq!(
             integrated(&servo(ServoLaw::Pd, None), &K, &AT, (0.2, 0.01)),
             0.2
         );
+    }
+
+    /// A ramp of 1 rad/s in steps of 10 ms through a shaping; what is followed at the end of each.
+    fn ramp(shaping: Shaping, filtered: bool) -> Vec<f64> {
+        let mut own = servo(ServoLaw::P, None);
+        own.shaping = shaping;
+        if filtered {
+            own.set(Gain::TargetTime, Default::default());
+        }
+        let mut memory = target::Shaped::at_rest(0.0);
+        let mut at = |i: u32| {
+            let t = 0.01 * f64::from(i);
+            target::followed(&own, &K, &mut memory, t, (t, 0.01))[1]
+        };
+        (0..100).map(&mut at).collect()
+    }
+
+    #[test]
+    fn a_target_is_stepped_held_slowed_and_filtered() {
+        let none = Shaping::default();
+        let close = |x: f64, y: f64| assert!((x - y).abs() < 1e-12, "{x} {y}");
+        let stepped = ramp(
+            Shaping {
+                step: Some(0.1),
+                ..none
+            },
+            false,
+        );
+        close(stepped[14], 0.1);
+        close(stepped[16], 0.2);
+        // Every 40 ms.
+        let held = ramp(
+            Shaping {
+                rate_hz: Some(25.0),
+                ..none
+            },
+            false,
+        );
+        assert_eq!(
+            [held[3], held[4], held[7], held[8]],
+            [0.0, 0.04, 0.04, 0.08]
+        );
+        // At 0.4 rad/s.
+        let slowed = ramp(
+            Shaping {
+                speed: Some(0.4),
+                ..none
+            },
+            false,
+        );
+        close(slowed[99], 0.004 * 99.0);
+        // Behind a filter of 50 ms a ramp lags by 50 ms, less the 5 ms by which a step of it leads.
+        let filtered = ramp(none, true);
+        let kept = (-0.01_f64 / 0.05).exp();
+        close(filtered[1], 0.01 * (1.0 - kept));
+        assert!((filtered[99] - (0.99 - 0.01 * kept / (1.0 - kept))).abs() < 1e-9);
     }
 }

@@ -117,18 +117,16 @@ fn follows(nominal: &description::Nominal, dataset: &Dataset, joint: usize) -> b
     nominal.servo(joint).is_some() && input == Some(InputQuantity::Position)
 }
 
-/// Refuses the limit of an integral.
-fn without_integral_limits(
-    nominal: &description::Nominal,
-    dataset: &Dataset,
-) -> Result<(), EffectError> {
+/// Refuses loops with more than equations of motion hold.
+fn plain_loops(nominal: &description::Nominal, dataset: &Dataset) -> Result<(), EffectError> {
     for (j, joint) in nominal.robot().joints.iter().enumerate() {
         let servo = nominal.servo(j).filter(|_| follows(nominal, dataset, j));
-        if let Some(servo) = servo.filter(|s| s.integral_limit.is_some()) {
+        if let Some((servo, key)) = servo.and_then(|s| Some((s, s.beyond_equations()?))) {
             let place = servo.place.as_ref();
-            return Err(EffectError::IntegralLimit {
+            return Err(EffectError::BeyondEquations {
                 joint: joint.name.clone(),
                 place: place.map_or_else(|| "drive".to_owned(), ToString::to_string),
+                key,
             });
         }
     }
@@ -213,7 +211,7 @@ impl Assembled {
             model = Box::new(with);
         }
         if looped {
-            without_integral_limits(nominal, dataset)?;
+            plain_loops(nominal, dataset)?;
             let servos: Vec<_> = joints.map(|j| nominal.servo(j)).collect();
             let before = model.dims().nq;
             let with = WithLoops::new(model, &servos, dataset);

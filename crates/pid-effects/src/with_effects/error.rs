@@ -34,15 +34,17 @@ pub enum EffectError {
         /// The parameter.
         parameter: String,
     },
-    /// The integral of a loop has a limit of its own, at which equations of motion would have a corner.
+    /// A loop has a part that depends on the motion so far, on other joints, or with a corner.
     #[error(
-        "{place}: joint `{joint}`: equations of motion do not hold `integral_limit`\n  help: leave it out where `limit` stops the integral too; `simtrue simulate` and `simtrue diagnose` take it"
+        "{place}: joint `{joint}`: equations of motion do not hold `{key}` of a position loop\n  help: `simtrue simulate` and `simtrue diagnose` take it; leave it out here where the records do without, as an `integral_limit` beside `limit`, or record the inputs of the motors"
     )]
-    IntegralLimit {
+    BeyondEquations {
         /// The joint.
         joint: String,
         /// Where its loop stands.
         place: String,
+        /// The key of the part.
+        key: &'static str,
     },
 }
 

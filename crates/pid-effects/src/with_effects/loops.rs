@@ -1,10 +1,10 @@
 //! A model behind the position loops of its drives: targets r are the inputs, gains are parameters.
 //!
 //! ```text
-//! u = sat(kp (r − q) − kd v + w; limit),        ẇ = ki (r − q) sat′
+//! u = sat(law(r, q, v) + w; limit),        ẇ = growth(r, q, v) sat′
 //! ```
 //!
-//! The law is that of [`drives`](crate::drives). Here it answers at once, whatever the rate of the drive,
+//! The law, as in kp (r − q) − kd v with the growth ki (r − q), is that of [`drives`](crate::drives). Here it answers at once, whatever the rate of the drive,
 //! and its limit is rounded as every one of [`Smooth`]. An integral w is one more coordinate s with
 //! w = ṡ, as other states are; it rests where the output is limited. Effects that act between a drive and
 //! its motor act on u; the loop reads the coordinate of its joint.
@@ -13,7 +13,7 @@ use std::borrow::Cow;
 use std::cell::RefCell;
 
 use pid_data::{Dataset, InputQuantity};
-use pid_interpret::nominal::{Gain, Servo, ServoLaw};
+use pid_interpret::nominal::{Gain, Servo};
 use pid_runtime::chain::{self, Chain, Substituted};
 use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
@@ -24,7 +24,7 @@ use super::arguments::{self, narrowed, widened};
 use super::merge::Merged;
 use super::smooth::{CORNER, Smooth};
 use super::states::add_state;
-use crate::drives::{Gains, Seen, unlimited};
+use crate::drives::{Gains, Seen, growth, unlimited};
 use crate::scalar::Scalar;
 
 /// Places of the arguments: position, velocity, target, gains, integral, and how fast that grows.
@@ -34,14 +34,25 @@ const R: usize = 2;
 const KP: usize = 3;
 const KD: usize = 4;
 const KI: usize = 5;
-const W: usize = 6;
-const W_DOT: usize = 7;
-const MOST: usize = 8;
+const KV: usize = 6;
+const W: usize = 7;
+const W_DOT: usize = 8;
+const MOST: usize = 9;
+
+/// Place of a gain among the arguments; `None` of one that equations of motion do not hold.
+fn argument(gain: Gain) -> Option<usize> {
+    match gain {
+        Gain::Kp => Some(KP),
+        Gain::Kd => Some(KD),
+        Gain::Ki => Some(KI),
+        Gain::Kv => Some(KV),
+        _ => None,
+    }
+}
 
 /// The loop of one drive.
 struct Loop {
-    law: ServoLaw,
-    limit: Option<f64>,
+    servo: Servo,
     /// Place of each argument in z.
     places: [Option<usize>; MOST],
     /// Coordinate of the integral.
@@ -53,20 +64,24 @@ impl Loop {
         arguments::arguments(&self.places, at, d)
     }
 
-    /// Input of the motor, and the slope of its limit.
-    fn input(&self, x: &[Smooth; MOST]) -> (Smooth, Smooth) {
-        let k = Gains {
-            kp: x[KP],
-            kd: x[KD],
-            ki: x[KI],
-        };
+    /// Gains, and what the law sees.
+    fn seen(x: &[Smooth; MOST]) -> (Gains<Smooth>, Seen<Smooth>) {
+        let none = Smooth::constant(0.0);
+        let k = Gains::of(|gain| argument(gain).map_or(none, |a| x[a]));
         let at = Seen {
             r: x[R],
             q: x[Q],
             v: x[V],
+            gravity: none,
         };
-        let free = unlimited(self.law, &k, &at, x[W]).u;
-        let Some(limit) = self.limit else {
+        (k, at)
+    }
+
+    /// Input of the motor, and the slope of its limit.
+    fn input(&self, x: &[Smooth; MOST]) -> (Smooth, Smooth) {
+        let (k, at) = Self::seen(x);
+        let free = unlimited(&self.servo, &k, &at, x[W]).u;
+        let Some(limit) = self.servo.limit else {
             return (free, Smooth::constant(1.0));
         };
         let round = (2.0 * limit * CORNER).powi(2);
@@ -81,21 +96,24 @@ impl Loop {
 
     /// Arguments on which the input depends.
     fn acting(&self) -> impl Iterator<Item = usize> + '_ {
-        let all = [Q, V, R, KP, KD, W].into_iter();
+        let all = [Q, V, R, KP, KD, KV, W].into_iter();
         all.filter(|&a| self.places[a].is_some())
     }
 
     /// Residual of the integral.
     fn integral(&self, x: &[Smooth; MOST]) -> Smooth {
-        x[W_DOT] - x[KI] * (x[R] - x[Q]) * self.input(x).1
+        let (k, at) = Self::seen(x);
+        x[W_DOT] - growth(&self.servo, &k, &at) * self.input(x).1
     }
 
     /// Arguments on which the residual of the integral depends.
     fn active(&self) -> Vec<usize> {
-        let limited = self.limit.is_some();
+        let limited = self.servo.limit.is_some();
+        let cascade = self.servo.has(Gain::Kv);
         let all = [Q, R, KI, W_DOT].into_iter();
-        let more = [V, KP, KD, W].into_iter().filter(|_| limited);
-        let mut all: Vec<usize> = all.chain(more).collect();
+        let own = [V, KP].into_iter().filter(|_| limited || cascade);
+        let more = [KD, KV, W].into_iter().filter(|_| limited);
+        let mut all: Vec<usize> = all.chain(own).chain(more).collect();
         all.retain(|&a| self.places[a].is_some());
         all.sort_unstable();
         all
@@ -108,7 +126,7 @@ thread_local! {
 }
 
 /// A model with the loops of its drives. Coordinates and (idle) inputs of integrals follow the joints',
-/// gains `kp_JOINT`, `kd_JOINT`, `ki_JOINT` follow the parameters of the model.
+/// gains as in `kp_JOINT` follow the parameters of the model.
 pub struct WithLoops<'m> {
     inner: Box<dyn Hessian + 'm>,
     dims: Dims,
@@ -150,15 +168,6 @@ fn parameter(servo: &Servo, gain: Gain, joint: &str, unit: String) -> ParamInfo 
     }
 }
 
-/// Unit of a gain of an input unit and a length.
-fn unit_of(gain: Gain, input: &str, length: &str) -> String {
-    match gain {
-        Gain::Kp => format!("{input}/{length}"),
-        Gain::Kd => format!("{input}*s/{length}"),
-        Gain::Ki => format!("{input}/({length}*s)"),
-    }
-}
-
 /// A joint whose input in the records is a target, its loop and the place of its input.
 struct Driven<'a> {
     joint: usize,
@@ -186,8 +195,8 @@ impl<'m> WithLoops<'m> {
                 })
             })
             .collect();
-        let pid = |d: &&Driven<'_>| d.servo.law == ServoLaw::Pid;
-        let states = driven.iter().filter(pid).count();
+        let integrates = |d: &&Driven<'_>| d.servo.law.integrates();
+        let states = driven.iter().filter(integrates).count();
         let gains: usize = driven.iter().map(|d| d.servo.law.gains().len()).sum();
         let dims = Dims {
             nq: before.nq + states,
@@ -224,9 +233,10 @@ impl<'m> WithLoops<'m> {
         (places[Q], places[V]) = (Some(own.joint), Some(dims.v() + own.joint));
         places[R] = Some(target);
         for &gain in own.servo.law.gains() {
-            let argument = [KP, KD, KI][gain as usize];
-            places[argument] = Some(dims.p() + self.params.len());
-            let unit = unit_of(gain, &unit, info.unit());
+            if let Some(argument) = argument(gain) {
+                places[argument] = Some(dims.p() + self.params.len());
+            }
+            let unit = own.servo.unit(gain, &unit, info.unit());
             let parameter = parameter(own.servo, gain, &info.name, unit);
             self.params.push(parameter);
         }
@@ -238,7 +248,7 @@ impl<'m> WithLoops<'m> {
                 joint: Some(own.joint),
             };
         }
-        let state = (own.servo.law == ServoLaw::Pid).then(|| {
+        let state = own.servo.law.integrates().then(|| {
             let state = self.joints.len();
             let name = format!("integral_{}", info.name);
             (places[W], places[W_DOT]) = (Some(dims.v() + state), Some(dims.a() + state));
@@ -257,8 +267,7 @@ impl<'m> WithLoops<'m> {
             state
         });
         let own = Loop {
-            law: own.servo.law,
-            limit: own.servo.limit,
+            servo: own.servo.clone(),
             places,
             state,
         };

@@ -76,6 +76,7 @@ impl Assembly {
             file: PathBuf::new(),
             drives: None,
             servos: Vec::new(),
+            drive_models: Vec::new(),
         }
     }
 

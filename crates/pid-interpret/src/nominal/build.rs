@@ -6,7 +6,7 @@ use super::assemble::{Assembly, JointValues, Value};
 use super::error::NominalError;
 use super::file::{RawFile, RawHalfWidths, RawJoint, RawTolerance};
 use super::source::Source;
-use super::{Nominal, Servo, measured, servo, stated};
+use super::{DriveModel, Nominal, Servo, measured, servo, stated};
 
 pub(super) fn nominal(source: &Source<'_>) -> Result<Nominal, NominalError> {
     let raw: RawFile = source.parse()?;
@@ -36,6 +36,7 @@ pub(super) fn nominal(source: &Source<'_>) -> Result<Nominal, NominalError> {
     let simulated = simulated.map(|s| stated::simulated(source, s, raw.joint.len()));
     let mut nominal = assembly.finish(measurement);
     nominal.servos = servos(source, &raw)?;
+    nominal.drive_models = drive_models(source, &raw)?;
     nominal.effects = effects;
     nominal.simulated = simulated.transpose()?;
     nominal.file = source.file.to_owned();
@@ -58,6 +59,32 @@ fn servos(source: &Source<'_>, raw: &RawFile) -> Result<Vec<Option<Servo>>, Nomi
         servo::servo(source, drive, &driven)
     };
     let all: Vec<Option<Servo>> = raw.joint.iter().map(own).collect::<Result<_, _>>()?;
+    Ok(match all.iter().any(Option::is_some) {
+        true => all,
+        false => Vec::new(),
+    })
+}
+
+/// What the feed-forward of the drives knows; none at all where the file states none.
+fn drive_models(
+    source: &Source<'_>,
+    raw: &RawFile,
+) -> Result<Vec<Option<DriveModel>>, NominalError> {
+    let own = |joint: &RawJoint| -> Result<Option<DriveModel>, NominalError> {
+        let Some(known) = &joint.drive_model else {
+            return Ok(None);
+        };
+        let item = format!("joint {}, drive_model", joint.name.get_ref());
+        let (mass, gain) = (&known.mass, &known.motor_gain);
+        let some = "give the mass that the drive counts with, zero or more";
+        let sign = "give the torque or force per unit of the input that the drive counts with";
+        Ok(Some(DriveModel {
+            mass: source.number(mass, &item, "mass", |x| x >= 0.0, some)?,
+            com: source.list(&known.com, &item, "com")?,
+            motor_gain: source.number(gain, &item, "motor_gain", |x| x != 0.0, sign)?,
+        }))
+    };
+    let all: Vec<Option<DriveModel>> = raw.joint.iter().map(own).collect::<Result<_, _>>()?;
     Ok(match all.iter().any(Option::is_some) {
         true => all,
         false => Vec::new(),

@@ -69,6 +69,16 @@ pub(super) struct RawJoint {
     pub(super) speed_scale: Option<Spanned<f64>>,
     pub(super) tolerance: Option<RawHalfWidths>,
     pub(super) drive: Option<RawDrive>,
+    pub(super) drive_model: Option<RawDriveModel>,
+}
+
+/// What a drive's feed-forward knows of a joint.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawDriveModel {
+    pub(super) mass: Spanned<f64>,
+    pub(super) com: Spanned<[f64; 3]>,
+    pub(super) motor_gain: Spanned<f64>,
 }
 
 /// Tolerances of one joint's own values, in their units.

@@ -66,6 +66,7 @@ pub(super) fn nominal(
         effects: Vec::new(),
         simulated: None,
         servos: Vec::new(),
+        drive_models: Vec::new(),
         file: PathBuf::new(),
         tool_link,
         drives,

@@ -286,6 +286,7 @@ fn coupled(mechanism: &Mechanism, joints: Vec<JointValues>, measurement: Measure
         effects: Vec::new(),
         simulated: None,
         servos: Vec::new(),
+        drive_models: Vec::new(),
         file: PathBuf::new(),
         tool_link,
         drives: None,

@@ -47,7 +47,7 @@ pub use drives::Drives;
 pub use error::{DeclaredError, NominalError};
 pub use mechanism::Described;
 pub use provenance::{Provenance, Shares};
-pub use servo::{Gain, Servo, ServoGain, ServoLaw};
+pub use servo::{DriveModel, Gain, Servo, ServoGain, ServoLaw, Shaping};
 pub use stated::{Effect, EffectParameter, Fault, Simulated, SimulatedJoint, Written};
 
 /// A nominal description.
@@ -63,6 +63,8 @@ pub struct Nominal {
     drives: Option<Drives>,
     /// Position loops, one per coordinate or none at all.
     servos: Vec<Option<Servo>>,
+    /// What the feed-forward of the drives knows, where that is not what is stated of the joints.
+    drive_models: Vec<Option<DriveModel>>,
 }
 
 /// Ranges of the parameters of a robot.
@@ -263,6 +265,38 @@ impl Nominal {
         self
     }
 
+    /// What the feed-forward of the drives knows of a joint; `None`: what is stated of it.
+    pub fn drive_model(&self, joint: usize) -> Option<&DriveModel> {
+        self.drive_models.get(joint)?.as_ref()
+    }
+
+    /// What the feed-forward of the drives knows of all joints, where a drive has one.
+    fn known_to_drives(&self) -> Vec<Option<DriveModel>> {
+        let fed = |servo: &Servo| servo.has(Gain::Gravity);
+        if !self.servos.iter().flatten().any(fed) {
+            return self.drive_models.clone();
+        }
+        let of = |joint: usize| {
+            let own = self.drive_model(joint).copied();
+            own.unwrap_or_else(|| self.stated_to_drive(joint))
+        };
+        (0..self.servos.len()).map(of).map(Some).collect()
+    }
+
+    /// What is stated of a joint, as the model of a drive.
+    fn stated_to_drive(&self, joint: usize) -> DriveModel {
+        let mut out = DriveModel::default();
+        for t in self.tolerances.iter().filter(|t| t.joint == Some(joint)) {
+            match t.role {
+                Role::Mass => out.mass = t.nominal,
+                Role::CenterOfMass(k) => out.com[k] = t.nominal,
+                Role::Gain => out.motor_gain = t.nominal,
+                _ => {}
+            }
+        }
+        out
+    }
+
     /// How the robot is measured.
     pub fn measurement(&self) -> &Measurement {
         &self.measurement
@@ -317,6 +351,8 @@ impl Nominal {
             (param.lower, param.upper) = tolerance.range(Ranges::Tolerance);
         }
         (out.effects, out.simulated) = (effects, simulated);
+        // What is found of the robot changes nothing in its drives.
+        out.drive_models = self.known_to_drives();
         out
     }
 

@@ -143,6 +143,12 @@ impl Nominal {
         if let Some(servo) = self.servo(index) {
             write_servo(out, servo);
         }
+        if let Some(known) = self.drive_model(index) {
+            line(out, "[joint.drive_model]");
+            line(out, &format!("mass = {:?}", known.mass));
+            line(out, &format!("com = {:?}", known.com));
+            line(out, &format!("motor_gain = {:?}", known.motor_gain));
+        }
     }
 
     fn write_effects(&self, out: &mut String) {
@@ -220,13 +226,18 @@ fn write_channel(out: &mut String, (input, channel, sharpness): (&str, &super::C
 fn write_servo(out: &mut String, servo: &Servo) {
     line(out, "[joint.drive]");
     line(out, &format!("law = \"{}\"", servo.law.word()));
-    for &gain in servo.law.gains() {
+    for gain in servo.gains() {
         let value = servo::written(servo.gain(gain));
         line(out, &format!("{} = {value}", gain.key()));
     }
     let numbers = [
         ("limit", servo.limit),
         ("integral_limit", servo.integral_limit),
+        ("velocity_limit", servo.velocity_limit),
+        ("dead_band", servo.dead_band),
+        ("target_step", servo.shaping.step),
+        ("target_rate_hz", servo.shaping.rate_hz),
+        ("target_speed", servo.shaping.speed),
         ("rate_hz", servo.rate_hz),
     ];
     for (key, value) in numbers {

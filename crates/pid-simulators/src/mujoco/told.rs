@@ -174,7 +174,9 @@ pub(super) fn list(machine: &Machine) -> String {
          express; it then drives the joints itself and turns the actuators of robot.xml off.\n",
     );
     if machine.effects.is_empty() {
-        out.push_str("\nThe description names no effects: robot.xml says everything.\n");
+        out.push_str(
+            "\nThe description names no effects: robot.xml has all masses, joints and motors.\n",
+        );
     } else {
         out.push_str("\n| effect | joint | robot.xml | robot_effects.py |\n|---|---|---|---|\n");
     }

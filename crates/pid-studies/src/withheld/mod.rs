@@ -16,6 +16,7 @@ use pid_withheld::{Drawing, Plan};
 
 pub use page::to_html;
 pub use score::{Bin, Interval, Outcome, Share, Summary, summary};
+pub(crate) use score::{right, tier};
 pub use study::{diagnose_all, diagnose_some};
 
 use crate::{Failure, write};

@@ -156,7 +156,7 @@ pub(crate) fn same_map(truth: &Truth, cause: &Cause, effect: &str, joint: Option
 }
 
 /// Whether the verdict is right: an effect of the case, `none` or `unknown` as it was hidden.
-pub(super) fn right(o: &Outcome) -> bool {
+pub(crate) fn right(o: &Outcome) -> bool {
     if o.truth.causes.is_empty() {
         return o.diagnosis.verdict == Verdict::Nothing;
     }
@@ -168,7 +168,7 @@ pub(super) fn right(o: &Outcome) -> bool {
 }
 
 /// Tier by the gap of the nominal structure over the floor.
-pub(super) fn tier(o: &Outcome) -> &'static str {
+pub(crate) fn tier(o: &Outcome) -> &'static str {
     if o.truth.causes.is_empty() {
         return "null";
     }

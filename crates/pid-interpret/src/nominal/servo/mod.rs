@@ -1,0 +1,199 @@
+//! The position loop of a drive: `[drive]` for all joints, `[joint.drive]` for one. With it the input
+//! of the joint is a target position, and the drive makes its own input of the motor,
+//!
+//! ```text
+//! target -> [`Shaping`] -> r,   e = r − q less the dead band,   v̂: the velocity, filtered
+//!
+//! p        u = kp e
+//! pd       u = kp e − kd v̂
+//! pid      u = kp e − kd v̂ + ki ∫ e dt
+//! cascade  w = kp e within ± velocity_limit,   u = kv (w − v̂) + ki ∫ (w − v̂) dt
+//! ```
+//!
+//! plus a share of the gravity that the drive's model knows, in the unit of the joint's `input`, within
+//! ± `limit` (K. J. Åström, T. Hägglund, PID Controllers, 1995, chapter 3; W. Leonhard, Control of
+//! Electrical Drives, 2001, chapter 15).
+
+mod number;
+mod read;
+
+use pid_toml::Place;
+
+pub(in crate::nominal) use number::written;
+pub use number::{Gain, ServoGain};
+pub(in crate::nominal) use read::{Driven, RawDrive, servo};
+
+/// Law of a position loop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ServoLaw {
+    /// Proportional.
+    P,
+    /// Proportional, with damping by the velocity.
+    Pd,
+    /// The same with an integral of the error.
+    Pid,
+    /// A proportional loop of the position around a loop of the velocity with an integral.
+    Cascade,
+}
+
+impl ServoLaw {
+    /// All of them.
+    pub const ALL: [ServoLaw; 4] = [ServoLaw::P, ServoLaw::Pd, ServoLaw::Pid, ServoLaw::Cascade];
+
+    /// Its word in a description.
+    pub fn word(self) -> &'static str {
+        match self {
+            ServoLaw::P => "p",
+            ServoLaw::Pd => "pd",
+            ServoLaw::Pid => "pid",
+            ServoLaw::Cascade => "cascade",
+        }
+    }
+
+    /// The gains it has.
+    pub fn gains(self) -> &'static [Gain] {
+        match self {
+            ServoLaw::P => &[Gain::Kp],
+            ServoLaw::Pd => &[Gain::Kp, Gain::Kd],
+            ServoLaw::Pid => &[Gain::Kp, Gain::Kd, Gain::Ki],
+            ServoLaw::Cascade => &[Gain::Kp, Gain::Kv, Gain::Ki],
+        }
+    }
+
+    /// Whether it has an integral.
+    pub fn integrates(self) -> bool {
+        self.gains().contains(&Gain::Ki)
+    }
+}
+
+/// What a drive makes of a target before its loop follows it, in this order; then comes the filter of
+/// [`Gain::TargetTime`].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Shaping {
+    /// Step of the target, rad or m: the nearest multiple is followed.
+    pub step: Option<f64>,
+    /// Rate at which targets are taken, Hz, from the start of a record on; held between.
+    pub rate_hz: Option<f64>,
+    /// Largest speed at which what is followed goes to the target, rad/s or m/s.
+    pub speed: Option<f64>,
+}
+
+/// What the feed-forward of a drive knows of a joint and the body that it carries.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DriveModel {
+    /// Mass of the body, kg.
+    pub mass: f64,
+    /// Its centre of mass in its frame, m.
+    pub com: [f64; 3],
+    /// Torque or force per unit of the joint's input.
+    pub motor_gain: f64,
+}
+
+impl Default for DriveModel {
+    fn default() -> Self {
+        Self {
+            mass: 0.0,
+            com: [0.0; 3],
+            motor_gain: 1.0,
+        }
+    }
+}
+
+/// The position loop of one joint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Servo {
+    /// Its law.
+    pub law: ServoLaw,
+    /// Gains, shares and times, in the order of [`Gain::ALL`]; `None` of those it does not have.
+    numbers: [Option<ServoGain>; Gain::ALL.len()],
+    /// Largest size of its output, in the unit of the joint's input.
+    pub limit: Option<f64>,
+    /// Largest size of the part of the integral.
+    pub integral_limit: Option<f64>,
+    /// Largest velocity that the position loop of a cascade asks for, rad/s or m/s.
+    pub velocity_limit: Option<f64>,
+    /// Size of an error that counts as none, rad or m; of a larger one counts what is beyond.
+    pub dead_band: Option<f64>,
+    /// What becomes of the target before.
+    pub shaping: Shaping,
+    /// Rate at which it reads and answers, Hz; its output is held between. `None`: faster than the motion.
+    pub rate_hz: Option<f64>,
+    /// Where it stands; `None` if it was not read from a file.
+    pub place: Option<Place>,
+}
+
+impl Servo {
+    /// A loop with the gains of its law unknown and nothing beside.
+    pub fn new(law: ServoLaw) -> Self {
+        let mut out = Self {
+            law,
+            numbers: Default::default(),
+            limit: None,
+            integral_limit: None,
+            velocity_limit: None,
+            dead_band: None,
+            shaping: Shaping::default(),
+            rate_hz: None,
+            place: None,
+        };
+        for &gain in law.gains() {
+            out.set(gain, ServoGain::default());
+        }
+        out
+    }
+
+    /// A gain as stated; unknown where the loop has no such.
+    pub fn gain(&self, gain: Gain) -> ServoGain {
+        self.numbers[gain as usize].unwrap_or_default()
+    }
+
+    /// Whether the loop has a gain.
+    pub fn has(&self, gain: Gain) -> bool {
+        self.numbers[gain as usize].is_some()
+    }
+
+    /// Gives the loop a gain.
+    pub fn set(&mut self, gain: Gain, value: ServoGain) {
+        self.numbers[gain as usize] = Some(value);
+    }
+
+    /// The gains it has, those of its law first.
+    pub fn gains(&self) -> impl Iterator<Item = Gain> + '_ {
+        Gain::ALL.into_iter().filter(|gain| self.has(*gain))
+    }
+
+    /// Whether something becomes of the target before the loop follows it.
+    pub fn shapes(&self) -> bool {
+        self.shaping != Shaping::default() || self.has(Gain::TargetTime)
+    }
+
+    /// Unit of a gain of the loop of a joint with an input in a unit, and positions in `rad` or `m`.
+    pub fn unit(&self, gain: Gain, input: &str, position: &str) -> String {
+        match gain {
+            Gain::Kp if self.law == ServoLaw::Cascade => "1/s".to_owned(),
+            Gain::Kp => format!("{input}/{position}"),
+            Gain::Kd | Gain::Kv => format!("{input}*s/{position}"),
+            Gain::Ki if self.law == ServoLaw::Cascade => format!("{input}/{position}"),
+            Gain::Ki => format!("{input}/({position}*s)"),
+            Gain::Gravity => "1".to_owned(),
+            Gain::TargetTime | Gain::VelocityTime => "s".to_owned(),
+        }
+    }
+
+    /// What the loop has that equations of motion with exact second derivatives do not hold, as its key.
+    pub fn beyond_equations(&self) -> Option<&'static str> {
+        let keys = [
+            ("integral_limit", self.integral_limit.is_some()),
+            ("velocity_limit", self.velocity_limit.is_some()),
+            ("dead_band", self.dead_band.is_some()),
+            ("target_step", self.shaping.step.is_some()),
+            ("target_rate_hz", self.shaping.rate_hz.is_some()),
+            ("target_speed", self.shaping.speed.is_some()),
+        ];
+        let numbers = [Gain::Gravity, Gain::TargetTime, Gain::VelocityTime];
+        let numbers = numbers.map(|gain| (gain.key(), self.has(gain)));
+        let mut all = keys.into_iter().chain(numbers);
+        all.find_map(|(key, there)| there.then_some(key))
+    }
+}

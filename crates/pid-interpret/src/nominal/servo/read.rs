@@ -1,0 +1,129 @@
+//! The table `drive` as written, and its checks.
+
+use pid_toml::Spanned;
+use serde::Deserialize;
+
+use super::number::{RawGain, read_gain};
+use super::{Gain, Servo, ServoGain, ServoLaw, Shaping};
+use crate::nominal::error::NominalError;
+use crate::nominal::source::Source;
+
+/// A table `drive` as written.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::nominal) struct RawDrive {
+    law: Spanned<String>,
+    kp: Option<Spanned<RawGain>>,
+    kd: Option<Spanned<RawGain>>,
+    ki: Option<Spanned<RawGain>>,
+    kv: Option<Spanned<RawGain>>,
+    gravity: Option<Spanned<RawGain>>,
+    limit: Option<Spanned<f64>>,
+    integral_limit: Option<Spanned<f64>>,
+    velocity_limit: Option<Spanned<f64>>,
+    velocity_filter_s: Option<Spanned<RawGain>>,
+    dead_band: Option<Spanned<f64>>,
+    target_step: Option<Spanned<f64>>,
+    target_rate_hz: Option<Spanned<f64>>,
+    target_speed: Option<Spanned<f64>>,
+    target_filter_s: Option<Spanned<RawGain>>,
+    rate_hz: Option<Spanned<f64>>,
+}
+
+impl RawDrive {
+    fn gain(&self, gain: Gain) -> Option<&Spanned<RawGain>> {
+        match gain {
+            Gain::Kp => self.kp.as_ref(),
+            Gain::Kd => self.kd.as_ref(),
+            Gain::Ki => self.ki.as_ref(),
+            Gain::Kv => self.kv.as_ref(),
+            Gain::Gravity => self.gravity.as_ref(),
+            Gain::TargetTime => self.target_filter_s.as_ref(),
+            Gain::VelocityTime => self.velocity_filter_s.as_ref(),
+        }
+    }
+}
+
+/// What the checks of a loop need of its joint.
+pub(in crate::nominal) struct Driven<'a> {
+    /// As messages name it: `joint a, drive`.
+    pub(in crate::nominal) item: &'a str,
+    /// Torque or force per unit of the input.
+    pub(in crate::nominal) motor_gain: f64,
+}
+
+/// The loop of a joint, from its own table or that for all joints; `None` where it has none.
+pub(in crate::nominal) fn servo(
+    source: &Source<'_>,
+    raw: &RawDrive,
+    joint: &Driven<'_>,
+) -> Result<Option<Servo>, NominalError> {
+    let item = joint.item;
+    let laws = ServoLaw::ALL.map(|law| (law.word(), Some(law)));
+    let words: Vec<_> = laws.into_iter().chain([("none", None)]).collect();
+    let Some(law) = source.word(&raw.law, item, "law", &words)? else {
+        return Ok(None);
+    };
+    let mut servo = Servo::new(law);
+    for gain in Gain::ALL {
+        if let Some(value) = number(source, raw, (law, gain), joint)? {
+            servo.set(gain, value);
+        }
+    }
+    let positive = |value: &Option<Spanned<f64>>, key| {
+        let mend = "give a positive number, or leave the key out";
+        source.optional(value.as_ref(), item, key, |x| x > 0.0, mend)
+    };
+    if let (Some(limit), false) = (&raw.integral_limit, law.integrates()) {
+        let mend = "only the laws \"pid\" and \"cascade\" have an integral: leave it out";
+        return Err(source.error(limit, item, "integral_limit", "stated", mend));
+    }
+    if let (Some(limit), false) = (&raw.velocity_limit, law == ServoLaw::Cascade) {
+        let mend = "only the law \"cascade\" has a loop of the velocity: leave it out";
+        return Err(source.error(limit, item, "velocity_limit", "stated", mend));
+    }
+    if let (Some(filter), true) = (&raw.velocity_filter_s, law == ServoLaw::P) {
+        let mend = "the law \"p\" does not use the velocity: leave it out";
+        return Err(source.error(filter, item, "velocity_filter_s", "stated", mend));
+    }
+    servo.limit = positive(&raw.limit, "limit")?;
+    servo.integral_limit = positive(&raw.integral_limit, "integral_limit")?;
+    servo.velocity_limit = positive(&raw.velocity_limit, "velocity_limit")?;
+    servo.dead_band = positive(&raw.dead_band, "dead_band")?;
+    servo.shaping = Shaping {
+        step: positive(&raw.target_step, "target_step")?,
+        rate_hz: positive(&raw.target_rate_hz, "target_rate_hz")?,
+        speed: positive(&raw.target_speed, "target_speed")?,
+    };
+    servo.rate_hz = positive(&raw.rate_hz, "rate_hz")?;
+    servo.place = Some(source.place(&raw.law));
+    Ok(Some(servo))
+}
+
+/// A gain of a law as it is stated; `None` where it neither has nor states it.
+fn number(
+    source: &Source<'_>,
+    raw: &RawDrive,
+    (law, gain): (ServoLaw, Gain),
+    joint: &Driven<'_>,
+) -> Result<Option<ServoGain>, NominalError> {
+    let (key, item) = (gain.key(), joint.item);
+    let own = law.gains().contains(&gain);
+    match raw.gain(gain) {
+        Some(stated) if own || Gain::BESIDE.contains(&gain) => {
+            read_gain(source, stated, (law, gain), joint).map(Some)
+        }
+        Some(stated) => {
+            let mend = format!("the law \"{}\" has no such gain: leave it out", law.word());
+            Err(source.error(stated, item, key, "stated", mend))
+        }
+        None if own => {
+            let mend = format!(
+                "the law \"{}\" has this gain: state it, as in {key} = {{ value = 1.0, tolerance_rel = 0.3 }}, or {key} = {{ unknown = true }}",
+                law.word()
+            );
+            Err(source.error(&raw.law, item, key, "absent", mend))
+        }
+        None => Ok(None),
+    }
+}

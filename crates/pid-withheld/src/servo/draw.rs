@@ -1,0 +1,152 @@
+//! Draws the loops of a robot, and how well they are stated.
+
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::law::{Law, Loop};
+use crate::robot::Robot;
+
+/// Rates of records behind servos, Hz.
+const RATES: [f64; 4] = [50.0, 100.0, 200.0, 500.0];
+/// Rates of loops, Hz; none answers at once.
+const LOOP_RATES: [Option<f64>; 4] = [None, Some(1000.0), Some(500.0), Some(200.0)];
+/// Tolerance of stated gains, and how far off they are at most, shares.
+const TOLERANCE: f64 = 0.3;
+const OFF: f64 = 0.25;
+
+/// How well the gains are stated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stated {
+    /// As they are.
+    Exactly,
+    /// Within 30 %.
+    Roughly,
+    /// Not at all; what stands beside the law is within 30 %.
+    Unknown,
+}
+
+/// A rate of records.
+pub(super) fn rate(random: &mut ChaCha8Rng) -> f64 {
+    RATES[random.random_range(0..RATES.len())]
+}
+
+/// Loops of all joints: one law and one set of stages, gains by what a joint moves.
+pub(super) fn loops(
+    robot: &Robot,
+    inertia: &[f64],
+    law: Option<Law>,
+    random: &mut ChaCha8Rng,
+) -> Vec<Loop> {
+    let law = law.unwrap_or(Law::ALL[random.random_range(0..Law::ALL.len())]);
+    let rate = LOOP_RATES[random.random_range(0..LOOP_RATES.len())];
+    let mut some = |share: f64| random.random_bool(share);
+    let (feed, filtered, banded) = (some(0.3), some(0.25) && law != Law::P, some(0.15));
+    let (stepped, held, slowed, smoothed) = (some(0.1), some(0.15), some(0.1), some(0.25));
+    let mut x = |low: f64, high: f64| random.random_range(low..high);
+    // A loop of a slow drive, and one whose speed is filtered, must be softer.
+    let slow = rate.map_or(f64::INFINITY, |rate| 0.06 * rate);
+    let speed_filter = filtered.then(|| x(0.004, 0.02));
+    let target_filter = smoothed.then(|| x(0.02, 0.08));
+    let share = feed.then(|| x(0.6, 1.0));
+    let mut out = Vec::new();
+    for (joint, inertia) in robot.joints.iter().zip(inertia) {
+        let softer = speed_filter.map_or(f64::INFINITY, |time| 0.25 / time);
+        let w = (TAU * x(1.5, 4.0)).min(slow).min(softer);
+        let z = x(0.5, 1.0);
+        let stiffness = inertia * w * w / joint.gain;
+        let damping = (2.0 * z * w * inertia - joint.viscous).max(0.3 * w * inertia) / joint.gain;
+        let size = joint.room.amplitude;
+        let cascade = law == Law::Cascade;
+        out.push(Loop {
+            law,
+            kp: if cascade {
+                stiffness / damping
+            } else {
+                stiffness
+            },
+            kd: if law == Law::P { 0.0 } else { damping },
+            ki: match law {
+                Law::Pid => stiffness * w * x(0.05, 0.2),
+                Law::Cascade => damping * w * x(0.05, 0.2),
+                _ => 0.0,
+            },
+            limit: 2.0 * joint.torque / joint.gain,
+            speed_limit: cascade.then(|| joint.room.speed * x(0.6, 1.5)),
+            gravity: share,
+            speed_filter,
+            dead_band: banded.then(|| size * x(0.002, 0.01)),
+            target_step: stepped.then(|| size * x(0.002, 0.02)),
+            target_rate: held.then_some(50.0),
+            target_speed: slowed.then(|| joint.room.speed * x(0.4, 1.0)),
+            target_filter,
+            rate,
+        });
+    }
+    out
+}
+
+/// A number as it is stated.
+fn number(key: &str, value: f64, stated: Stated, random: &mut ChaCha8Rng) -> String {
+    match stated {
+        Stated::Exactly => format!("{key} = {value:?}\n"),
+        Stated::Roughly => {
+            let off = value * (1.0 + random.random_range(-OFF..OFF));
+            // The tolerance is that of the real value.
+            format!(
+                "{key} = {{ value = {off:?}, tolerance = {:?} }}\n",
+                TOLERANCE * value
+            )
+        }
+        Stated::Unknown => format!("{key} = {{ unknown = true }}\n"),
+    }
+}
+
+/// The table `[joint.drive]` of each joint.
+pub(super) fn tables(loops: &[Loop], stated: Stated, random: &mut ChaCha8Rng) -> Vec<String> {
+    let mut out = Vec::new();
+    for own in loops {
+        let mut s = format!("[joint.drive]\nlaw = \"{}\"\n", own.law.word());
+        s += &number("kp", own.kp, stated, random);
+        match own.law {
+            Law::P => {}
+            Law::Cascade => s += &number("kv", own.kd, stated, random),
+            _ => s += &number("kd", own.kd, stated, random),
+        }
+        if matches!(own.law, Law::Pid | Law::Cascade) {
+            s += &number("ki", own.ki, stated, random);
+        }
+        let beside = stated.min(Stated::Roughly);
+        let uncertain = [
+            ("gravity", own.gravity),
+            ("velocity_filter_s", own.speed_filter),
+            ("target_filter_s", own.target_filter),
+        ];
+        for (key, value) in uncertain {
+            if let Some(value) = value {
+                s += &number(key, value, beside, random);
+            }
+        }
+        let exact = [
+            ("limit", Some(own.limit)),
+            ("velocity_limit", own.speed_limit),
+            ("dead_band", own.dead_band),
+            ("target_step", own.target_step),
+            ("target_rate_hz", own.target_rate),
+            ("target_speed", own.target_speed),
+            ("rate_hz", own.rate),
+        ];
+        for (key, value) in exact {
+            if let Some(value) = value {
+                // Writing to a string cannot fail.
+                let _ = writeln!(s, "{key} = {value:?}");
+            }
+        }
+        out.push(s);
+    }
+    out
+}

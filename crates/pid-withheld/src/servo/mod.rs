@@ -1,0 +1,124 @@
+//! Cases behind position servos: records have targets and positions, and no input of the motors.
+//!
+//! Loops are written here a second time ([`law`]) and share nothing with those by which records are judged.
+
+mod draw;
+mod law;
+
+use pid_interpret::nominal::{Nominal, NominalError};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+pub use draw::Stated;
+pub(crate) use law::Running;
+pub use law::{Law, Loop};
+
+use crate::mess::Mess;
+use crate::motion::{LENGTH, tidy};
+use crate::plan::{Drawn, Plan, Truth};
+use crate::plant::Plant;
+use crate::record::{Setup, run, text as rows_text};
+use crate::{Files, Study, text};
+
+/// A study of cases behind servos.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ServoPlan {
+    /// Robots and causes.
+    pub plan: Plan,
+    /// The law of all loops; `None`: drawn.
+    pub law: Option<Law>,
+}
+
+/// What was hidden in a case.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ServoTruth {
+    /// Its causes.
+    #[serde(flatten)]
+    pub truth: Truth,
+    /// The loops, joint by joint.
+    pub loops: Vec<Loop>,
+    /// How well they are stated.
+    pub stated: Stated,
+    /// Rate of the records, Hz.
+    pub rate: f64,
+}
+
+impl Study for ServoPlan {
+    type Truth = ServoTruth;
+
+    fn id(&self, i: usize) -> String {
+        format!("servo_{}", self.plan.id(i))
+    }
+
+    fn cases(&self) -> usize {
+        self.plan.cases
+    }
+
+    fn make(&self, i: usize) -> Result<(Files, ServoTruth), NominalError> {
+        let (drawn, _) = self.plan.drawn(i)?;
+        let Drawn {
+            truth,
+            mut robot,
+            nominal,
+            theta,
+        } = drawn;
+        // Numbers of its own: the robots are those of the study without loops.
+        let seed = self
+            .plan
+            .seed
+            .wrapping_mul(7_368_787)
+            .wrapping_add(i as u64);
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        robot.rate = draw::rate(&mut random);
+        let loops = draw::loops(&robot, &robot.inertia(&nominal), self.law, &mut random);
+        let stated = [Stated::Exactly, Stated::Roughly, Stated::Unknown];
+        let stated = stated[random.random_range(0..stated.len())];
+        let tables = draw::tables(&loops, stated, &mut random);
+        let velocity = &truth.velocity;
+        let records = tidy();
+        let samples = (LENGTH * robot.rate) as usize + 1;
+        let noise = truth.noise_stated.then_some(robot.drive_noise);
+        let mut files: Files = vec![
+            (
+                "nominal.toml".to_owned(),
+                text::with_loops(&text::nominal(&robot, noise, velocity), &tables),
+            ),
+            (
+                "dataset.toml".to_owned(),
+                text::commanded(&text::dataset(
+                    &self.id(i),
+                    &robot,
+                    velocity,
+                    &records,
+                    Some(samples),
+                )),
+            ),
+        ];
+        // What is written is a description.
+        Nominal::parse("nominal.toml", &files[0].1)?;
+        let setup = Setup {
+            robot: &robot,
+            nominal: &nominal,
+            plant: &Plant::<f64>::new(&nominal, &theta),
+            theta: &theta,
+            causes: &truth.causes,
+            velocity,
+            mess: &Mess::default(),
+            loops: Some(&loops),
+        };
+        let mut none = random.clone();
+        for record in records {
+            let run = run(&setup, record.motion, samples, &mut random, &mut none);
+            files.push((record.name, rows_text(&run.rows, velocity, "qref")));
+        }
+        let rate = robot.rate;
+        let truth = ServoTruth {
+            truth,
+            loops,
+            stated,
+            rate,
+        };
+        Ok((files, truth))
+    }
+}
