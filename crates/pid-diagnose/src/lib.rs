@@ -64,6 +64,7 @@ mod case_error;
 mod ceilings;
 pub mod channel;
 pub mod criteria;
+pub mod declared;
 pub mod diagnosis;
 pub mod excerpt;
 pub mod extended;
