@@ -86,6 +86,7 @@ mod page;
 mod plot;
 mod point;
 pub mod predict;
+mod prepare;
 mod regular;
 pub mod report;
 pub mod screen;
