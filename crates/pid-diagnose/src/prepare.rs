@@ -12,7 +12,7 @@ use crate::channel;
 use crate::constants::{Constant, Constants};
 use crate::hypothesis::Run;
 use crate::known::Known;
-use crate::nominal::{Nominal, NominalError};
+use crate::nominal::{Joint, Nominal, NominalError};
 use crate::outlier::least_deviation;
 use crate::{regular, servo};
 
@@ -54,18 +54,9 @@ fn record(
             None => u,
         }
     };
-    let mut gated = |channel: Channel, j: usize, mut x: Vec<f64>| {
-        let least = least_deviation(channel, &nominal.joints[j], &x);
-        for k in signal::outliers(&e.t, &x, least) {
-            x[k] = f64::NAN;
-            outliers.push(Outlier {
-                record: e.name.clone(),
-                joint: nominal.joints[j].name.clone(),
-                channel,
-                t: e.t[k],
-            });
-        }
-        x
+    let mut gated = |channel: Channel, j: usize, x: Vec<f64>| {
+        let joint = &nominal.joints[j];
+        without_outliers(e, (joint, channel), x, outliers)
     };
     let q: Vec<Vec<f64>> = (0..n)
         .map(|j| reading(gated(Channel::Position, j, column(&e.q, j))))
@@ -108,6 +99,26 @@ fn record(
         smooth_q,
         smooth_v,
     })
+}
+
+/// Readings of a joint with those that are errors of the recording missing; these go to `outliers`.
+fn without_outliers(
+    e: &Experiment,
+    (joint, channel): (&Joint, Channel),
+    mut x: Vec<f64>,
+    outliers: &mut Vec<Outlier>,
+) -> Vec<f64> {
+    let least = least_deviation(channel, joint, &x);
+    for k in signal::outliers(&e.t, &x, least) {
+        x[k] = f64::NAN;
+        outliers.push(Outlier {
+            record: e.name.clone(),
+            joint: joint.name.clone(),
+            channel,
+            t: e.t[k],
+        });
+    }
+    x
 }
 
 impl Case {
@@ -254,35 +265,7 @@ impl Case {
                 range: (q[q.len() - 1] - q[0]).max(1e-9),
                 inertia: inertia[j],
             });
-            let level = |f: &dyn Fn(&Record) -> &Vec<f64>| {
-                let mut x: Vec<f64> = self
-                    .records
-                    .iter()
-                    .map(|r| signal::noise_level_without_jumps(f(r)))
-                    .filter(|x| x.is_finite())
-                    .collect();
-                x.sort_by(f64::total_cmp);
-                x.first().copied().unwrap_or(0.0)
-            };
-            let quantum = joint.resolution.unwrap_or(0.0) / 12f64.sqrt();
-            let q_noise = joint
-                .position_noise
-                .unwrap_or_else(|| level(&|r| &r.q[j]).max(quantum));
-            let v_noise = match joint.velocity_noise {
-                Some(x) if x > 0.0 => x,
-                _ => level(&|r| &r.v[j]),
-            };
-            self.noise.push(Noise {
-                q: q_noise.max(1e-12),
-                v: v_noise.max(1e-9),
-                // A first guess where it is not stated; it is settled with the fit.
-                torque: match joint.input_noise {
-                    Some(x) => (x * gain.abs()).max(1e-6 * torque),
-                    None => FIRST_GUESS * torque,
-                },
-                passed: 0.0,
-                stated: joint.input_noise.is_some(),
-            });
+            self.noise.push(self.noise_of(j, torque));
         }
         self.pass_on();
         let second = 1.min(n - 1);
@@ -290,6 +273,40 @@ impl Case {
             self.scale[second].torque / self.nominal.reach.max(0.05),
             self.last_mass().max(1e-6),
         );
+    }
+
+    /// Noise levels of joint `j`, stated or read off the records; `torque` is its typical torque.
+    fn noise_of(&self, j: usize, torque: f64) -> Noise {
+        let (joint, gain) = (&self.nominal.joints[j], self.nominal.gain(j));
+        let level = |f: &dyn Fn(&Record) -> &Vec<f64>| {
+            let mut x: Vec<f64> = self
+                .records
+                .iter()
+                .map(|r| signal::noise_level_without_jumps(f(r)))
+                .filter(|x| x.is_finite())
+                .collect();
+            x.sort_by(f64::total_cmp);
+            x.first().copied().unwrap_or(0.0)
+        };
+        let quantum = joint.resolution.unwrap_or(0.0) / 12f64.sqrt();
+        let q_noise = joint
+            .position_noise
+            .unwrap_or_else(|| level(&|r| &r.q[j]).max(quantum));
+        let v_noise = match joint.velocity_noise {
+            Some(x) if x > 0.0 => x,
+            _ => level(&|r| &r.v[j]),
+        };
+        Noise {
+            q: q_noise.max(1e-12),
+            v: v_noise.max(1e-9),
+            // A first guess where it is not stated; it is settled with the fit.
+            torque: match joint.input_noise {
+                Some(x) => (x * gain.abs()).max(1e-6 * torque),
+                None => FIRST_GUESS * torque,
+            },
+            passed: 0.0,
+            stated: joint.input_noise.is_some(),
+        }
     }
 
     /// Mass of the body that carries the tool, kg; 1 of a robot without bodies.
