@@ -309,8 +309,9 @@ fn a_drag_of_another_simulator_goes_round() {
 }
 
 #[test]
-fn a_spring_of_another_simulator_goes_round() {
-    practice("p10", ("spring", "j1", &["stiffness", "preload"]));
+fn a_gain_of_another_simulator_that_droops_goes_round() {
+    let parameters = &["droop_per_input_squared"];
+    practice("p04", ("gain_error_nonlinear", "j1", parameters));
 }
 
 /// Direction-dependent friction of a real axis.
