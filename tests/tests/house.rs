@@ -87,7 +87,10 @@ fn modules(folder: &Path) -> BTreeMap<Module, String> {
             continue;
         }
         let text = fs::read_to_string(&path).expect("a file");
-        let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
+        let text = text
+            .split("#[cfg(test)]\nmod tests {")
+            .next()
+            .unwrap_or_default();
         let code = text
             .lines()
             .map(|l| l.split("//").next().unwrap_or_default());
