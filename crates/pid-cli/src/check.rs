@@ -8,7 +8,7 @@ use pid_preflight::{Finding, Settings, Severity, check, fix, mended_gravity, ope
 
 use crate::args::open::CheckArgs;
 use crate::error::CliError;
-use crate::open::{Opened, as_stated, folders, open, robot_and_logs};
+use crate::open::{Opened, as_stated, folders, open, robot_and_logs, wrong};
 use crate::output;
 
 /// Exit code where something contradicts the robot.
@@ -110,15 +110,4 @@ pub(crate) fn refuse_wrong(opened: &Opened, anyway: bool) -> Result<(), CliError
             number: wrong.len(),
         }),
     }
-}
-
-/// What contradicts the robot or itself, for a run that follows.
-pub fn wrong(opened: &Opened) -> Vec<Finding> {
-    let settings = Settings {
-        determinable: false,
-        ..Settings::default()
-    };
-    let mut findings = check(&opened.records.dataset, &opened.nominal, &settings);
-    findings.retain(|f| f.severity == Severity::Wrong);
-    findings
 }

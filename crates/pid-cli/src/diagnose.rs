@@ -4,6 +4,7 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
+use pid_diagnose::declared::declared;
 use pid_diagnose::diagnosis::{Diagnosis, Outcome, Share};
 use pid_diagnose::report::Report;
 use pid_diagnose::search::{Listener, Settings, Watch};
@@ -289,6 +290,7 @@ fn one(
     report.write(out)?;
     if let Some(model) = model {
         write_items(model, &report, out)?;
+        write_declared(model, &report, out)?;
     }
     run.said(&report.diagnosis, out);
     Ok(Some(report.diagnosis))
@@ -322,6 +324,22 @@ fn write_items(model: &dyn Hessian, report: &Report, out: &Path) -> Result<(), C
         text.push_str(&format!("//   {} = {:?} {}\n", p.name, p.nominal, p.unit));
     }
     write(&path, &format!("{text}{items}"))
+}
+
+/// Writes the extended model of a declared robot as a declaration of its own.
+fn write_declared(model: &dyn Hessian, report: &Report, out: &Path) -> Result<(), CliError> {
+    let path = out.join("extended.rs");
+    remove_stale(&path).map_err(|error| CliError::Write {
+        path: path.clone(),
+        error,
+    })?;
+    match declared(model, &report.extended) {
+        Ok(text) => write(&path, &text),
+        Err(error) => {
+            output::print(&format!("no declaration of the extended model: {error}\n"));
+            Ok(())
+        }
+    }
 }
 
 /// Share of a missing force from which a joint has a line of its own.

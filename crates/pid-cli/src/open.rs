@@ -7,10 +7,10 @@ use pid_derive::model::JointKind;
 use pid_interpret::nominal::{Nominal, Velocity};
 use pid_logs::{Found, Joint, Log, Settings};
 use pid_mjcf::Mjcf;
+use pid_preflight as preflight;
 use pid_urdf::{Description, Guess, Missing, Reading};
 
 pub use crate::args::open::{ClassArg, InputArg, OpenArgs};
-pub use crate::check::wrong;
 use crate::error::{CliError, make_folder, write};
 use crate::output;
 
@@ -329,6 +329,17 @@ impl Opened {
     }
 }
 
+/// What contradicts the robot or itself, for a run that follows.
+pub fn wrong(opened: &Opened) -> Vec<preflight::Finding> {
+    let settings = preflight::Settings {
+        determinable: false,
+        ..preflight::Settings::default()
+    };
+    let mut findings = preflight::check(&opened.records.dataset, &opened.nominal, &settings);
+    findings.retain(|f| f.severity == preflight::Severity::Wrong);
+    findings
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -359,7 +370,7 @@ mod tests {
         assert_eq!(again.experiments, opened.records.dataset.experiments);
         let nominal = Nominal::read(at("data/nominal.toml")).expect("a description");
         assert_eq!(nominal.robot().params, opened.nominal.robot().params);
-        assert!(crate::check::wrong(&opened).is_empty());
+        assert!(wrong(&opened).is_empty());
         let text = std::fs::read_to_string(at("data/dataset.toml")).expect("a manifest");
         for assumption in &opened.records.assumptions {
             let line = assumption.to_string();
@@ -415,7 +426,7 @@ mod tests {
         std::fs::write(at("b.csv"), text).expect("written");
         let logs = [at("a.csv"), at("b.csv")];
         let opened = open(&at("arm.urdf"), &logs, &OpenArgs::default()).expect("records");
-        let wrong = crate::check::wrong(&opened);
+        let wrong = wrong(&opened);
         assert!(wrong.iter().any(|f| f.kind.name() == "unit"), "{wrong:?}");
     }
 }

@@ -28,6 +28,9 @@
 //! ```
 
 mod counts;
+mod declaration;
+mod links;
+mod words;
 
 use pid_derive::Equations;
 use pid_derive::model::Robot;
@@ -36,6 +39,9 @@ use pid_symbolic::Graph;
 use proc_macro2::TokenStream;
 use syn::visit::Visit;
 use thiserror::Error;
+
+pub use declaration::declaration;
+pub use words::Unsaid;
 
 /// Why nothing can be shown.
 #[derive(Debug, Clone, PartialEq, Error)]

@@ -158,13 +158,18 @@ impl Unit {
 
     /// Square root, if every exponent is even.
     pub fn sqrt(&self) -> Option<Unit> {
-        if self.dims.iter().any(|d| d % 2 != 0) {
+        self.root(2)
+    }
+
+    /// The unit whose power `n` it is, if every exponent is a multiple of `n`.
+    pub fn root(&self, n: i32) -> Option<Unit> {
+        if n == 0 || self.dims.iter().any(|d| d % n != 0) {
             return None;
         }
-        let dims = self.dims.map(|d| d / 2);
-        let even = self.terms.iter().all(|t| t.1 % 2 == 0);
-        let terms = if even {
-            self.terms.iter().map(|t| (t.0, t.1 / 2)).collect()
+        let dims = self.dims.map(|d| d / n);
+        let whole = self.terms.iter().all(|t| t.1 % n == 0);
+        let terms = if whole {
+            self.terms.iter().map(|t| (t.0, t.1 / n)).collect()
         } else {
             ["kg", "m", "s", "A", "K"]
                 .into_iter()
@@ -174,7 +179,10 @@ impl Unit {
         };
         Some(Unit {
             dims,
-            scale: self.scale.sqrt(),
+            scale: match n {
+                2 => self.scale.sqrt(),
+                _ => self.scale.powf(1.0 / f64::from(n)),
+            },
             terms,
         })
     }
@@ -260,5 +268,9 @@ mod tests {
         let r = Unit::of(&[("N", 1), ("m", -1), ("kg", -1)]).sqrt().unwrap();
         assert_eq!(r.to_string(), "1/s");
         assert!(Unit::of(&[("m", 1)]).sqrt().is_none());
+        let cube = Unit::of(&[("m", 3), ("s", -6)]);
+        assert_eq!(cube.root(3).unwrap().to_string(), "m/s^2");
+        assert_eq!(cube.root(-3).unwrap().to_string(), "s^2/m");
+        assert!(cube.root(2).is_none() && cube.root(0).is_none());
     }
 }

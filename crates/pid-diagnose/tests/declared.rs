@@ -5,7 +5,7 @@ use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
 use pid_runtime::robot;
 
-use crate::common::folder;
+use crate::common::{folder, source_holds};
 
 robot! {
     /// What the engineer declares.
@@ -95,6 +95,7 @@ fn the_spring_is_found_without_a_nominal_file() {
     let report = Report::of_model(&Pendulum, &folder, &Settings::default(), false);
     std::fs::remove_dir_all(&folder).expect("the folder");
     let report = report.expect("a diagnosis");
+    source_holds(&Pendulum, &report);
     let d = report.diagnosis();
     assert_eq!(
         (d.verdict.word(), d.verdict.joint()),
@@ -119,6 +120,7 @@ fn the_spring_is_found_on_one_of_two_branches() {
     let report = Report::of_model(&Shoulders, &folder, &Settings::default(), false);
     std::fs::remove_dir_all(&folder).expect("the folder");
     let report = report.expect("a diagnosis");
+    source_holds(&Shoulders, &report);
     let d = report.diagnosis();
     assert_eq!(
         (d.verdict.word(), d.verdict.joint()),

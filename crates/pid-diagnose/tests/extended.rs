@@ -269,7 +269,10 @@ fn goes_round(
     };
     let mut go_on = |_: &Progress<'_>| ControlFlow::Continue(());
     let found = ident::identify(model, &dataset, &settings, None, &mut go_on).expect("a fit");
-    for p in (extended.effects()[0].parameters.iter()).filter(|p| parameters.contains(&&*p.name)) {
+    let stated = extended.effects()[0].parameters.iter();
+    let asked: Vec<_> = stated.filter(|p| parameters.contains(&&*p.name)).collect();
+    assert_eq!(asked.len(), parameters.len(), "{parameters:?}");
+    for p in asked {
         let name = format!("{id}_{}_{joint}", p.name);
         let k = model.params().iter().position(|own| own.name == name);
         let k = k.expect("its parameter");
@@ -283,17 +286,32 @@ fn goes_round(
     }
 }
 
-/// An elastic joint of another simulator. Its damping is left out: the drive's noise, which the
-/// identification does not know, disturbs the phase of the oscillation, and this looks like damping.
-#[test]
-fn a_practice_case_goes_round() {
-    let Some(folder) = pid_records::shared("blind/p02") else {
+/// A case of another simulator.
+fn practice(case: &str, effect: (&str, &str, &[&str])) {
+    let Some(folder) = pid_records::shared(&format!("blind/{case}")) else {
         return;
     };
     let nominal = Nominal::read(&folder).expect("a robot");
     let dataset = Dataset::read(&folder).expect("records");
-    let effect = ("joint_elasticity", "j1", &["compliance"][..]);
     goes_round((nominal, &dataset), effect, 1);
+}
+
+/// Its damping is left out: the drive's noise, which the identification does not know, disturbs the
+/// phase of the oscillation, and this looks like damping.
+#[test]
+fn an_elastic_joint_of_another_simulator_goes_round() {
+    practice("p02", ("joint_elasticity", "j1", &["compliance"]));
+}
+
+#[test]
+fn a_drag_of_another_simulator_goes_round() {
+    practice("p08", ("quadratic_drag", "j1", &["drag"]));
+}
+
+#[test]
+fn a_gain_of_another_simulator_that_droops_goes_round() {
+    let parameters = &["droop_per_input_squared"];
+    practice("p04", ("gain_error_nonlinear", "j1", parameters));
 }
 
 /// Direction-dependent friction of a real axis.

@@ -8,7 +8,7 @@ use pid_diagnose::search::Settings;
 use pid_runtime::dynamics::{Dynamics, Jacobian};
 use pid_runtime::robot;
 
-use crate::common::folder;
+use crate::common::{folder, source_holds};
 
 robot! {
     /// Two fingers, one driven, the other opposite to it.
@@ -151,7 +151,9 @@ fn diagnosed(
     let folder = folder(model.name(), machine, joints, start, amplitude);
     let report = Report::of_model(model, &folder, &Settings::default(), false);
     std::fs::remove_dir_all(&folder).expect("the folder");
-    report.expect("a diagnosis").diagnosis().clone()
+    let report = report.expect("a diagnosis");
+    source_holds(model, &report);
+    report.diagnosis
 }
 
 /// One parameter of the first effect, with its standard deviation.

@@ -5,19 +5,7 @@ use pid_derive::model::{Expr, JointKind};
 use pid_interpret::nominal::{Nominal, Role};
 
 use crate::effect::{Effect, Info};
-
-/// When two effects cannot be told apart by any motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EqualWhen {
-    /// The robot has one joint.
-    OneJoint,
-    /// The robot has one joint, and gravity has no moment about it.
-    OneJointWithoutGravity,
-    /// The joint is the first of an arm in a vertical plane.
-    FirstOfVerticalPlane,
-    /// The joint has no viscous friction, and none is possible.
-    NoViscousFriction,
-}
+pub use crate::equal_when::EqualWhen;
 
 /// What decides on [`EqualWhen`]: a robot and one of its joints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

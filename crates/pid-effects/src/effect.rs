@@ -16,14 +16,14 @@ use std::sync::Arc;
 
 use pid_symbolic::program::Element;
 
-pub use crate::circumstances::EqualWhen;
 pub use crate::class::Class;
 pub use crate::commands::{Commands, tell_others};
 use crate::constants::Constants;
+pub use crate::equal_when::EqualWhen;
 pub use crate::read_off::{Over, ReadOff};
 use crate::scalar::{Lanes, Scalar};
+pub use crate::smooth::Smooth;
 pub use crate::symbol::Symbol;
-pub use crate::with_effects::Smooth;
 
 /// Lanes of one pass of derivatives.
 pub const LANES: usize = 8;

@@ -11,9 +11,9 @@ use pid_interpret::nominal::{self as description, Role};
 use pid_symbolic::{Cost, Graph, Id};
 
 use crate::Precision;
+use crate::carrier::{Carrier, carrier};
 use crate::error::FirmwareError;
 use crate::input::Step;
-use crate::told::{Carrier, carrier};
 
 /// The drive of a coordinate.
 #[derive(Debug, Clone)]

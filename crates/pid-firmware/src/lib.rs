@@ -29,6 +29,7 @@
 //! ```
 
 mod c;
+mod carrier;
 mod equations;
 mod error;
 mod input;

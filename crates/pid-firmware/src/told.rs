@@ -2,30 +2,7 @@
 
 use std::fmt::Write;
 
-use pid_effects::effect::Effect;
-use pid_effects::with_effects::{Obstacle, takes};
-
 use crate::equations::Equations;
-
-/// What carries an effect in the code.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Carrier {
-    /// A law of force, friction or input, or constants.
-    Law,
-    /// A shift of the positions.
-    Reading,
-    /// Nothing.
-    Nothing,
-}
-
-/// What carries an effect, by what it does.
-pub(crate) fn carrier(effect: &dyn Effect) -> Carrier {
-    match takes(effect) {
-        Ok(()) | Err(Obstacle::Structure) => Carrier::Law,
-        Err(Obstacle::Reading) if effect.info().id == "encoder_offset" => Carrier::Reading,
-        Err(_) => Carrier::Nothing,
-    }
-}
 
 /// What the code says of an effect of the library or a term, by its identifier; `None` for another one.
 pub fn expression(id: &str) -> Option<&'static str> {

@@ -39,6 +39,24 @@ pub struct Recipe {
     pub outliers: (f64, f64),
 }
 
+impl Recipe {
+    /// Two records from rest at zero, a sample every 2 ms, inputs of up to 1.5 Hz with these RMS
+    /// values; noise of 1e-5 rad or m, and of 1e-4 of these per second; no outliers.
+    pub fn new(seconds: f64, amplitude: &[f64]) -> Self {
+        let n = amplitude.len();
+        Recipe {
+            records: 2,
+            seconds,
+            step: 0.002,
+            amplitude: amplitude.to_vec(),
+            highest: 1.5,
+            start: vec![0.0; n],
+            noise: [vec![1e-5; n], vec![1e-4; n]].concat(),
+            outliers: (0.0, 1.0),
+        }
+    }
+}
+
 /// The records of a model with parameters `p`; all of them are for training.
 ///
 /// # Errors
@@ -67,74 +85,9 @@ pub fn records(
         }
     }
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let samples = (recipe.seconds / recipe.step).round() as usize + 1;
-    let t: Vec<f64> = (0..samples).map(|k| k as f64 * recipe.step).collect();
-    let lines = ((recipe.highest * recipe.seconds).floor() as usize).max(1);
-    let mut experiments = Vec::with_capacity(recipe.records);
-    for record in 0..recipe.records {
-        let phases: Vec<f64> = (0..nq * lines)
-            .map(|_| random.random_range(0.0..std::f64::consts::TAU))
-            .collect();
-        let input = |t: f64, j: usize| {
-            let sum: f64 = (0..lines)
-                .map(|k| {
-                    let turn = std::f64::consts::TAU * (k + 1) as f64 / recipe.seconds;
-                    (turn * t + phases[j * lines + k]).sin()
-                })
-                .sum();
-            recipe.amplitude[j] * sum * (2.0 / lines as f64).sqrt()
-        };
-        let u: Vec<f64> = t
-            .iter()
-            .flat_map(|&t| (0..nq).map(move |j| (t, j)))
-            .map(|(t, j)| input(t, j))
-            .collect();
-        let drive = Drive {
-            t: &t,
-            u: &u,
-            hold: InputHold::ZeroOrder,
-        };
-        let settings = integrate::Settings {
-            rtol: 1e-8,
-            atol: 1e-10,
-            ..integrate::Settings::default()
-        };
-        let model: &dyn Jacobian = model;
-        let rest = vec![0.0; nq];
-        let motion = integrate::simulate(model, p, &recipe.start, &rest, &drive, settings)?;
-        let mut read = |values: &[f64], first: usize| -> Vec<f64> {
-            values
-                .iter()
-                .enumerate()
-                .map(|(k, x)| {
-                    let outlier = random.random_range(0.0..1.0) < recipe.outliers.0;
-                    let size = if outlier { recipe.outliers.1 } else { 1.0 };
-                    let noise = recipe.noise[first + k % nq];
-                    let error = random.sample::<f64, _>(StandardNormal);
-                    if noise.is_finite() {
-                        x + size * noise * error
-                    } else {
-                        f64::NAN
-                    }
-                })
-                .collect()
-        };
-        let (q, v) = (read(&motion.q, 0), read(&motion.v, nq));
-        let measured = recipe.noise[nq..].iter().any(|n| n.is_finite());
-        experiments.push(Experiment {
-            name: format!("record_{}", record + 1),
-            role: Role::Train,
-            note: String::new(),
-            nq,
-            t: t.clone(),
-            q,
-            v: measured.then_some(v),
-            u,
-            tau: None,
-            qref: None,
-            missing: 0,
-        });
-    }
+    let experiments = (1..=recipe.records)
+        .map(|number| experiment(model, p, recipe, (number, &mut random)))
+        .collect::<Result<_, _>>()?;
     Ok(Dataset {
         name: format!("{}, simulated", model.name()),
         title: format!("{}, simulated with seed {seed}", model.name()),
@@ -146,6 +99,91 @@ pub fn records(
         experiments,
         warnings: Vec::new(),
     })
+}
+
+/// One record, with its number from 1.
+fn experiment(
+    model: &dyn Hessian,
+    p: &[f64],
+    recipe: &Recipe,
+    (number, random): (usize, &mut ChaCha8Rng),
+) -> Result<Experiment, SimulateError> {
+    let nq = model.dims().nq;
+    let samples = (recipe.seconds / recipe.step).round() as usize + 1;
+    let t: Vec<f64> = (0..samples).map(|k| k as f64 * recipe.step).collect();
+    let u = multisine(recipe, nq, &t, random);
+    let drive = Drive {
+        t: &t,
+        u: &u,
+        hold: InputHold::ZeroOrder,
+    };
+    let settings = integrate::Settings {
+        rtol: 1e-8,
+        atol: 1e-10,
+        ..integrate::Settings::default()
+    };
+    let model: &dyn Jacobian = model;
+    let rest = vec![0.0; nq];
+    let motion = integrate::simulate(model, p, &recipe.start, &rest, &drive, settings)?;
+    let (of_q, of_v) = recipe.noise.split_at(nq);
+    let q = readings(&motion.q, of_q, recipe.outliers, random);
+    let v = readings(&motion.v, of_v, recipe.outliers, random);
+    let measured = of_v.iter().any(|n| n.is_finite());
+    Ok(Experiment {
+        name: format!("record_{number}"),
+        role: Role::Train,
+        note: String::new(),
+        nq,
+        t,
+        q,
+        v: measured.then_some(v),
+        u,
+        tau: None,
+        qref: None,
+        missing: 0,
+    })
+}
+
+/// Inputs of random phases, row by row.
+fn multisine(recipe: &Recipe, nq: usize, t: &[f64], random: &mut ChaCha8Rng) -> Vec<f64> {
+    let lines = ((recipe.highest * recipe.seconds).floor() as usize).max(1);
+    let phases: Vec<f64> = (0..nq * lines)
+        .map(|_| random.random_range(0.0..std::f64::consts::TAU))
+        .collect();
+    let input = |t: f64, j: usize| {
+        let sum: f64 = (0..lines)
+            .map(|k| {
+                let turn = std::f64::consts::TAU * (k + 1) as f64 / recipe.seconds;
+                (turn * t + phases[j * lines + k]).sin()
+            })
+            .sum();
+        recipe.amplitude[j] * sum * (2.0 / lines as f64).sqrt()
+    };
+    t.iter()
+        .flat_map(|&t| (0..nq).map(move |j| (t, j)))
+        .map(|(t, j)| input(t, j))
+        .collect()
+}
+
+/// Values as a sensor reads them, row by row; NaN where its noise is without bound.
+fn readings(
+    values: &[f64],
+    noise: &[f64],
+    (share, multiple): (f64, f64),
+    random: &mut ChaCha8Rng,
+) -> Vec<f64> {
+    let read = |(k, x): (usize, &f64)| {
+        let outlier = random.random_range(0.0..1.0) < share;
+        let size = if outlier { multiple } else { 1.0 };
+        let noise = noise[k % noise.len()];
+        let error = random.sample::<f64, _>(StandardNormal);
+        if noise.is_finite() {
+            x + size * noise * error
+        } else {
+            f64::NAN
+        }
+    };
+    values.iter().enumerate().map(read).collect()
 }
 
 fn channels(model: &dyn Hessian, noise: &[f64]) -> Vec<JointChannels> {

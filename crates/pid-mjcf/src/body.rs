@@ -10,7 +10,7 @@ use pid_urdf::names;
 use crate::element::Element;
 use crate::error::MjcfError;
 use crate::place::unit;
-use crate::read::{Range, Reader};
+use crate::reader::{Range, Reader};
 
 /// Where a body of the file hangs: on a body of the mechanism, in a place of its frame.
 #[derive(Clone, Copy)]

@@ -30,12 +30,14 @@
 mod actuator;
 mod body;
 mod defaults;
+mod drives;
 mod element;
 mod error;
 mod geom;
 mod mesh;
 mod place;
 mod read;
+mod reader;
 mod replicate;
 
 pub use actuator::Actuator;

@@ -254,9 +254,9 @@ fn rate_of_motion(data: &Dataset, criteria: &Criteria) -> f64 {
         for j in 0..e.nq {
             let q = pid_data::signal::column(&e.q, e.nq, j);
             let steps: Vec<f64> = q.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
-            let range = crate::channels::spread(&q);
+            let range = crate::columns::spread(&q);
             if range > 0.0 && e.sample_time() > 0.0 {
-                let share = crate::channels::quantile(&steps, 0.9) / range;
+                let share = crate::columns::quantile(&steps, 0.9) / range;
                 needed = needed.max(share / criteria.step_of_range / e.sample_time());
             }
         }

@@ -1,7 +1,7 @@
 //! Explanations of a record against each other: order, sign, unit, gravity, clock of the inputs. Each is
 //! judged by the share of the recorded torque that the nominal robot leaves unexplained.
 
-use crate::channels::quantile;
+use crate::columns::quantile;
 use crate::criteria::Criteria;
 use crate::faults::{flipped, gravity_finding, scale_finding, swapped, unit_finding};
 use crate::finding::{Channel, Finding, FindingKind, Severity, number};

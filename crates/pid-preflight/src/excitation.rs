@@ -2,8 +2,10 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 use pid_interpret::nominal::{Nominal, Role};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
-use crate::channels::{quantile, spread};
+use crate::columns::{quantile, spread};
 use crate::criteria::Criteria;
 use crate::finding::{Channel, Finding, FindingKind, Missing, Severity, joints_text, list, number};
 use crate::motion::Motion;
@@ -102,16 +104,11 @@ fn states(motion: &Motion) -> Vec<State> {
 }
 
 /// States of a rich motion: positions over a wide range about those of the record, speeds and
-/// accelerations of usual size, drawn by a linear congruential generator of fixed seed.
+/// accelerations of usual size, drawn with a fixed seed.
 fn rich(motion: &Motion, nominal: &Nominal, count: usize) -> Vec<State> {
     let n = motion.n;
-    let mut seed: u64 = 1;
-    let mut draw = || {
-        seed = seed
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        2.0 * ((seed >> 11) as f64 / (1u64 << 53) as f64) - 1.0
-    };
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let mut draw = || random.random_range(-1.0..1.0);
     let scales: Vec<(f64, f64, f64, f64)> = (0..n)
         .map(|j| {
             let q: Vec<f64> = motion.column(&motion.q, j).collect();

@@ -2,6 +2,7 @@
 
 use pid_data::{DataWarning, Dataset, Experiment};
 
+use crate::columns::{outlier_rows, split};
 use crate::finding::{Channel, Finding, FindingKind, Severity, joints_text, number};
 use crate::wrap;
 
@@ -109,7 +110,7 @@ pub(crate) fn apply(data: &mut Dataset, finding: &Finding) -> Option<String> {
             let column = finding.columns.first()?;
             let mut cells = 0;
             records.for_each(|e| {
-                for i in crate::channels::outlier_rows(e, column) {
+                for i in outlier_rows(e, column) {
                     cells += forget(e, column, i..i + 1);
                 }
             });
@@ -206,13 +207,6 @@ pub(crate) fn forget(e: &mut Experiment, column: &str, rows: std::ops::Range<usi
     }
     e.missing += count;
     count
-}
-
-/// Stem of a column and its joint from 0.
-pub(crate) fn split(column: &str) -> Option<(&str, usize)> {
-    let digits = column.find(|c: char| c.is_ascii_digit())?;
-    let (stem, number) = column.split_at(digits);
-    Some((stem, number.parse::<usize>().ok()?.checked_sub(1)?))
 }
 
 /// Empty cells anew; a velocity that is absent for a joint is no empty cell.

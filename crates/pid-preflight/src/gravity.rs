@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use pid_interpret::nominal::{Nominal, Role};
 
-use crate::channels::quantile;
+use crate::columns::quantile;
 use crate::criteria::Criteria;
 use crate::finding::{Channel, Finding, FindingKind, Severity, number};
 use crate::motion::Motion;

@@ -18,6 +18,7 @@
 
 mod channels;
 mod clock;
+mod columns;
 mod contest;
 mod criteria;
 mod excitation;

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use pid_interpret::nominal::Nominal;
 use pid_runtime::dynamics::Dynamics;
 
-use crate::channels::quantile;
+use crate::columns::quantile;
 use crate::criteria::Criteria;
 use crate::finding::{Channel, Finding, FindingKind, Severity, number};
 use crate::motion::Motion;

@@ -1,31 +1,11 @@
 //! What the tolerances leave open of the torques: a small link with a centre of mass near its axis has a
 //! gravity torque that nobody knows beforehand.
 
-use pid_interpret::nominal::{Nominal, Role};
-
 use crate::motion::Motion;
 use crate::torque::Bench;
 
 /// States at which it is asked.
 const STATES: usize = 120;
-/// Most that is taken for possible: wider tolerances say that values were guessed, and a guess is compared
-/// like a value that is known to so much of it.
-const RELATIVE: f64 = 0.3;
-/// Likewise for centres of mass, m.
-const CENTRE: f64 = 0.02;
-
-/// Deviation of each parameter of a description that is taken for possible; friction is fitted anyway.
-pub(crate) fn widths(nominal: &Nominal) -> Vec<f64> {
-    let width = |t: &pid_interpret::nominal::Tolerance| match t.role {
-        Role::CenterOfMass(_) => t.half_width.min(CENTRE),
-        Role::Coulomb | Role::Viscous | Role::Gain | Role::Sharpness => 0.0,
-        // Products of inertia are zero often, their tolerance refers to the moments.
-        Role::Inertia(k) if k > 2 => t.half_width,
-        _ => t.half_width.min(RELATIVE * t.nominal.abs()),
-    };
-    nominal.tolerances().iter().map(width).collect()
-}
-
 /// Mean square of each torque that the tolerances leave open: deviations of the parameters by half their
 /// width, which is that of an even distribution and a bit less, independent of each other.
 pub(crate) fn squares(bench: &Bench, motion: &Motion) -> Vec<f64> {

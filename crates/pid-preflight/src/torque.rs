@@ -2,12 +2,17 @@
 
 use pid_derive::model::{Expr, Param};
 use pid_interpret::Model;
-use pid_interpret::nominal::Nominal;
+use pid_interpret::nominal::{Nominal, Role};
 use pid_runtime::dynamics::{At, Dynamics, Jacobian};
 
 use crate::criteria::Criteria;
 use crate::motion::Motion;
-use crate::open;
+
+/// Most that is taken for possible: wider tolerances say that values were guessed, and a guess is compared
+/// like a value that is known to so much of it.
+const RELATIVE: f64 = 0.3;
+/// Likewise for centres of mass, m.
+const CENTRE: f64 = 0.02;
 
 /// The nominal robot, with gravity as three further parameters.
 pub(crate) struct Bench {
@@ -97,7 +102,7 @@ impl Bench {
             p,
             gravity: place,
             gain,
-            widths: open::widths(nominal),
+            widths: widths(nominal),
         })
     }
 
@@ -303,4 +308,16 @@ pub(crate) fn sums(
         }
     }
     sums
+}
+
+/// Deviation of each parameter of a description that is taken for possible; friction is fitted anyway.
+fn widths(nominal: &Nominal) -> Vec<f64> {
+    let width = |t: &pid_interpret::nominal::Tolerance| match t.role {
+        Role::CenterOfMass(_) => t.half_width.min(CENTRE),
+        Role::Coulomb | Role::Viscous | Role::Gain | Role::Sharpness => 0.0,
+        // Products of inertia are zero often, their tolerance refers to the moments.
+        Role::Inertia(k) if k > 2 => t.half_width,
+        _ => t.half_width.min(RELATIVE * t.nominal.abs()),
+    };
+    nominal.tolerances().iter().map(width).collect()
 }

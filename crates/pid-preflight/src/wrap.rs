@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use pid_data::{Dataset, Experiment};
 
-use crate::channels::{quantile, spread};
+use crate::columns::{quantile, spread};
 use crate::criteria::Criteria;
 use crate::finding::{Channel, Finding, FindingKind, Severity, number};
 

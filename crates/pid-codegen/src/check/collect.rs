@@ -11,7 +11,7 @@ use crate::syntax::{Ast, Motion, MotorDecl, PerJoint};
 use pid_derive::model::About;
 
 /// Suffixes of the parameters of `inertial: free`.
-const LINEAR: [&str; 10] = [
+pub(crate) const LINEAR: [&str; 10] = [
     "m", "mx", "my", "mz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz",
 ];
 const AT_COM: [&str; 10] = [

@@ -28,6 +28,8 @@ pub mod variants;
 
 use crate::diag::Diagnostics;
 use crate::syntax::{Ast, Vector};
+#[cfg(feature = "show")]
+pub(crate) use collect::LINEAR;
 use pid_derive::Identifiability;
 use pid_derive::model::Robot;
 pub(crate) use resolved::emit;

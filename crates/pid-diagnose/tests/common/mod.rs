@@ -4,8 +4,12 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use pid_data::InputHold;
+use pid_diagnose::declared::declared;
+use pid_diagnose::report::Report;
+use pid_diagnose::with_effects::{Placed, WithEffects};
 use pid_fit::integrate::{self, Drive, simulate};
-use pid_runtime::dynamics::Jacobian;
+use pid_interpret::Model;
+use pid_runtime::dynamics::{At, Dynamics, Jacobian};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -110,4 +114,69 @@ pub(crate) fn folder(
     std::fs::write(out.join("dataset.toml"), dataset).expect("a file");
     std::fs::write(out.join("measurement.toml"), measurement).expect("a file");
     out
+}
+
+/// What a diagnosis wrote of a declared robot, read by `robot!`'s own checks, against the extended
+/// description with its effects: the same forces, in the coordinates of the joints.
+pub(crate) fn source_holds(model: &dyn Dynamics, report: &Report) {
+    let text = declared(model, &report.extended).expect("a declaration");
+    let inside = text.split_once("robot! {").expect(&text).1;
+    let inside = inside.rsplit_once('}').expect(&text).0;
+    let robots = pid_codegen::robots(inside.parse().expect(&text));
+    let robots = robots.unwrap_or_else(|mistakes| panic!("{mistakes:#?}\n{text}"));
+    assert_eq!(robots[0].name, format!("{}Extended", model.name()));
+    let written = Model::new(&robots[0]).expect("equations");
+    let placed = Placed::of(&report.extended).expect("effects");
+    let inner = Model::new(report.extended.robot()).expect("equations");
+    let with = WithEffects::new(Box::new(inner), &placed).expect("effects");
+    let n = with.dims().nq;
+    let place = |name: &str| {
+        let mut all = with.inputs().iter();
+        all.position(|i| i.name == name).expect(name)
+    };
+    let nominal =
+        |model: &dyn Dynamics| -> Vec<f64> { model.params().iter().map(|p| p.nominal).collect() };
+    let drives = report.extended.drives();
+    for point in 0..20 {
+        let wave = |k: usize| (0.3 + 1.7 * k as f64 + 0.61 * f64::from(point)).sin();
+        let row = |from: usize, size: f64| -> Vec<f64> {
+            (0..n).map(|k| size * wave(from + k)).collect()
+        };
+        let (q, v, a, u) = (row(0, 1.2), row(20, 1.5), row(40, 3.0), row(60, 2.0));
+        let (dq, dv, da) = match drives {
+            Some(d) => (d.positions(&q), d.velocities(&v), d.velocities(&a)),
+            None => (q.clone(), v.clone(), a.clone()),
+        };
+        let mut theirs = vec![0.0; n];
+        let p = nominal(&with);
+        let at = At {
+            q: &dq,
+            v: &dv,
+            a: &da,
+            u: &u,
+            p: &p,
+        };
+        with.residual(&at, &mut theirs);
+        if let Some(drives) = drives {
+            // Equal power: forces on the joints are Rᵀ those on the drives.
+            let of = |j: usize| (0..n).map(|k| drives.ratios[k][j] * theirs[k]).sum();
+            theirs = (0..n).map(of).collect();
+        }
+        let inputs: Vec<f64> = (written.inputs().iter())
+            .map(|i| u[place(&i.name)])
+            .collect();
+        let (mut own, p) = (vec![0.0; n], nominal(&written));
+        let at = At {
+            q: &q,
+            v: &v,
+            a: &a,
+            u: &inputs,
+            p: &p,
+        };
+        written.residual(&at, &mut own);
+        let size = own.iter().fold(1e-3_f64, |m, x| m.max(x.abs()));
+        for (x, y) in own.iter().zip(&theirs) {
+            assert!((x - y).abs() < 1e-11 * size, "{own:?} {theirs:?}\n{text}");
+        }
+    }
 }

@@ -2,8 +2,8 @@
 
 use pid_runtime::dynamics::{At, Dims};
 
-use super::smooth::Smooth;
 use crate::scalar::Scalar;
+use crate::smooth::Smooth;
 
 /// Arguments at a point, each from its place in z = (q, v, a, u, p), zero without one; accelerations
 /// are zero where none are given.

@@ -7,11 +7,11 @@ use pid_runtime::dynamics::{At, Dims};
 use super::arguments;
 use super::error::{EffectError, Obstacle};
 use super::roles::JointRoles;
-use super::smooth::Smooth;
 use crate::constants::{Constant, Constants};
 use crate::effect::{Commands, Effect, Forces, Friction, Law, Site};
 use crate::nominal::Nominal;
 use crate::scalar::Scalar;
+use crate::smooth::Smooth;
 
 /// Places of the arguments: own and partner's position and velocity, input, acceleration, friction,
 /// gain; effects' parameters follow.

@@ -22,10 +22,10 @@ use pid_runtime::dynamics::{
 use super::DECADE;
 use super::arguments::{self, narrowed, widened};
 use super::merge::Merged;
-use super::smooth::{CORNER, Smooth};
 use super::states::add_state;
 use crate::drives::{Gains, Seen, growth, unlimited};
 use crate::scalar::Scalar;
+use crate::smooth::{CORNER, Smooth};
 
 /// Places of the arguments: position, velocity, target, gains, integral, and how fast that grows.
 const Q: usize = 0;

@@ -18,7 +18,6 @@ mod group;
 mod loops;
 mod merge;
 mod roles;
-mod smooth;
 mod source;
 mod states;
 mod structure;
@@ -33,13 +32,13 @@ use pid_runtime::dynamics::{
 use crate::described::{described, range, unit};
 use crate::effect::{Effect, Parameter, Term, Unit};
 
+pub use crate::smooth::Smooth;
 pub use assembled::{AssembleError, Assembled};
 pub use error::{EffectError, Obstacle};
 use group::Group;
 pub use loops::{WithLoops, gain_name};
 use merge::Merged;
 pub use roles::{JointRoles, roles};
-pub use smooth::Smooth;
 pub use source::{SourceError, source};
 pub use states::{Drives, WithStates};
 pub use structure::with_masses;

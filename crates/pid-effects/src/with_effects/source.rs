@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use pid_runtime::dynamics::{Hessian, JointInfo};
 
 use super::roles::{JointRoles, roles};
-use super::{Placed, group::REST, smooth};
+use super::{Placed, group::REST};
+use crate::smooth;
 
 /// An effect that a declaration cannot take as a force.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -6,6 +6,7 @@
 
 use pid_derive::model::{Affine, Expr, Inertial, Joint, JointKind, Link, Motor, Robot};
 
+use super::Nominal;
 use super::error::DeclaredError;
 
 /// Positions of drives in terms of positions of joints: `w = R q + o`.
@@ -81,19 +82,11 @@ impl Drives {
     }
 
     fn expression(&self, x: &Expr) -> Expr {
-        let of = |x: &Expr| Box::new(self.expression(x));
-        match x {
+        with_motion(x, &|leaf| match leaf {
             Expr::Position(j) => self.joint(*j, Expr::Position, true),
             Expr::Velocity(j) => self.joint(*j, Expr::Velocity, false),
-            Expr::Num(_) | Expr::Param(_) | Expr::Input(_) | Expr::Blank(_) => x.clone(),
-            Expr::Neg(x) => Expr::Neg(of(x)),
-            Expr::Add(x, y) => Expr::Add(of(x), of(y)),
-            Expr::Sub(x, y) => Expr::Sub(of(x), of(y)),
-            Expr::Mul(x, y) => Expr::Mul(of(x), of(y)),
-            Expr::Div(x, y) => Expr::Div(of(x), of(y)),
-            Expr::Powi(x, n) => Expr::Powi(of(x), *n),
-            Expr::Call(f, x) => Expr::Call(*f, of(x)),
-        }
+            leaf => leaf.clone(),
+        })
     }
 
     /// An affine combination of joints as one of drives.
@@ -252,6 +245,79 @@ fn shaft(links: &mut Vec<Link>, joint: &Joint, name: String) -> Joint {
         armature: None,
         force: None,
     }
+}
+
+/// An expression with others in place of its positions and velocities.
+fn with_motion(x: &Expr, leaf: &impl Fn(&Expr) -> Expr) -> Expr {
+    let of = |x: &Expr| Box::new(with_motion(x, leaf));
+    match x {
+        Expr::Position(_) | Expr::Velocity(_) => leaf(x),
+        Expr::Num(_) | Expr::Param(_) | Expr::Input(_) | Expr::Blank(_) => x.clone(),
+        Expr::Neg(x) => Expr::Neg(of(x)),
+        Expr::Add(x, y) => Expr::Add(of(x), of(y)),
+        Expr::Sub(x, y) => Expr::Sub(of(x), of(y)),
+        Expr::Mul(x, y) => Expr::Mul(of(x), of(y)),
+        Expr::Div(x, y) => Expr::Div(of(x), of(y)),
+        Expr::Powi(x, n) => Expr::Powi(of(x), *n),
+        Expr::Call(f, x) => Expr::Call(*f, of(x)),
+    }
+}
+
+impl Nominal {
+    /// The description's robot in the coordinates of its joints: that of [`Nominal::robot`], except
+    /// where drives move several joints. Then it is the declaration with the description's values
+    /// and drives; `declared` is the one that the description was made of.
+    pub fn robot_in_joints(&self, declared: &Robot) -> Robot {
+        if self.drives.is_none() {
+            return self.robot.clone();
+        }
+        let mut robot = declared.clone();
+        robot.params.clone_from(&self.robot.params);
+        robot.inputs.clone_from(&self.robot.inputs);
+        for joint in &mut robot.joints {
+            joint.force = None;
+        }
+        for motor in &mut robot.motors {
+            motor.force = None;
+        }
+        for drive in self.robot.joints.iter().filter(|j| j.coord.is_some()) {
+            let owner = (self.robot.motors.iter())
+                .position(|m| m.moves.terms.first().map(|t| t.0) == drive.coord);
+            match owner {
+                Some(m) => {
+                    let moves = robot.motors[m].moves.clone();
+                    let force = drive.force.as_ref().map(|f| along(f, &moves));
+                    robot.motors[m].force = force;
+                }
+                None => {
+                    let mut own = robot.joints.iter_mut();
+                    if let Some(joint) = own.find(|j| j.coord == drive.coord) {
+                        joint.force.clone_from(&drive.force);
+                    }
+                }
+            }
+        }
+        robot
+    }
+}
+
+/// A law of a drive's own motion in terms of the joints that it moves.
+fn along(law: &Expr, moves: &Affine) -> Expr {
+    let sum = |of: fn(usize) -> Expr| {
+        let terms = moves.terms.iter().map(|(j, ratio)| match ratio {
+            Expr::Num(1.0) => of(*j),
+            ratio => Expr::Mul(Box::new(ratio.clone()), Box::new(of(*j))),
+        });
+        terms.reduce(|a, b| Expr::Add(Box::new(a), Box::new(b)))
+    };
+    let zero = || Expr::Num(0.0);
+    with_motion(law, &|leaf| match leaf {
+        Expr::Position(_) => {
+            let sum = sum(Expr::Position).unwrap_or_else(zero);
+            Expr::Add(Box::new(sum), Box::new(moves.offset.clone()))
+        }
+        _ => sum(Expr::Velocity).unwrap_or_else(zero),
+    })
 }
 
 fn unit(n: usize, i: usize) -> Vec<f64> {

@@ -8,9 +8,9 @@ use pid_runtime::dynamics::{At, Dims};
 use super::super::arguments;
 use super::super::error::Obstacle;
 use super::super::group::hooks;
-use super::super::smooth::Smooth;
 use crate::effect::{Commands, Effect, Flow, Flowing};
 use crate::scalar::Scalar;
+use crate::smooth::Smooth;
 
 /// Places of the arguments: position, velocity, acceleration and input of the joint; position,
 /// velocity and acceleration of the state; friction, gain and rotor inertia; the effect's own follow.

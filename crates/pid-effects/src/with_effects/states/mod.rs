@@ -25,10 +25,10 @@ use pid_runtime::dynamics::{
 use super::arguments::{narrowed, widened};
 use super::group::REST;
 use super::merge::Merged;
-use super::smooth::Smooth;
 use super::{EffectError, JointRoles, Placed, name_parameters, roles};
 use crate::effect::Effect;
 use crate::scalar::Scalar;
+use crate::smooth::Smooth;
 use member::{
     A, COULOMB, GAIN, Kind, Member, OWN, Q, ROTOR, S, SAMPLES, U, V, VISCOUS, W, W_DOT, kind,
 };

@@ -12,9 +12,9 @@ pub struct Smooth(pub HyperDual64);
 
 /// Rounding of |x| at zero: √(x² + ε²), in the unit of x. A thousandth of a newton metre is below
 /// any drive's noise.
-pub(super) const ROUND: f64 = 1e-3;
+pub(crate) const ROUND: f64 = 1e-3;
 /// Rounding of a limit, share of the distance between the two: the corner is left by 0.25 % of that.
-pub(super) const CORNER: f64 = 5e-3;
+pub(crate) const CORNER: f64 = 5e-3;
 /// Beyond this tanh is ±1 to rounding, and its exponentials would overflow.
 const SATURATED: f64 = 20.0;
 
