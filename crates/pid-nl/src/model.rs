@@ -113,24 +113,7 @@ impl Model {
         let mut word = || words.next().unwrap_or("");
         let (n, m) = (self.head.n, self.head.m);
         match kind {
-            "V" => {
-                let defined = lines.position("a defined variable", word(), values.len())?;
-                if defined < n {
-                    return Err(lines.refuse(
-                        "a defined variable",
-                        line,
-                        "number it after the variables",
-                    ));
-                }
-                let linear = lines.count("the number of linear terms", word())?;
-                let mut terms = Vec::new();
-                for _ in 0..linear {
-                    terms.push(self.term(lines, values)?);
-                }
-                let value = expression::read(lines, &mut self.graph, values)?;
-                terms.push(value);
-                values[defined] = Some(self.graph.sum(terms));
-            }
+            "V" => self.define(lines, values, line)?,
             "C" => {
                 let row = lines.position("a constraint", word(), m)?;
                 let value = expression::read(lines, &mut self.graph, values)?;
@@ -200,6 +183,29 @@ impl Model {
                 return Err(lines.refuse("the beginning of a part", line, mend));
             }
         }
+        Ok(())
+    }
+
+    /// A defined variable: linear terms and an expression.
+    fn define(
+        &mut self,
+        lines: &mut Lines<'_>,
+        values: &mut [Option<Id>],
+        line: &str,
+    ) -> Result<(), NlError> {
+        let mut words = line[1..].split_whitespace();
+        let mut word = || words.next().unwrap_or("");
+        let defined = lines.position("a defined variable", word(), values.len())?;
+        if defined < self.head.n {
+            let mend = "number it after the variables";
+            return Err(lines.refuse("a defined variable", line, mend));
+        }
+        let mut terms = Vec::new();
+        for _ in 0..lines.count("the number of linear terms", word())? {
+            terms.push(self.term(lines, values)?);
+        }
+        terms.push(expression::read(lines, &mut self.graph, values)?);
+        values[defined] = Some(self.graph.sum(terms));
         Ok(())
     }
 
