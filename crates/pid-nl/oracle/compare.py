@@ -11,6 +11,7 @@ import json
 import re
 import subprocess
 import sys
+import tempfile
 
 import casadi as ca
 import numpy as np
@@ -37,7 +38,11 @@ def dense(entries, shape):
 
 def compare(ours):
     nl = ca.NlpBuilder()
-    nl.import_nl(ours["file"])
+    # CasADi's reader takes no comments.
+    with open(ours["file"]) as file, tempfile.NamedTemporaryFile("w", suffix=".nl") as bare:
+        bare.writelines(line.split("#")[0].rstrip() + "\n" for line in file)
+        bare.flush()
+        nl.import_nl(bare.name)
     x, f, g = ca.vertcat(*nl.x), nl.f, ca.vertcat(*nl.g)
     n, m = x.numel(), g.numel()
     lam = ca.MX.sym("lam", m)
@@ -72,7 +77,12 @@ def main():
             continue
         # JSON has no infinity; Python reads it in this form.
         ours = json.loads(re.sub(r"(?<=[:,\[])(-?)inf", r"\1Infinity", run.stdout))
-        errors, n, m, success, objective, iterations, status = compare(ours)
+        try:
+            errors, n, m, success, objective, iterations, status = compare(ours)
+        except RuntimeError as error:
+            end = ours["objective"], ours["iterations"], ours["status"]
+            print(f"{name:<18} not read by CasADi: {str(error).splitlines()[-1][-60:]}; ours {end}")
+            continue
         columns = " ".join(f"{e:8.1e}" for e in errors)
         ends = f"{ours['objective']:.9g} {ours['iterations']} {ours['status'] if not ours['converged'] else ''}"
         print(f"{name:<18}{n:>5}{m:>5}  {columns}   {ends}; {objective:.9g} {iterations} {status if not success else ''}", flush=True)
