@@ -47,7 +47,8 @@ def compare(ours):
     n, m = x.numel(), g.numel()
     lam = ca.MX.sym("lam", m)
     lagrangian = f + (ca.dot(lam, g) if m else 0)
-    values = ca.Function("v", [x, lam], [f, g, ca.gradient(f, x), ca.jacobian(g, x), ca.hessian(lagrangian, x)[0]])
+    derivatives = [ca.gradient(f, x), ca.jacobian(g, x), ca.hessian(lagrangian, x)[0]]
+    values = ca.Function("v", [x, lam], [f, g, *derivatives])
     at, multipliers = ca.DM(ours["x"]), ca.DM(ours["lambda"])
     theirs = [np.array(ca.DM(v)) for v in values(at, multipliers)]
     lower = dense(ours["hessian"], (n, n))
@@ -59,7 +60,8 @@ def compare(ours):
         off(dense(ours["jacobian"], (m, n)), theirs[3]) if m else 0.0,
         off(hessian, theirs[4]),
     ]
-    options = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.max_iter": 3000, "ipopt.tol": 1e-8}
+    quiet = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes"}
+    options = quiet | {"ipopt.max_iter": 3000, "ipopt.tol": 1e-8}
     solver = ca.nlpsol("s", "ipopt", {"x": x, "f": f, "g": g}, options)
     end = solver(x0=nl.x_init, lbx=nl.x_lb, ubx=nl.x_ub, lbg=nl.g_lb, ubg=nl.g_ub)
     stats = solver.stats()
@@ -68,7 +70,8 @@ def compare(ours):
 
 def main():
     program, files = sys.argv[1], sys.argv[2:]
-    print(f"{'file':<18}{'n':>5}{'m':>5}  {'f':>8} {'c':>8} {'grad':>8} {'Jac':>8} {'Hess':>8}   ours, iterations; Ipopt's")
+    names = " ".join(f"{name:>8}" for name in ("f", "c", "gradient", "Jacobian", "Hessian"))
+    print(f"{'file':<18}{'n':>5}{'m':>5}  {names}   ours, iterations; Ipopt's")
     for file in files:
         name = file.rsplit("/", 1)[-1]
         run = subprocess.run([program, file], capture_output=True, text=True, timeout=600)
@@ -84,8 +87,9 @@ def main():
             print(f"{name:<18} not read by CasADi: {str(error).splitlines()[-1][-60:]}; ours {end}")
             continue
         columns = " ".join(f"{e:8.1e}" for e in errors)
-        ends = f"{ours['objective']:.9g} {ours['iterations']} {ours['status'] if not ours['converged'] else ''}"
-        print(f"{name:<18}{n:>5}{m:>5}  {columns}   {ends}; {objective:.9g} {iterations} {status if not success else ''}", flush=True)
+        ends = f"{ours['objective']:.9g} {ours['iterations']} {'' if ours['converged'] else ours['status']}"
+        theirs = f"{objective:.9g} {iterations} {'' if success else status}"
+        print(f"{name:<18}{n:>5}{m:>5}  {columns}   {ends}; {theirs}", flush=True)
 
 
 main()
