@@ -11,6 +11,8 @@ pub use fearless_simd;
 
 #[cfg(all(feature = "std", target_arch = "x86_64"))]
 pub use crate::lanes::avx2;
+#[cfg(all(feature = "std", target_arch = "x86_64"))]
+pub use pid_lanes::kernel::avx2 as level;
 
 /// Functions of numbers, without `std`.
 #[cfg(not(feature = "std"))]

@@ -59,7 +59,7 @@ fn one(opened: &Opened, repeated: &[Finding], args: &CheckArgs) -> Result<u8, Cl
         let text = serde_json::to_string_pretty(&all).map_err(CliError::Json)?;
         output::print(&format!("{text}\n"));
     } else {
-        output::print(&words(&all));
+        output::print(&words(&all, &opened.nominal));
     }
     if let Some(folder) = &args.fix {
         let (dataset, done) = fix(&opened.records.dataset, &own);
@@ -82,9 +82,21 @@ fn one(opened: &Opened, repeated: &[Finding], args: &CheckArgs) -> Result<u8, Cl
     Ok(if wrong { WRONG } else { 0 })
 }
 
+/// Findings name joints by number: what the numbers stand for, in one line. Empty where no finding has a joint.
+fn legend<'a>(findings: impl IntoIterator<Item = &'a Finding>, nominal: &Nominal) -> String {
+    if findings.into_iter().all(|f| f.joints.is_empty()) {
+        return String::new();
+    }
+    let joints = nominal.robot().joints.iter().enumerate();
+    let names: Vec<String> = joints
+        .map(|(j, joint)| format!("{} {}", j + 1, joint.name))
+        .collect();
+    format!("joints: {}\n", names.join(", "))
+}
+
 /// Findings for the terminal, the worst first.
-fn words(findings: &[&Finding]) -> String {
-    let mut text = String::new();
+fn words(findings: &[&Finding], nominal: &Nominal) -> String {
+    let mut text = legend(findings.iter().copied(), nominal);
     for finding in findings {
         text.push_str(&format!("{finding}\n"));
     }
@@ -101,6 +113,10 @@ fn words(findings: &[&Finding]) -> String {
 /// Says what contradicts the robot and ends a run that follows, unless it is to go on `anyway`.
 pub(crate) fn refuse_wrong(opened: &Opened, anyway: bool) -> Result<(), CliError> {
     let wrong = wrong(opened);
+    let legend = legend(&wrong, &opened.nominal);
+    if !legend.is_empty() {
+        output::message(legend.trim_end());
+    }
     for finding in &wrong {
         output::message(&finding.to_string());
     }

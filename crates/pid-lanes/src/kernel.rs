@@ -6,22 +6,39 @@ pub use fearless_simd::{Level, Simd, SimdBase, SimdFloat, SimdFrom, f64x4};
 
 use crate::Lane;
 
-/// Runs an expression over the token `$simd` for AVX2 with FMA where the processor has them, for
-/// the baseline elsewhere. The functions it calls are generic over [`Simd`] and
-/// `#[inline(always)]`.
+/// Environment variable that is read once: with the value `portable`, a program does what it would do on a processor
+/// of its architecture without extensions. Results then agree to rounding with those of the widest vectors.
+pub const VARIABLE: &str = "PID_LANES";
+
+/// Proof of AVX2 with FMA, where the processor has them and [`VARIABLE`] does not forbid their use.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+pub fn avx2() -> Option<fearless_simd::Avx2> {
+    static FOUND: std::sync::OnceLock<Option<fearless_simd::Avx2>> = std::sync::OnceLock::new();
+    *FOUND.get_or_init(|| {
+        let portable = std::env::var_os(VARIABLE).is_some_and(|value| value == "portable");
+        if portable {
+            None
+        } else {
+            Level::new().as_avx2()
+        }
+    })
+}
+
+/// Runs an expression over the token `$simd` for AVX2 with FMA where [`avx2`] has them, for the baseline elsewhere.
+/// The functions it calls are generic over [`Simd`] and `#[inline(always)]`.
 #[macro_export]
 macro_rules! widest {
     ($simd:ident => $work:expr) => {{
         #[cfg(target_arch = "x86_64")]
         {
-            let level = $crate::kernel::Level::new();
-            if let Some($simd) = level.as_avx2() {
+            if let Some($simd) = $crate::kernel::avx2() {
                 $crate::kernel::Simd::vectorize(
                     $simd,
                     #[inline(always)]
                     || $work,
                 )
-            } else if let Some($simd) = level.as_sse2() {
+            } else if let Some($simd) = $crate::kernel::Level::new().as_sse2() {
                 $crate::kernel::Simd::vectorize(
                     $simd,
                     #[inline(always)]

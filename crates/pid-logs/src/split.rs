@@ -26,7 +26,17 @@ pub(crate) fn split(
         let test = (records.len() / 4).max(1);
         let train = records.len() - test;
         let role = |i: usize| if i < train { Role::Train } else { Role::Test };
-        said.say("", format!("{train} records are to fit on and the last {test} to judge with: the last quarter, since no split is stated"));
+        let to_fit = if train == 1 {
+            "1 record is".to_owned()
+        } else {
+            format!("{train} records are")
+        };
+        let last = if test == 1 {
+            "the last one".to_owned()
+        } else {
+            format!("the last {test}")
+        };
+        said.say("", format!("{to_fit} to fit on and {last} to judge with: a quarter at the end, one at least, since no split is stated"));
         return Ok(records
             .into_iter()
             .enumerate()

@@ -1,11 +1,8 @@
-//! Nonlinear programs and their solvers.
-//!
-//! A program implements [`Nlp`]; [`solver::solve`] minimises it by an interior-point method or by
-//! sequential quadratic programming, with exact or quasi-Newton Hessians. The KKT systems are
-//! factorised by [`solver::kkt::sparse`] or, where the program is a chain of blocks with common
-//! variables, by [`solver::kkt::structured`].
+#![doc = include_str!("../README.md")]
 
 pub mod eigen;
+#[cfg(feature = "formula")]
+pub mod formula;
 mod nlp;
 pub mod solver;
 

@@ -228,7 +228,10 @@ fn missing(bench: &Bench, nominal: &Nominal, motion: &Motion) -> Vec<Finding> {
                 lacking(
                     j,
                     Missing::Fast,
-                    &format!("stays below {} of its usual speed", number(fast / stated)),
+                    &format!(
+                        "stays below {:.0} % of its usual speed",
+                        (100.0 * fast / stated).max(1.0)
+                    ),
                     "viscous friction and drag are not told; add fast motion",
                 )
                 .with(

@@ -57,11 +57,14 @@ fn jumps_of(e: &Experiment, j: usize, turn: f64, criteria: &Criteria) -> Vec<usi
     if steps.len() < 10 {
         return Vec::new();
     }
-    let off = |step: f64| (step.abs() - turn).abs();
-    let jumps = known
-        .windows(2)
-        .filter(|w| off(w[1].1 - w[0].1) < criteria.wrap_share * turn)
-        .map(|w| w[1].0)
+    let step = |k: usize| known.get(k + 1).map_or(0.0, |next| next.1 - known[k].1);
+    let whole = |k: usize| (step(k).abs() - turn).abs() < criteria.wrap_share * turn;
+    // A fast motion takes several long steps one way, as one in degrees does that is read in rad; a wrap is alone.
+    let goes_on = |k: usize, beside: usize| step(beside) * step(k).signum() > 0.5 * turn;
+    let alone = |k: usize| !goes_on(k, k + 1) && (k == 0 || !goes_on(k, k - 1));
+    let jumps = (0..known.len() - 1)
+        .filter(|&k| whole(k) && alone(k))
+        .map(|k| known[k + 1].0)
         .collect();
     // A joint that turns half a turn from row to row cannot be told from one that wraps.
     let middle = steps.len() * 9 / 10;

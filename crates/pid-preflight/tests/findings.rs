@@ -221,6 +221,18 @@ fn a_jump_that_stays_is_no_wrap() {
 }
 
 #[test]
+fn a_fast_motion_is_no_wrap() {
+    // Degrees that are read as rad: 6.3 from row to row, there and back.
+    let mut data = swinging(0.5);
+    let burst = &mut data.experiments[0].q[1200..1220];
+    for (k, q) in burst.iter_mut().enumerate() {
+        *q += 6.3 * (k + 1).min(20 - k) as f64;
+    }
+    let all = found(&data);
+    assert!(all.iter().all(|f| f.kind.name() != "wrapped"), "{all:#?}");
+}
+
+#[test]
 fn a_bound_of_the_input_is_said() {
     let mut data = swinging(0.8);
     data.experiments[0]

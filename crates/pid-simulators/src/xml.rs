@@ -2,8 +2,8 @@
 
 use std::io;
 
+use quick_xml::Writer;
 use quick_xml::events::{BytesStart, Event};
-use quick_xml::{Writer, escape};
 
 /// An element.
 #[derive(Debug, Clone, Default)]
@@ -57,8 +57,8 @@ impl Element {
     fn write(&self, writer: &mut Writer<Vec<u8>>) -> io::Result<()> {
         let mut start = BytesStart::new(self.name);
         for (key, text) in &self.attributes {
-            let text = escape::escape(text.as_str());
-            start.push_attribute((key.as_bytes(), text.as_bytes()));
+            // Escapes the text.
+            start.push_attribute((*key, text.as_str()));
         }
         if self.children.is_empty() {
             return writer.write_event(Event::Empty(start));

@@ -101,7 +101,7 @@ impl LaneFunction {
             #[allow(unused_variables)]
             fn #name(#arguments) -> bool {
                 #[cfg(target_arch = "x86_64")]
-                if let Some(level) = ::pid_runtime::__private::fearless_simd::Level::new().as_avx2() {
+                if let Some(level) = ::pid_runtime::__private::level() {
                     avx2::#name(level, #forwarded);
                     return true;
                 }

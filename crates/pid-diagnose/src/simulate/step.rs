@@ -1,23 +1,12 @@
 //! The step itself: the inner loop, compiled for AVX2 with FMA beside the portable form and chosen
 //! at run time.
 
-use multiversion::multiversion;
 use pid_interpret::links;
+use pid_lanes::kernel::widest;
 
 use super::{Machine, State};
 use crate::constants::Constant;
 use crate::effect::{After, Commands, Forces, Friction, Pick, Site};
-
-/// [`Machine::step`]; everything generic that it calls is compiled into it.
-#[multiversion(targets("x86_64+avx2+fma"))]
-fn advance<D: Pick>(
-    machine: &mut Machine<'_, D>,
-    state: &mut State<D>,
-    commands: &[Commands<'_>],
-    links: Option<f64>,
-) {
-    machine.advance(state, commands, links);
-}
 
 impl<D: Pick> Machine<'_, D> {
     /// Moves the state by one substep of `at(j).dt` from `at(j).t`; `commands` holds the inputs of
@@ -33,7 +22,8 @@ impl<D: Pick> Machine<'_, D> {
         commands: &[Commands<'_>],
         links: Option<f64>,
     ) {
-        advance(self, state, commands, links);
+        // Everything generic that it calls is compiled into it.
+        widest!(_simd => self.advance(state, commands, links));
     }
 
     /// [`Machine::step`] for the processor features of its caller.

@@ -158,14 +158,16 @@ impl Scales {
         let torque = self.torques[index];
         let default = if body.prismatic { SPEED.1 } else { SPEED.0 };
         let speed = body.speed.filter(|x| SPEEDS.contains(x)).unwrap_or(default);
+        let unit = if body.prismatic {
+            ["kg", "N", "N·s/m"]
+        } else {
+            ["kg·m²", "N·m", "N·m·s/rad"]
+        };
         // A stated value is the start, and may be as wrong as one that is not.
-        let mut unknown = |stated: Option<f64>, scale: f64, what: &str| {
+        let mut missing = Vec::new();
+        let mut unknown = |stated: Option<f64>, scale: f64, what: &str, unit: &str| {
             if stated.is_none() && body.follows.is_none() {
-                assumptions.push(format!(
-                    "joint `{}` states no {what}; it starts at {scale:.3e}, from 0 to {:.3e}",
-                    body.joint,
-                    (1.0 + UNKNOWN) * scale
-                ));
+                missing.push(format!("{what} ({} {unit})", digits(scale)));
             }
             let nominal = stated.unwrap_or(scale);
             Value {
@@ -174,10 +176,23 @@ impl Scales {
             }
         };
         let (rotor_inertia, coulomb, viscous) = (
-            unknown(body.rotor, ROTOR * torque, "rotor inertia"),
-            unknown(body.coulomb, FRICTION * torque, "Coulomb friction"),
-            unknown(body.viscous, FRICTION * torque / speed, "viscous friction"),
+            unknown(body.rotor, ROTOR * torque, "rotor inertia", unit[0]),
+            unknown(body.coulomb, FRICTION * torque, "Coulomb friction", unit[1]),
+            unknown(
+                body.viscous,
+                FRICTION * torque / speed,
+                "viscous friction",
+                unit[2],
+            ),
         );
+        if !missing.is_empty() {
+            assumptions.push(format!(
+                "joint `{}` states no {}; it starts with these and may have 0 to {:.0} times of each",
+                body.joint,
+                missing.join(", "),
+                1.0 + UNKNOWN
+            ));
+        }
         JointValues {
             name: body.joint.clone(),
             prismatic: body.prismatic,
@@ -290,5 +305,15 @@ fn coupled(mechanism: &Mechanism, joints: Vec<JointValues>, measurement: Measure
         file: PathBuf::new(),
         tool_link,
         drives: None,
+    }
+}
+
+/// A number in three digits, without an exponent where it needs none.
+fn digits(x: f64) -> String {
+    let rounded: f64 = format!("{x:.2e}").parse().unwrap_or(x);
+    if (1e-4..1e6).contains(&rounded) {
+        rounded.to_string()
+    } else {
+        format!("{rounded:e}")
     }
 }

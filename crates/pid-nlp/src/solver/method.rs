@@ -1,7 +1,10 @@
 //! One entry for every method and every kind of second derivatives.
 
+use std::ops::ControlFlow;
+
 use super::ip::{self, Callback};
 use super::kkt::Kkt;
+use super::kkt::sparse::SparseKkt;
 use super::outcome::Solution;
 use super::settings::Settings;
 use super::{quasi_newton, sqp};
@@ -39,4 +42,12 @@ pub fn solve(
         }
         (Algorithm::Sqp, memory) => sqp::solve(problem, kkt, x0, memory, settings, callback),
     }
+}
+
+/// Minimises a problem by the interior-point method on the sparse linear system, with the problem's own Hessian.
+pub fn minimise(problem: &mut dyn Nlp, x0: &[f64], settings: &Settings) -> Solution {
+    let mut kkt = SparseKkt::new(problem);
+    ip::solve(problem, &mut kkt, x0, settings, &mut |_, _| {
+        ControlFlow::Continue(())
+    })
 }

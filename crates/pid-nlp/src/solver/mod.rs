@@ -8,6 +8,6 @@ pub mod quasi_newton;
 mod settings;
 pub mod sqp;
 
-pub use method::{Algorithm, solve};
+pub use method::{Algorithm, minimise, solve};
 pub use outcome::{Counts, Iteration, Seconds, Solution, Status};
 pub use settings::{Barrier, Interrupt, Oracle, Settings};

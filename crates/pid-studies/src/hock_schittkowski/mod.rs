@@ -16,13 +16,9 @@ mod p108_119;
 pub mod study;
 mod tables;
 
-use num_dual::{Dual64, DualNum, HyperDual64};
-use pid_nlp::{Nlp, SparsePattern};
+use pid_nlp::Nlp;
+use pid_nlp::formula::{Exact, Number};
 use std::marker::PhantomData;
-
-/// Numbers the formulas are written in.
-pub trait Number: DualNum<Primitive = f64> + Copy {}
-impl<T: DualNum<Primitive = f64> + Copy> Number for T {}
 
 /// A constraint's value with its lower and upper bound.
 pub type Row<D> = (D, f64, f64);
@@ -57,114 +53,41 @@ impl Info {
     }
 }
 
-/// A problem of the collection with exact derivatives by dual numbers.
-pub struct Problem<F> {
-    bounds: Vec<(f64, f64)>,
+/// A problem of the collection as [`Exact`] takes it.
+struct Problem<F> {
+    info: Info,
     rows: Vec<(f64, f64)>,
-    jacobian: SparsePattern,
-    hessian: SparsePattern,
     formula: PhantomData<F>,
 }
 
 impl<F: Formula> Problem<F> {
     fn new() -> Self {
         let info = F::info();
-        let n = info.start.len();
         let (_, rows) = F::evaluate::<f64>(&info.start);
-        let (mut jacobian, mut hessian) = (SparsePattern::default(), SparsePattern::default());
-        (0..rows.len()).for_each(|i| (0..n).for_each(|j| jacobian.push(i, j)));
-        (0..n).for_each(|i| (0..=i).for_each(|j| hessian.push(i, j)));
+        let rows = rows.into_iter().map(|(_, l, u)| (l, u)).collect();
         Self {
-            bounds: info.bounds,
-            rows: rows.into_iter().map(|(_, l, u)| (l, u)).collect(),
-            jacobian,
-            hessian,
+            info,
+            rows,
             formula: PhantomData,
         }
     }
-
-    fn seeded(x: &[f64], j: usize) -> Vec<Dual64> {
-        let seed = |(k, &v): (usize, &f64)| Dual64::new(v, f64::from(u8::from(k == j)));
-        x.iter().enumerate().map(seed).collect()
-    }
 }
 
-impl<F: Formula> Nlp for Problem<F> {
-    fn n(&self) -> usize {
-        self.bounds.len()
+impl<F: Formula> pid_nlp::formula::Formula for Problem<F> {
+    fn variables(&self) -> Vec<(f64, f64)> {
+        self.info.bounds.clone()
     }
 
-    fn m(&self) -> usize {
-        self.rows.len()
+    fn rows(&self) -> Vec<(f64, f64)> {
+        self.rows.clone()
     }
 
-    fn bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
-        for (j, &(l, u)) in self.bounds.iter().enumerate() {
-            (lower[j], upper[j]) = (l, u);
+    fn evaluate<D: Number>(&self, x: &[D], c: &mut [D]) -> D {
+        let (objective, rows) = F::evaluate(x);
+        for (c, (value, _, _)) in c.iter_mut().zip(rows) {
+            *c = value;
         }
-    }
-
-    fn constraint_bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
-        for (i, &(l, u)) in self.rows.iter().enumerate() {
-            (lower[i], upper[i]) = (l, u);
-        }
-    }
-
-    fn objective(&mut self, x: &[f64]) -> f64 {
-        F::evaluate(x).0
-    }
-
-    fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) {
-        for (j, g) in gradient.iter_mut().enumerate() {
-            *g = F::evaluate(&Self::seeded(x, j)).0.eps;
-        }
-    }
-
-    fn constraints(&mut self, x: &[f64], c: &mut [f64]) {
-        for (c, row) in c.iter_mut().zip(F::evaluate(x).1) {
-            *c = row.0;
-        }
-    }
-
-    fn jacobian_pattern(&self) -> &SparsePattern {
-        &self.jacobian
-    }
-
-    fn jacobian(&mut self, x: &[f64], values: &mut [f64]) {
-        let n = self.n();
-        for j in 0..n {
-            for (i, row) in F::evaluate(&Self::seeded(x, j)).1.iter().enumerate() {
-                values[i * n + j] = row.0.eps;
-            }
-        }
-    }
-
-    fn hessian_pattern(&self) -> &SparsePattern {
-        &self.hessian
-    }
-
-    fn hessian(&mut self, x: &[f64], sigma: f64, lambda: &[f64], values: &mut [f64]) {
-        let mut k = 0;
-        for i in 0..self.n() {
-            for j in 0..=i {
-                let unit = |a: usize, b: usize| f64::from(u8::from(a == b));
-                let seed =
-                    |(k, &v): (usize, &f64)| HyperDual64::new(v, unit(k, i), unit(k, j), 0.0);
-                let z: Vec<HyperDual64> = x.iter().enumerate().map(seed).collect();
-                let (f, rows) = F::evaluate(&z);
-                values[k] = if sigma == 0.0 {
-                    0.0
-                } else {
-                    sigma * f.eps1eps2
-                };
-                for (row, &l) in rows.iter().zip(lambda) {
-                    if l != 0.0 {
-                        values[k] += l * row.0.eps1eps2;
-                    }
-                }
-                k += 1;
-            }
-        }
+        objective
     }
 }
 
@@ -180,7 +103,7 @@ impl Case {
     fn of<F: Formula>() -> Self {
         Self {
             info: F::info(),
-            problem: Box::new(Problem::<F>::new()),
+            problem: Box::new(Exact::new(Problem::<F>::new())),
         }
     }
 }
