@@ -158,7 +158,7 @@ fn an_answer_holds_slopes_by_the_bounds_for_both_senses() {
 
 #[test]
 fn refusals_name_the_line_and_the_mend() {
-    let message = |text: &str| read(text).err().expect("it is refused").to_string();
+    let message = |text: &str| read(text).expect_err("it is refused").to_string();
     let changed = |from: &str, to: &str| {
         assert!(HS71.contains(from), "{from}");
         message(&HS71.replacen(from, to, 1))

@@ -37,15 +37,20 @@ fn results_without_wide_vectors_are_those_with_them() {
     let (portable, also) = run(&folder.path().join("portable"), true);
 
     // Estimates to a ten-thousandth of their standard deviation: both runs end where the tolerance of 1e-8 lets them.
+    // One without a deviation is left open by the record, and any of its values is as good.
     let parameters = |fit: &Value| fit["parameters"].as_array().expect("parameters").clone();
     let (a, b) = (parameters(&wide), parameters(&portable));
     assert_eq!(a.len(), b.len());
+    let mut told = 0;
     for (a, b) in a.iter().zip(&b) {
         let off = (number(a, "value") - number(b, "value")).abs();
-        let deviation = a["deviation"].as_f64().unwrap_or(0.0).max(1e-9);
-        eprintln!("{}: {off:e} of {deviation:e}", a["name"]);
-        assert!(off <= 1e-4 * deviation, "{a}\n{b}");
+        if let Some(deviation) = a["deviation"].as_f64() {
+            eprintln!("{}: {off:e} of {deviation:e}", a["name"]);
+            assert!(off <= 1e-4 * deviation, "{a}\n{b}");
+            told += 1;
+        }
     }
+    assert!(told > 0, "the records tell no parameter");
     let objective = |fit: &Value| number(&fit["outcome"], "objective");
     let off = (objective(&wide) / objective(&portable) - 1.0).abs();
     assert!(off < 1e-9, "{off:e}");
