@@ -1,0 +1,231 @@
+//! A pendulum on a drive: symplectic Euler at 20 µs with friction by impulses, the loop written a second time.
+
+use pid_data::{
+    Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
+};
+use pid_diagnose::nominal::Nominal;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+
+/// Sample time of the records and step of the integrator, s.
+pub const H: f64 = 0.01;
+pub const STEP: f64 = 2e-5;
+pub const SAMPLES: usize = 800;
+/// Deviation of a position reading, rad.
+pub const READING: f64 = 3e-4;
+/// Mass (kg) of the bar, distance (m) of its middle, moment about that, rotor (kg m²).
+pub const BAR: [f64; 4] = [1.5, 0.2, 0.02, 0.02];
+/// Dry and viscous friction, torque per ampere, gravity.
+pub const COULOMB: f64 = 0.15;
+pub const VISCOUS: f64 = 0.12;
+pub const GAIN: f64 = 1.8;
+pub const G: f64 = 9.81;
+
+/// A loop as the integrator knows it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Loop {
+    pub kp: f64,
+    pub kd: f64,
+    pub ki: f64,
+    pub kv: f64,
+    /// Whether kp asks for a velocity, at most so large.
+    pub cascade: Option<f64>,
+    /// Share of gravity and the mass that the drive believes in.
+    pub gravity: Option<(f64, f64)>,
+    pub velocity_filter: Option<f64>,
+    pub dead_band: Option<f64>,
+    pub step: Option<f64>,
+    pub target_hz: Option<f64>,
+    pub speed: Option<f64>,
+    pub target_filter: Option<f64>,
+    pub limit: Option<f64>,
+    pub hz: Option<f64>,
+}
+
+/// What the loop remembers.
+#[derive(Default)]
+struct Inside {
+    taken: f64,
+    slewed: f64,
+    followed: f64,
+    velocity: f64,
+    integral: f64,
+    output: f64,
+    next_target: f64,
+    next: f64,
+}
+
+impl Loop {
+    /// The current after reading `q`, `v` at time `t`.
+    pub fn current(&self, inside: &mut Inside, r: f64, (q, v): (f64, f64), t: f64) -> f64 {
+        let dt = self.hz.map_or(STEP, |hz| 1.0 / hz);
+        if t + 1e-9 < inside.next {
+            return inside.output;
+        }
+        inside.next += dt;
+        if t + 1e-9 >= inside.next_target {
+            inside.taken = self.step.map_or(r, |step| (r / step).round() * step);
+            inside.next_target += self.target_hz.map_or(dt, |hz| 1.0 / hz);
+        }
+        let way = inside.taken - inside.slewed;
+        inside.slewed += self
+            .speed
+            .map_or(way, |most| way.clamp(-most * dt, most * dt));
+        let share = |time: Option<f64>| time.map_or(1.0, |time| 1.0 - (-dt / time).exp());
+        inside.followed += share(self.target_filter) * (inside.slewed - inside.followed);
+        inside.velocity += share(self.velocity_filter) * (v - inside.velocity);
+        let mut error = inside.followed - q;
+        if let Some(band) = self.dead_band {
+            error = error.signum() * (error.abs() - band).max(0.0);
+        }
+        let (direct, rate) = match self.cascade {
+            Some(most) => {
+                let lacks = (self.kp * error).clamp(-most, most) - inside.velocity;
+                (self.kv * lacks, self.ki * lacks)
+            }
+            None => (self.kp * error - self.kd * inside.velocity, self.ki * error),
+        };
+        let feed = self.gravity.map_or(0.0, |(share, mass)| {
+            share * mass * G * BAR[1] * q.sin() / GAIN
+        });
+        let limit = self.limit.unwrap_or(f64::INFINITY);
+        let before = direct + inside.integral + feed;
+        if before.abs() <= limit || before * rate < 0.0 {
+            inside.integral += rate * dt;
+        }
+        inside.output = (direct + inside.integral + feed).clamp(-limit, limit);
+        inside.output
+    }
+
+    /// Positions at the samples under targets, from rest at zero; `stribeck`: how much larger than sliding
+    /// friction that at rest is, and over which speed; `load`: a mass at the middle of the bar.
+    pub fn run(&self, targets: &[f64], stribeck: Option<[f64; 2]>, load: f64) -> Vec<f64> {
+        let (mut q, mut v, mut inside) = (0.0_f64, 0.0_f64, Inside::default());
+        let mass = BAR[0] + load;
+        let inertia = mass * BAR[1] * BAR[1] + BAR[2] + BAR[3];
+        let steps = (H / STEP).round() as usize;
+        let mut out = Vec::with_capacity(targets.len());
+        for (k, r) in targets.iter().enumerate() {
+            out.push(q);
+            for s in 0..steps {
+                let t = k as f64 * H + s as f64 * STEP;
+                let torque = GAIN * self.current(&mut inside, *r, (q, v), t);
+                let free =
+                    v + STEP / inertia * (torque - mass * G * BAR[1] * q.sin() - VISCOUS * v);
+                let more = stribeck.map_or(1.0, |[ratio, speed]| {
+                    1.0 + (ratio - 1.0) * (-(v / speed).powi(2)).exp()
+                });
+                let most = STEP / inertia * COULOMB * more;
+                v = free - free.clamp(-most, most);
+                q += STEP * v;
+            }
+        }
+        out
+    }
+}
+
+/// The description of the bar with a loop.
+pub fn described(drive: &str) -> Nominal {
+    let [mass, arm, moment, rotor] = BAR;
+    let text = format!(
+        "[robot]\nname = \"bar\"\ngravity = [0.0, 0.0, -{G}]\ntool = [0.0, 0.0, -{arm}]\nhorizon_s = 1.0\ninput_noise = 0.001\n\
+         [tolerance]\nmass_rel = 0.01\ncom_abs_m = 0.001\ninertia_rel = 0.02\nrotor_inertia_rel = 0.02\nmotor_gain_rel = 0.0\n\
+         friction_rel = 0.5\n[[joint]]\nname = \"a\"\ntype = \"revolute\"\naxis = [0.0, 1.0, 0.0]\norigin = [0.0, 0.0, 0.0]\n\
+         mass = {mass}\ncom = [0.0, 0.0, -{arm}]\ninertia = [{moment}, {moment}, 0.001, 0.0, 0.0, 0.0]\nrotor_inertia = {rotor}\n\
+         coulomb = {COULOMB}\nviscous = {VISCOUS}\nmotor_gain = {GAIN}\ninput = \"current\"\nvelocity = \"absent\"\n\
+         q_noise_std = {READING}\ntorque_peak = 6.0\n[joint.drive]\n{drive}\n"
+    );
+    Nominal::parse(&text, "nominal.toml".as_ref()).expect("a description")
+}
+
+/// Targets of a record: rest, then slow sines, or steps between rests.
+pub fn targets(random: &mut ChaCha8Rng, record: usize) -> Vec<f64> {
+    let waves: Vec<[f64; 3]> = (0..4)
+        .map(|k| {
+            let f = 0.2 + 0.5 * f64::from(k) + 0.2 * random.random::<f64>();
+            let size = 0.45 / (1.0 + f64::from(k));
+            [f, size, std::f64::consts::TAU * random.random::<f64>()]
+        })
+        .collect();
+    let mut step = 0.0;
+    let of = |k: usize| {
+        if k < 20 {
+            return 0.0;
+        }
+        if k.is_multiple_of(80) {
+            step = 0.8 * (random.random::<f64>() - 0.5);
+        }
+        let t = H * (k - 20) as f64;
+        let wave = |[f, a, p]: &[f64; 3]| a * ((std::f64::consts::TAU * f * t + p).sin() - p.sin());
+        match record % 2 {
+            0 => waves.iter().map(wave).sum(),
+            _ => step,
+        }
+    };
+    (0..SAMPLES).map(of).collect()
+}
+
+/// Records of the bar behind a loop, three to fit and two to test.
+pub fn records(own: &Loop, stribeck: Option<[f64; 2]>, load: f64, seed: u64) -> Dataset {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let record = |i: usize| {
+        let r = targets(&mut random, i);
+        let noise = |q: f64| q + READING * random.sample::<f64, _>(StandardNormal);
+        Experiment {
+            name: format!("r{i}"),
+            role: if i < 3 { Role::Train } else { Role::Test },
+            note: String::new(),
+            nq: 1,
+            t: (0..SAMPLES).map(|k| H * k as f64).collect(),
+            q: own.run(&r, stribeck, load).into_iter().map(noise).collect(),
+            v: None,
+            u: r.clone(),
+            tau: None,
+            qref: Some(r),
+            missing: 0,
+        }
+    };
+    Dataset {
+        name: "bar".to_owned(),
+        title: String::new(),
+        source: "simulated".to_owned(),
+        license: "none".to_owned(),
+        kind: Kind::Simulated,
+        input_hold: InputHold::ZeroOrder,
+        joints: vec![JointChannels {
+            name: "a".to_owned(),
+            prismatic: false,
+            input: InputQuantity::Position,
+            input_unit: "rad".to_owned(),
+            velocity: VelocityKind::Absent,
+        }],
+        experiments: (0..5).map(record).collect(),
+        warnings: Vec::new(),
+    }
+}
+
+pub const PD: Loop = Loop {
+    kp: 12.0,
+    kd: 0.9,
+    ki: 0.0,
+    kv: 0.0,
+    cascade: None,
+    gravity: None,
+    velocity_filter: None,
+    dead_band: None,
+    step: None,
+    target_hz: None,
+    speed: None,
+    target_filter: None,
+    limit: Some(6.0),
+    hz: None,
+};
+pub const PID: Loop = Loop { ki: 25.0, ..PD };
+pub const CASCADE: Loop = Loop {
+    kp: 12.0,
+    kv: 1.1,
+    ki: 8.0,
+    cascade: Some(3.0),
+    ..PD
+};
