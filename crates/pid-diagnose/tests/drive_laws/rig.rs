@@ -9,38 +9,38 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 /// Sample time of the records and step of the integrator, s.
-pub const H: f64 = 0.01;
-pub const STEP: f64 = 2e-5;
-pub const SAMPLES: usize = 800;
+const H: f64 = 0.01;
+const STEP: f64 = 2e-5;
+pub(super) const SAMPLES: usize = 800;
 /// Deviation of a position reading, rad.
-pub const READING: f64 = 3e-4;
+const READING: f64 = 3e-4;
 /// Mass (kg) of the bar, distance (m) of its middle, moment about that, rotor (kg m²).
-pub const BAR: [f64; 4] = [1.5, 0.2, 0.02, 0.02];
+pub(super) const BAR: [f64; 4] = [1.5, 0.2, 0.02, 0.02];
 /// Dry and viscous friction, torque per ampere, gravity.
-pub const COULOMB: f64 = 0.15;
-pub const VISCOUS: f64 = 0.12;
-pub const GAIN: f64 = 1.8;
-pub const G: f64 = 9.81;
+const COULOMB: f64 = 0.15;
+const VISCOUS: f64 = 0.12;
+const GAIN: f64 = 1.8;
+const G: f64 = 9.81;
 
 /// A loop as the integrator knows it.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Loop {
-    pub kp: f64,
-    pub kd: f64,
-    pub ki: f64,
-    pub kv: f64,
+pub(super) struct Loop {
+    pub(super) kp: f64,
+    pub(super) kd: f64,
+    pub(super) ki: f64,
+    pub(super) kv: f64,
     /// Whether kp asks for a velocity, at most so large.
-    pub cascade: Option<f64>,
+    pub(super) cascade: Option<f64>,
     /// Share of gravity and the mass that the drive believes in.
-    pub gravity: Option<(f64, f64)>,
-    pub velocity_filter: Option<f64>,
-    pub dead_band: Option<f64>,
-    pub step: Option<f64>,
-    pub target_hz: Option<f64>,
-    pub speed: Option<f64>,
-    pub target_filter: Option<f64>,
-    pub limit: Option<f64>,
-    pub hz: Option<f64>,
+    pub(super) gravity: Option<(f64, f64)>,
+    pub(super) velocity_filter: Option<f64>,
+    pub(super) dead_band: Option<f64>,
+    pub(super) step: Option<f64>,
+    pub(super) target_hz: Option<f64>,
+    pub(super) speed: Option<f64>,
+    pub(super) target_filter: Option<f64>,
+    pub(super) limit: Option<f64>,
+    pub(super) hz: Option<f64>,
 }
 
 /// What the loop remembers.
@@ -58,7 +58,7 @@ struct Inside {
 
 impl Loop {
     /// The current after reading `q`, `v` at time `t`.
-    pub fn current(&self, inside: &mut Inside, r: f64, (q, v): (f64, f64), t: f64) -> f64 {
+    fn current(&self, inside: &mut Inside, r: f64, (q, v): (f64, f64), t: f64) -> f64 {
         let dt = self.hz.map_or(STEP, |hz| 1.0 / hz);
         if t + 1e-9 < inside.next {
             return inside.output;
@@ -100,7 +100,7 @@ impl Loop {
 
     /// Positions at the samples under targets, from rest at zero; `stribeck`: how much larger than sliding
     /// friction that at rest is, and over which speed; `load`: a mass at the middle of the bar.
-    pub fn run(&self, targets: &[f64], stribeck: Option<[f64; 2]>, load: f64) -> Vec<f64> {
+    pub(super) fn run(&self, targets: &[f64], stribeck: Option<[f64; 2]>, load: f64) -> Vec<f64> {
         let (mut q, mut v, mut inside) = (0.0_f64, 0.0_f64, Inside::default());
         let mass = BAR[0] + load;
         let inertia = mass * BAR[1] * BAR[1] + BAR[2] + BAR[3];
@@ -126,7 +126,7 @@ impl Loop {
 }
 
 /// The description of the bar with a loop.
-pub fn described(drive: &str) -> Nominal {
+pub(super) fn described(drive: &str) -> Nominal {
     let [mass, arm, moment, rotor] = BAR;
     let text = format!(
         "[robot]\nname = \"bar\"\ngravity = [0.0, 0.0, -{G}]\ntool = [0.0, 0.0, -{arm}]\nhorizon_s = 1.0\ninput_noise = 0.001\n\
@@ -140,7 +140,7 @@ pub fn described(drive: &str) -> Nominal {
 }
 
 /// Targets of a record: rest, then slow sines, or steps between rests.
-pub fn targets(random: &mut ChaCha8Rng, record: usize) -> Vec<f64> {
+fn targets(random: &mut ChaCha8Rng, record: usize) -> Vec<f64> {
     let waves: Vec<[f64; 3]> = (0..4)
         .map(|k| {
             let f = 0.2 + 0.5 * f64::from(k) + 0.2 * random.random::<f64>();
@@ -167,7 +167,7 @@ pub fn targets(random: &mut ChaCha8Rng, record: usize) -> Vec<f64> {
 }
 
 /// Records of the bar behind a loop, three to fit and two to test.
-pub fn records(own: &Loop, stribeck: Option<[f64; 2]>, load: f64, seed: u64) -> Dataset {
+pub(super) fn records(own: &Loop, stribeck: Option<[f64; 2]>, load: f64, seed: u64) -> Dataset {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let record = |i: usize| {
         let r = targets(&mut random, i);
@@ -205,7 +205,7 @@ pub fn records(own: &Loop, stribeck: Option<[f64; 2]>, load: f64, seed: u64) -> 
     }
 }
 
-pub const PD: Loop = Loop {
+pub(super) const PD: Loop = Loop {
     kp: 12.0,
     kd: 0.9,
     ki: 0.0,
@@ -221,8 +221,8 @@ pub const PD: Loop = Loop {
     limit: Some(6.0),
     hz: None,
 };
-pub const PID: Loop = Loop { ki: 25.0, ..PD };
-pub const CASCADE: Loop = Loop {
+pub(super) const PID: Loop = Loop { ki: 25.0, ..PD };
+pub(super) const CASCADE: Loop = Loop {
     kp: 12.0,
     kv: 1.1,
     ki: 8.0,
