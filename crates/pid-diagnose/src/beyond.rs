@@ -4,8 +4,6 @@ use pid_interpret::nominal::Gain;
 use pid_page::number;
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::Verdict;
-
 /// A nominal value outside its stated tolerance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Beyond {
@@ -27,17 +25,8 @@ pub struct Beyond {
 
 impl Beyond {
     /// Whether it is a gain of a position loop, not friction.
-    fn is_gain(&self) -> bool {
+    pub fn is_gain(&self) -> bool {
         Gain::ALL.iter().any(|gain| gain.key() == self.parameter)
-    }
-
-    /// The verdict where it is all that is wrong.
-    pub(crate) fn verdict(&self) -> Verdict {
-        let joint = self.joint;
-        match self.is_gain() {
-            true => Verdict::ServoGain { joint },
-            false => Verdict::OutsideTolerance { joint },
-        }
     }
 
     /// In words: which value, as found and as stated.

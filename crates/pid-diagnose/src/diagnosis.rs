@@ -47,6 +47,17 @@ pub enum Verdict {
     Unknown,
 }
 
+/// The verdict where the value is all that is wrong.
+impl From<&Beyond> for Verdict {
+    fn from(beyond: &Beyond) -> Self {
+        let joint = beyond.joint;
+        match beyond.is_gain() {
+            true => Verdict::ServoGain { joint },
+            false => Verdict::OutsideTolerance { joint },
+        }
+    }
+}
+
 impl Verdict {
     /// Word of [`Verdict::Nothing`].
     pub const NOTHING: &'static str = "none";

@@ -188,7 +188,33 @@ fn what_the_file_states_of_drives_is_the_start() {
     let felt = 0.003 + 0.6 * 0.003 * 0.003;
     let torque = 9.81 * (0.6_f64 * felt).sqrt();
     assert!((width(&nominal, "coulomb_j3").0 - 0.03 * torque).abs() < 1e-12);
-    assert_eq!(assumptions.len(), 1 + 3 + 3, "{assumptions:#?}");
+    // One line per joint with all that it does not state, with units.
+    let stated = [
+        ("joint `j1`", vec!["rotor inertia (0.04 kg·m²)"]),
+        (
+            "joint `slide`",
+            vec![
+                "rotor inertia (0.1 kg)",
+                "Coulomb friction (3 N)",
+                "viscous friction (7.5 N·s/m)",
+            ],
+        ),
+        (
+            "joint `j3`",
+            vec![
+                "rotor inertia (",
+                "Coulomb friction (",
+                "viscous friction (",
+            ],
+        ),
+    ];
+    assert_eq!(assumptions.len(), stated.len(), "{assumptions:#?}");
+    for (line, (joint, values)) in assumptions.iter().zip(stated) {
+        let line = line.to_string();
+        assert!(line.starts_with(joint), "{line}");
+        assert!(values.iter().all(|value| line.contains(value)), "{line}");
+        assert_eq!(line.matches('(').count(), values.len(), "{line}");
+    }
     for tolerance in nominal.tolerances() {
         if matches!(
             tolerance.role,

@@ -78,7 +78,7 @@ fn what_urdf_cannot_say_is_listed() {
 /// No file has a position loop: each list says so, and what acts on a target elsewhere than here.
 #[test]
 fn position_loops_are_told_to_be_left_out() {
-    let delay = effect("input_delay", Some("j2"), &[("delay", 0.01)]);
+    let delay = effect("input_delay", Some("j2"), &[("delay_s", 0.01)]);
     let loops = "[drive]\nlaw = \"pd\"\nkp = 40.0\nkd = 1.0\n";
     let nominal = described(&(delay + loops));
     for target in [

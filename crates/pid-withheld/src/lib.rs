@@ -20,6 +20,7 @@ mod mess;
 mod motion;
 mod plan;
 pub mod plant;
+mod position_loop;
 mod record;
 mod refit;
 mod replay;
@@ -38,8 +39,9 @@ use pid_interpret::nominal::NominalError;
 pub use causes::{Cause, Kind};
 pub use mess::{Current, Mess};
 pub use plan::{Drawing, Plan, Truth};
+pub use position_loop::{Law, Loop};
 pub use replay::{Gaps, Part};
-pub use servo::{Law, Loop, ServoPlan, ServoTruth, Stated};
+pub use servo::{ServoPlan, ServoTruth, Stated};
 pub use untidy::{Recording, UntidyPlan, UntidyTruth};
 
 /// File names and contents.

@@ -11,9 +11,9 @@ use crate::controller::Controller;
 use crate::mess::{Current, Mess};
 use crate::motion::Motion;
 use crate::plant::{PER_JOINT, Plant};
+use crate::position_loop::{Loop, Running};
 use crate::robot::Robot;
 use crate::sensors::{Colour, Sensors, Track, normal, prompt};
-use crate::servo::{Loop, Running};
 use crate::world::{Moment, STEP, World};
 
 /// Time at rest before a record, s.

@@ -275,7 +275,7 @@ impl Evidence {
         // Nothing is missing; where a tolerance had to be left for that, another gain or another level of
         // friction is the cause.
         let (verdict, regime) = match self.beyond.first() {
-            Some(b) => (b.verdict(), FRICTION_REGIME),
+            Some(b) => (Verdict::from(b), FRICTION_REGIME),
             None if self.coloured => (
                 Verdict::Nothing,
                 "all records; what is left is no white noise, but free runs do not show it",
@@ -396,7 +396,7 @@ fn outside(beyond: &[Beyond]) -> Vec<Named> {
             unit: b.unit.clone(),
             std: b.std,
         };
-        let verdict = b.verdict();
+        let verdict = Verdict::from(b);
         let effect = verdict.word();
         let mut there = out.iter_mut();
         match there.find(|n| n.effect == effect && n.joint == Some(b.joint)) {

@@ -7,7 +7,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::law::{Law, Loop};
+use crate::position_loop::{Law, Loop};
 use crate::robot::Robot;
 
 /// Rates of records behind servos, Hz.

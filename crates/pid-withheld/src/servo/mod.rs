@@ -1,9 +1,8 @@
 //! Cases behind position servos: records have targets and positions, and no input of the motors.
 //!
-//! Loops are written here a second time ([`law`]) and share nothing with those by which records are judged.
+//! Loops are written a second time (`position_loop`) and share nothing with those by which records are judged.
 
 mod draw;
-mod law;
 
 use pid_interpret::nominal::{Nominal, NominalError};
 use rand::{RngExt, SeedableRng};
@@ -11,13 +10,12 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 pub use draw::Stated;
-pub(crate) use law::Running;
-pub use law::{Law, Loop};
 
 use crate::mess::Mess;
 use crate::motion::{LENGTH, tidy};
 use crate::plan::{Drawn, Plan, Truth};
 use crate::plant::Plant;
+use crate::position_loop::{Law, Loop};
 use crate::record::{Setup, run, text as rows_text};
 use crate::{Files, Study, text};
 
