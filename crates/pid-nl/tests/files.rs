@@ -5,7 +5,8 @@ use pid_nlp::Nlp;
 use pid_nlp::solver::{Settings, minimise};
 use proptest::prelude::*;
 
-/// Problem 71 of Hock and Schittkowski: least x₁ x₄ (x₁ + x₂ + x₃) + x₃ with x₁ x₂ x₃ x₄ ≥ 25, Σ x² = 40, 1 ≤ x ≤ 5.
+/// Problem 71 of Hock and Schittkowski: least x₁ x₄ (x₁ + x₂ + x₃) + x₃ with x₁ x₂ x₃ x₄ ≥ 25,
+/// Σ x² = 40 and 1 ≤ x ≤ 5.
 const HS71: &str = "g3 0 1 0	# problem 71
  4 2 1 0 1	# vars, constraints, objectives, ranges, eqns
  2 1

@@ -4,8 +4,8 @@
 //! u = sat(law(r, q, v) + w; limit),        ẇ = growth(r, q, v) sat′
 //! ```
 //!
-//! The law, as in kp (r − q) − kd v with the growth ki (r − q), is that of [`drives`](crate::drives). Here it answers at once, whatever the rate of the drive,
-//! and its limit is rounded as every one of [`Smooth`]. An integral w is one more coordinate s with
+//! The law, as in kp (r − q) − kd v with the growth ki (r − q), is that of [`drives`](crate::drives).
+//! Here it answers at once, whatever the rate of the drive, and its limit is rounded as every one of [`Smooth`]. An integral w is one more coordinate s with
 //! w = ṡ, as other states are; it rests where the output is limited. Effects that act between a drive and
 //! its motor act on u; the loop reads the coordinate of its joint.
 
