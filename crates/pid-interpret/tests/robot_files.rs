@@ -194,7 +194,7 @@ fn what_the_file_states_of_drives_is_the_start() {
         (
             "joint `slide`",
             vec![
-                "rotor inertia (0.1 kg)",
+                "rotor inertia (0.5 kg)",
                 "Coulomb friction (3 N)",
                 "viscous friction (7.5 N·s/m)",
             ],
@@ -208,8 +208,12 @@ fn what_the_file_states_of_drives_is_the_start() {
             ],
         ),
     ];
-    assert_eq!(assumptions.len(), stated.len(), "{assumptions:#?}");
-    for (line, (joint, values)) in assumptions.iter().zip(stated) {
+    let (horizon, of_joints) = assumptions.split_last().unwrap();
+    assert_eq!(of_joints.len(), stated.len(), "{assumptions:#?}");
+    assert!(horizon.contains("last 1 s"), "{horizon}");
+    // Without one a free run would last as long as the record.
+    assert_eq!(nominal.measurement().horizon, Some(1.0));
+    for (line, (joint, values)) in of_joints.iter().zip(stated) {
         let line = line.to_string();
         assert!(line.starts_with(joint), "{line}");
         assert!(values.iter().all(|value| line.contains(value)), "{line}");
@@ -253,7 +257,7 @@ fn placeholders_are_no_scale() {
     let weight = 9.81 * (carried.mass * felt).sqrt();
     let (rotor, _) = width(&nominal, "rotor_j1");
     assert!(
-        (rotor - 1e-3 * 10.0 * weight).abs() < 1e-12,
+        (rotor - 5e-3 * 10.0 * weight).abs() < 1e-12,
         "{rotor} {weight}"
     );
 }
