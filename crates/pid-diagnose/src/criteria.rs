@@ -280,6 +280,9 @@ pub struct Budget {
     /// Starts of one candidate that are compared so, the lowest ones as they stand. On four practice cases
     /// with gears the lowest after the steps was one of these in 100 of 103 comparisons.
     pub beside_joint: usize,
+    /// Length of the train records on which they are compared so, s times joints: contacts and resonances take short
+    /// steps, and starts differ by far more than the part of the records does.
+    pub glanced: f64,
     /// Share of the best gain below which a candidate is not followed to the next stage.
     pub hopeless: f64,
     /// Factor on the substeps at the end of a fit with contacts or resonances.
@@ -329,6 +332,7 @@ impl Default for Budget {
             followed: 3,
             starts_beside_joint: false,
             beside_joint: 6,
+            glanced: 50.0,
             hopeless: 0.35,
             finer: 3,
             friction_middles: [1.0, 4.0],

@@ -28,7 +28,7 @@ use pid_interpret::links;
 
 use crate::constants::{Constant, Constants};
 use crate::effect::{Commands, tell_others};
-use crate::fit::{Direction, Fit, all_gains, linearise, value};
+use crate::fit::{Direction, Fit, all_gains, gram, linearise, value};
 use crate::predict::{Runner, Substeps};
 use crate::simulate::{Machine, State};
 
@@ -443,7 +443,7 @@ fn after_refit(case: &Case, fit: &Fit) -> Option<f64> {
     if fit.quadratic.h.nrows() != directions.len() {
         return None;
     }
-    let mut h = &fit.quadratic.h + lin.j.tr_mul(&lin.j);
+    let mut h = &fit.quadratic.h + gram(&lin.j);
     for i in 0..h.nrows() {
         if h[(i, i)] <= 0.0 {
             h[(i, i)] = 1.0;

@@ -289,7 +289,9 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                     others: 0.0,
                 });
             }
-            tell_others(commands);
+            if self.machine.listens {
+                tell_others(commands);
+            }
             let links = self.substeps.links(self.record.h, s);
             self.machine.step(state, commands, links);
         }

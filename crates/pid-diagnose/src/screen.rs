@@ -14,18 +14,23 @@
 
 use nalgebra::{DMatrix, DVector};
 use pid_data::Role;
+use pid_interpret::nominal::Role as Kind;
 use rayon::prelude::*;
 
 use crate::case::Case;
 use crate::criteria::Budget;
 use crate::effect::{Effect, LANES, Term};
+use crate::excerpt::excerpt;
 use crate::fit::{
-    Basis, Direction, Effort, Fit, Linear, PRIOR, Point, all_gains, fit, linearise, log_dets,
-    ranges, value_below,
+    Basis, Direction, Effort, Fit, Linear, PRIOR, Point, Slopes, all_gains, cross, fit, gram,
+    linearise, log_dets, ranges, value, value_below,
 };
 use crate::hypothesis::Hypothesis;
 
 use std::sync::{Arc, Mutex};
+
+/// Directions of a joint at least, beside its rotor, along which starts are compared: inertia, weight and friction.
+const FEWEST: usize = 3;
 
 /// A candidate with the start that promises most.
 #[derive(Debug, Clone)]
@@ -43,12 +48,16 @@ pub struct Candidate {
 /// Linearised fit that the candidates are compared with.
 struct Reference<'a> {
     case: &'a Case,
+    /// The part of it on which starts are compared beside the parameters of their joint.
+    glanced: &'a Case,
     fit: &'a Fit,
     basis: &'a Basis,
     budget: &'a Budget,
     lin: Linear,
     /// Curvature and gradient along the basis, data only.
     h: DMatrix<f64>,
+    /// Gradient of its innovations along these.
+    pull: DVector<f64>,
 }
 
 /// Every effect of a library at every joint it can have beside the terms already there, with its
@@ -109,16 +118,20 @@ pub fn screen(
     fit: &Fit,
     candidates: &[(Term, Vec<Vec<f64>>)],
     budget: &Budget,
-) -> (Vec<Candidate>, DMatrix<f64>) {
+) -> (Vec<Candidate>, Slopes) {
     let lin = fit.linearised(case, basis);
-    let h = lin.j.transpose() * &lin.j;
+    let h = gram(&lin.j);
+    let pull = lin.j.tr_mul(&lin.r);
+    let glanced = (budget.starts_beside_joint).then(|| excerpt(case, budget.glanced));
     let reference = Reference {
         case,
+        glanced: glanced.as_ref().unwrap_or(case),
         fit,
         basis,
         budget,
         lin,
         h,
+        pull,
     };
     let mut out = reference.score_tests(candidates);
     out.extend(reference.finite(candidates));
@@ -126,11 +139,8 @@ pub fn screen(
     out.sort_by(|a, b| a.objective.total_cmp(&b.objective));
     let mut seen = std::collections::BTreeSet::new();
     out.retain(|c| seen.insert(c.term.label()));
-    let slopes = reference
-        .lin
-        .j
-        .columns(0, basis.columns.ncols())
-        .into_owned();
+    let rank = basis.columns.ncols();
+    let slopes = Slopes::first(reference.lin.j, &reference.h, rank);
     (out, slopes)
 }
 
@@ -202,8 +212,12 @@ impl Reference<'_> {
             let alone = Hypothesis::new(vec![term.clone()]);
             let bounds = ranges(self.case, &alone);
             let limits: Vec<(f64, f64)> = amplitudes.iter().map(|&a| bounds[a]).collect();
-            let (objective, theta, step) =
-                self.minimise(&self.fit.point.theta, &self.lin.r, &block, &limits);
+            let (objective, theta, step) = self.minimise(
+                &self.fit.point.theta,
+                (&self.lin.r, &self.pull),
+                &block,
+                &limits,
+            );
             let mut start = e.clone();
             for (&a, s) in amplitudes.iter().zip(&step) {
                 start[a] = *s;
@@ -279,6 +293,7 @@ impl Reference<'_> {
                 if lin.r.len() != self.lin.r.len() {
                     return None;
                 }
+                let pull = self.lin.j.tr_mul(&lin.r);
                 let alone = Hypothesis::new(vec![term.clone()]);
                 let own = &near.point.e[first..];
                 let limits: Vec<(f64, f64)> = ranges(self.case, &alone)
@@ -292,7 +307,7 @@ impl Reference<'_> {
                     })
                     .collect();
                 let (objective, theta, step) =
-                    self.minimise(&near.point.theta, &lin.r, &lin.j, &limits);
+                    self.minimise(&near.point.theta, (&lin.r, &pull), &lin.j, &limits);
                 Some(Candidate {
                     term: term.clone(),
                     start: own.iter().zip(&step).map(|(s, d)| s + d).collect(),
@@ -313,6 +328,14 @@ impl Reference<'_> {
         values: &[(usize, Point, f64)],
     ) -> Vec<(usize, Point)> {
         let present = self.fit.train.evidence();
+        let here = match self.budget.starts_beside_joint {
+            true => {
+                let gains = all_gains(self.glanced, &self.fit.hypothesis, &self.fit.point);
+                let (hypothesis, point) = (&self.fit.hypothesis, &self.fit.point);
+                value(self.glanced, hypothesis, point, &gains, Role::Train).evidence()
+            }
+            false => present,
+        };
         let frozen = self.basis.frozen();
         (0..terms.len())
             .into_par_iter()
@@ -321,8 +344,13 @@ impl Reference<'_> {
                     values.iter().filter(|v| v.0 == i).collect();
                 own.sort_by(|a, b| a.2.total_cmp(&b.2));
                 let (hypothesis, _) = self.with(&terms[i].0, &[]);
-                let lowest = |mut near: Vec<Fit>| -> Vec<(usize, Point)> {
+                let lowest = |mut near: Vec<Fit>, present: f64| -> Vec<(usize, Point)> {
                     near.sort_by(|a, b| a.train.evidence().total_cmp(&b.train.evidence()));
+                    let gain = |f: &Fit| present - f.train.evidence();
+                    let least = near.first().map_or(0.0, |f| self.budget.hopeless * gain(f));
+                    // Behind the lowest one those that gain about as much.
+                    let mut rank = 0..;
+                    near.retain(|f| rank.next() == Some(0) || gain(f) > least.max(0.0));
                     near.truncate(self.budget.followed);
                     near.into_iter().map(|f| (i, f.point)).collect()
                 };
@@ -331,7 +359,7 @@ impl Reference<'_> {
                     let near = |v: &&(usize, Point, f64)| {
                         self.near(terms[i].0.joint, &hypothesis, v.1.clone())
                     };
-                    return lowest(own.par_iter().map(near).collect());
+                    return lowest(own.par_iter().map(near).collect(), here);
                 }
                 let gaining = own.iter().take_while(|v| v.2 < present).count();
                 own.truncate(gaining.max(1));
@@ -342,7 +370,7 @@ impl Reference<'_> {
                     let effort = Effort::on_the_way(self.budget.glance);
                     fit(self.case, &frozen, &hypothesis, v.1.clone(), effort)
                 };
-                lowest(own.par_iter().map(glance).collect())
+                lowest(own.par_iter().map(glance).collect(), present)
             })
             .collect()
     }
@@ -352,18 +380,38 @@ impl Reference<'_> {
         self.budget.starts_beside_joint && term.effect.info().has_joint
     }
 
-    /// A few steps from a start, along the nominal parameters of a joint and those of the effects: a
-    /// gear that gives way tells a load apart that a stiff one adds to its rotor.
+    /// A few steps from a start, along directions of the nominal parameters of a joint and the parameters of the
+    /// effects: a gear that gives way tells a load apart that a stiff one adds to its rotor.
     fn near(&self, joint: usize, hypothesis: &Hypothesis, at: Point) -> Fit {
-        let own: Vec<usize> = (0..self.basis.columns.nrows())
-            .filter(|&i| self.case.nominal.values[i].joint == Some(joint))
-            .collect();
-        let mut columns = DMatrix::zeros(self.basis.columns.nrows(), own.len());
-        for (c, &i) in own.iter().enumerate() {
-            columns[(i, c)] = 1.0;
-        }
+        let columns = self.beside(joint, LANES.saturating_sub(at.e.len()));
         let effort = Effort::on_the_way(self.budget.glance);
-        fit(self.case, &Basis { columns }, hypothesis, at, effort)
+        fit(self.glanced, &Basis { columns }, hypothesis, at, effort)
+    }
+
+    /// Directions of the nominal parameters of a joint, about so many: its rotor, and what the records tell most of
+    /// the others.
+    fn beside(&self, joint: usize, many: usize) -> DMatrix<f64> {
+        let (size, rank) = self.basis.columns.shape();
+        let rotor = self.case.nominal.place(joint, Kind::RotorInertia);
+        let others: Vec<usize> = (0..size)
+            .filter(|&i| self.case.nominal.values[i].joint == Some(joint) && Some(i) != rotor)
+            .collect();
+        let own = self.basis.columns.select_rows(&others);
+        let told = &own * self.h.view((0, 0), (rank, rank)) * own.transpose();
+        let eigen = told.symmetric_eigen();
+        let mut order: Vec<usize> = (0..others.len()).collect();
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        order.truncate(many.max(FEWEST + 1) - 1);
+        let mut columns = DMatrix::zeros(size, order.len() + usize::from(rotor.is_some()));
+        for (c, &k) in order.iter().enumerate() {
+            for (row, &i) in others.iter().enumerate() {
+                columns[(i, c)] = eigen.eigenvectors[(row, k)];
+            }
+        }
+        if let Some(rotor) = rotor {
+            columns[(rotor, order.len())] = 1.0;
+        }
+        columns
     }
 
     /// The hypothesis at hand with a further term, and its point.
@@ -376,11 +424,11 @@ impl Reference<'_> {
     }
 
     /// Minimum of the quadratic model about `theta` over θ, the parameters of the effects present and
-    /// the columns `block`: objective (twice the model), θ there, step of the block.
+    /// the columns `block`, from innovations `r` and their product `pull` with the derivatives of the reference: objective (twice the model), θ there, step of the block.
     fn minimise(
         &self,
         theta: &[f64],
-        r: &DVector<f64>,
+        (r, pull): (&DVector<f64>, &DVector<f64>),
         block: &DMatrix<f64>,
         limits: &[(f64, f64)],
     ) -> (f64, Vec<f64>, Vec<f64>) {
@@ -391,18 +439,16 @@ impl Reference<'_> {
         let mut hz = DMatrix::zeros(total, total);
         hz.view_mut((0, 0), (rank + old, rank + old))
             .copy_from(&self.h);
-        let cross = self.lin.j.transpose() * block;
+        let mixed = cross(&self.lin.j, block);
         hz.view_mut((0, rank + old), (rank + old, m))
-            .copy_from(&cross);
+            .copy_from(&mixed);
         hz.view_mut((rank + old, 0), (m, rank + old))
-            .copy_from(&cross.transpose());
+            .copy_from(&mixed.transpose());
         hz.view_mut((rank + old, rank + old), (m, m))
-            .copy_from(&(block.transpose() * block));
+            .copy_from(&gram(block));
         let mut gz = DVector::zeros(total);
-        gz.rows_mut(0, rank + old)
-            .copy_from(&(self.lin.j.transpose() * r));
-        gz.rows_mut(rank + old, m)
-            .copy_from(&(block.transpose() * r));
+        gz.rows_mut(0, rank + old).copy_from(pull);
+        gz.rows_mut(rank + old, m).copy_from(&block.tr_mul(r));
         let mut wide = DMatrix::zeros(size + old + m, total);
         wide.view_mut((0, 0), (size, rank))
             .copy_from(&self.basis.columns);

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 use crate::case::Case;
 use crate::effect::{LANES, Term};
-use crate::fit::{Basis, Direction, Fit, PRIOR, Point, linearise};
+use crate::fit::{Basis, Direction, Fit, PRIOR, Point, gram, linearise};
 use crate::hypothesis::Hypothesis;
 
 /// Shortest bins, s, and their largest number. Short bins separate windows that lie close to each
@@ -110,7 +110,7 @@ impl Information {
         let count = ((length / shortest) as usize).clamp(1, most);
         let bin = length / count as f64;
         let (r, j, rank) = linearised(case, basis, fit, term, (count, bin))?;
-        let mut h = j.tr_mul(&j);
+        let mut h = gram(&j);
         let total = j.ncols();
         let largest = (rank..total).map(|i| h[(i, i)]).fold(0.0, f64::max);
         for i in 0..total {

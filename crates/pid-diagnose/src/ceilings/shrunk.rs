@@ -15,7 +15,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use pid_data::Role;
 
 use crate::case::Case;
-use crate::fit::{Basis, Direction, Fit, PRIOR, Point, linearise, ranges, value};
+use crate::fit::{Basis, Direction, Fit, PRIOR, Point, cross, gram, linearise, ranges, value};
 use crate::hypothesis::Hypothesis;
 
 /// Steps at most.
@@ -45,7 +45,7 @@ impl Answering {
     /// `None` where the curvature is not positive.
     pub(super) fn new(case: Case, fit: Fit, basis: Basis) -> Option<Self> {
         let slopes = fit.linearised(&case, &basis).j;
-        let mut h = slopes.tr_mul(&slopes);
+        let mut h = gram(&slopes);
         for i in 0..h.nrows() {
             let prior = if i < basis.columns.ncols() {
                 1.0 / (PRIOR * PRIOR)
@@ -224,8 +224,8 @@ fn step(model: &Answering, heights: &Heights, at: &Point, c: &DVector<f64>) -> O
         .curvature
         .solve(&(model.slopes.tr_mul(&r) + model.pull(at)));
     let left = &r + &model.slopes * &first;
-    let answer = model.curvature.solve(&model.slopes.tr_mul(&slopes));
-    let mut information = slopes.tr_mul(&(&slopes - &model.slopes * &answer));
+    let answer = model.curvature.solve(&cross(&model.slopes, &slopes));
+    let mut information = cross(&slopes, &(&slopes - &model.slopes * &answer));
     information = (&information + information.transpose()) * 0.5;
     let pull = &information * c - slopes.tr_mul(&left);
     let eigen = information.symmetric_eigen();

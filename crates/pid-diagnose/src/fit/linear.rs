@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use pid_data::Role;
 use rayon::prelude::*;
 
+use super::products::gram;
 use super::value::{LARGEST, all_gains, tame};
 use crate::case::{Case, Record};
 use crate::effect::{FEW, LANES, Pick};
@@ -209,7 +210,7 @@ pub fn basis_beside(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Basis {
         .collect();
     let gains = all_gains(case, hypothesis, at);
     let lin = linearise(case, hypothesis, at, &gains, Role::Train, &directions);
-    let eigen = (lin.j.transpose() * &lin.j).symmetric_eigen();
+    let eigen = gram(&lin.j).symmetric_eigen();
     let keep: Vec<usize> = (0..size).filter(|&i| eigen.eigenvalues[i] > 0.3).collect();
     let mut columns = DMatrix::zeros(size, keep.len());
     for (c, &i) in keep.iter().enumerate() {

@@ -10,6 +10,7 @@
 
 mod free_run;
 mod linear;
+mod products;
 mod quadratic;
 mod step;
 #[cfg(test)]
@@ -27,6 +28,8 @@ use crate::predict::Runner;
 pub(crate) use free_run::fit_free_runs;
 pub(crate) use linear::basis_as_run;
 pub use linear::{Basis, Direction, Linear, basis, basis_beside, linearise};
+pub use products::Slopes;
+pub(crate) use products::{cross, gram};
 pub use quadratic::Quadratic;
 use step::Damping;
 pub use value::{PRIOR, Value, all_gains, log_dets, value, value_below};
@@ -78,7 +81,7 @@ pub struct Effort<'a> {
     /// steps use them and differentiate in the effects' parameters only (a chord method; P.
     /// Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 2.1). They are renewed when
     /// the model they give no longer predicts the decrease.
-    pub slopes: Option<&'a DMatrix<f64>>,
+    pub slopes: Option<&'a Slopes>,
     /// Whether the end must be an optimum with derivatives of its own, and not only of the neighbour.
     pub exact: bool,
     /// Whether [`Fit::quadratic`] is asked for where the steps end before the optimum; it is empty otherwise.
@@ -109,14 +112,7 @@ impl Fit {
     /// then in the effects' parameters.
     pub fn linearised(&self, case: &Case, basis: &Basis) -> Linear {
         let columns = basis.directions();
-        slopes(
-            case,
-            &self.hypothesis,
-            &self.point,
-            &self.gains,
-            &columns,
-            None,
-        )
+        differentiated(case, &self.hypothesis, &self.point, &self.gains, &columns)
     }
 
     /// The fitted model, to be run along a record.
@@ -139,29 +135,17 @@ const TRUSTED: f64 = 0.5;
 /// What the damping adds to the curvature of a deviation: about that of the prior.
 const OF_THETA: f64 = 4.0;
 
-/// Derivatives of one step: those along the basis may be borrowed, those in the effects' parameters are new.
-fn slopes(
+/// Innovations with their derivatives along the columns, then in the effects' parameters.
+fn differentiated(
     case: &Case,
     hypothesis: &Hypothesis,
     at: &Point,
     gains: &[Vec<Gain>],
     columns: &[Vec<f64>],
-    borrowed: Option<&DMatrix<f64>>,
 ) -> Linear {
-    let ne = at.e.len();
-    let effects = (0..ne).map(Direction::Effect);
-    if let Some(old) = borrowed {
-        let directions: Vec<Direction<'_>> = effects.clone().collect();
-        let own = linearise(case, hypothesis, at, gains, Role::Train, &directions);
-        if own.r.len() == old.nrows() {
-            let mut j = DMatrix::zeros(old.nrows(), columns.len() + ne);
-            j.columns_mut(0, columns.len()).copy_from(old);
-            j.columns_mut(columns.len(), ne).copy_from(&own.j);
-            return Linear { r: own.r, j };
-        }
-    }
-    let mut directions: Vec<Direction<'_>> = columns.iter().map(|c| Direction::Theta(c)).collect();
-    directions.extend(effects);
+    let basis = columns.iter().map(|c| Direction::Theta(c));
+    let effects = (0..at.e.len()).map(Direction::Effect);
+    let directions: Vec<Direction<'_>> = basis.chain(effects).collect();
     linearise(case, hypothesis, at, gains, Role::Train, &directions)
 }
 
@@ -176,7 +160,7 @@ pub fn fit(
     let mut path = Path::new(case, basis, hypothesis, start);
     let rank = path.columns.len();
     let mut steps = 0;
-    let mut own: Option<DMatrix<f64>> = None;
+    let mut own: Option<Slopes> = None;
     let mut borrowed = effort.slopes.is_some();
     let mut quadratic = Quadratic {
         h: DMatrix::zeros(0, 0),
@@ -191,11 +175,15 @@ pub fn fit(
         } else {
             None
         };
-        let lin = path.slopes(old);
-        quadratic = Quadratic::new(basis, &lin, &path.at);
-        if !borrowed {
-            own = Some(lin.j.columns(0, rank).into_owned());
-        }
+        let beside = old.and_then(|old| path.beside(old, basis));
+        quadratic = match beside {
+            Some(quadratic) => quadratic,
+            None => {
+                let (quadratic, slopes) = path.renewed(basis);
+                own = Some(slopes);
+                quadratic
+            }
+        };
         if steps >= effort.steps {
             break;
         }
@@ -283,14 +271,31 @@ impl<'a> Path<'a> {
         }
     }
 
-    fn slopes(&self, borrowed: Option<&DMatrix<f64>>) -> Linear {
-        slopes(
+    /// The model with borrowed derivatives along the basis and new ones in the effects' parameters; `None` where
+    /// they do not have the same rows.
+    fn beside(&self, old: &Slopes, basis: &Basis) -> Option<Quadratic> {
+        let effects: Vec<Direction<'_>> = (0..self.at.e.len()).map(Direction::Effect).collect();
+        let (hypothesis, gains) = (self.hypothesis, &self.gains);
+        let own = linearise(
             self.case,
-            self.hypothesis,
+            hypothesis,
             &self.at,
-            &self.gains,
-            &self.columns,
-            borrowed,
+            gains,
+            Role::Train,
+            &effects,
+        );
+        (own.r.len() == old.j.nrows()).then(|| Quadratic::beside(basis, old, &own, &self.at))
+    }
+
+    /// The model with derivatives of its own, and those along the basis.
+    fn renewed(&self, basis: &Basis) -> (Quadratic, Slopes) {
+        let (hypothesis, gains) = (self.hypothesis, &self.gains);
+        let lin = differentiated(self.case, hypothesis, &self.at, gains, &self.columns);
+        let products = gram(&lin.j);
+        let quadratic = Quadratic::of(basis, &products, &lin.j.tr_mul(&lin.r), &self.at);
+        (
+            quadratic,
+            Slopes::first(lin.j, &products, self.columns.len()),
         )
     }
 

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::linear::{Basis, Linear};
+use super::products::{Slopes, cross, gram};
 use super::value::PRIOR;
 use crate::point::Point;
 
@@ -22,17 +23,46 @@ pub struct Quadratic {
 impl Quadratic {
     /// From derivatives along the basis (first columns) and the effects' parameters (last).
     pub fn new(basis: &Basis, lin: &Linear, at: &Point) -> Self {
+        Self::of(basis, &gram(&lin.j), &lin.j.tr_mul(&lin.r), at)
+    }
+
+    /// From borrowed derivatives along the basis, and innovations with their derivatives in the effects' parameters.
+    pub(super) fn beside(basis: &Basis, slopes: &Slopes, own: &Linear, at: &Point) -> Self {
+        let (rank, ne) = (slopes.j.ncols(), own.j.ncols());
+        let mut products = DMatrix::zeros(rank + ne, rank + ne);
+        let mixed = cross(&slopes.j, &own.j);
+        products
+            .view_mut((0, 0), (rank, rank))
+            .copy_from(&slopes.gram);
+        products.view_mut((0, rank), (rank, ne)).copy_from(&mixed);
+        products
+            .view_mut((rank, 0), (ne, rank))
+            .copy_from(&mixed.transpose());
+        products
+            .view_mut((rank, rank), (ne, ne))
+            .copy_from(&gram(&own.j));
+        let mut pull = DVector::zeros(rank + ne);
+        pull.rows_mut(0, rank).copy_from(&slopes.j.tr_mul(&own.r));
+        pull.rows_mut(rank, ne).copy_from(&own.j.tr_mul(&own.r));
+        Self::of(basis, &products, &pull, at)
+    }
+
+    /// From `jᵀ j` and `jᵀ r` of derivatives along the basis, then in the effects' parameters.
+    pub(super) fn of(
+        basis: &Basis,
+        products: &DMatrix<f64>,
+        pull: &DVector<f64>,
+        at: &Point,
+    ) -> Self {
         let (size, r) = basis.columns.shape();
-        let ne = lin.j.ncols() - r;
-        let hz = lin.j.transpose() * &lin.j;
-        let gz = lin.j.transpose() * &lin.r;
+        let ne = products.ncols() - r;
         let mut wide = DMatrix::zeros(size + ne, r + ne);
         wide.view_mut((0, 0), (size, r)).copy_from(&basis.columns);
         for i in 0..ne {
             wide[(size + i, r + i)] = 1.0;
         }
-        let mut h = &wide * hz * wide.transpose();
-        let mut g = &wide * gz;
+        let mut h = &wide * products * wide.transpose();
+        let mut g = &wide * pull;
         for i in 0..size {
             h[(i, i)] += 1.0 / (PRIOR * PRIOR);
             // Without directions the deviations stay where they are.

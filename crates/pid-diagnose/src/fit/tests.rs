@@ -31,3 +31,27 @@ fn a_fit_on_the_way_ends_where_the_same_steps_with_curvature_end() {
     assert_eq!(whole.quadratic.h.nrows(), SIZE + 2);
     assert_eq!(part.steps, 2);
 }
+
+#[test]
+fn borrowed_derivatives_make_the_model_that_they_are_part_of() {
+    let spring = named(&["spring"]);
+    let case = pendulum(&spring, &[0.9, 0.2], 3.0, &|_| {});
+    let basis = basis(&case);
+    let at = Point {
+        theta: (0..SIZE).map(|i| 0.1 * (i as f64).sin()).collect(),
+        e: vec![0.4, 0.1],
+    };
+    let gains = all_gains(&case, &spring, &at);
+    let columns = basis.directions();
+    let all = differentiated(&case, &spring, &at, &gains, &columns);
+    let own: Vec<Direction<'_>> = (0..2).map(Direction::Effect).collect();
+    let own = linearise(&case, &spring, &at, &gains, Role::Train, &own);
+    let shared = Slopes::first(all.j.clone(), &gram(&all.j), columns.len());
+    let (whole, beside) = (
+        Quadratic::new(&basis, &all, &at),
+        Quadratic::beside(&basis, &shared, &own, &at),
+    );
+    assert!((&whole.h - &beside.h).amax() < 1e-9 * whole.h.amax());
+    assert!((&whole.g - &beside.g).amax() < 1e-9 * whole.g.amax());
+    assert!(whole.h[(0, 0)] > 0.0 && whole.g.amax() > 0.0);
+}

@@ -1,6 +1,5 @@
 //! Full refits of the candidates that screening found promising.
 
-use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::candidates::END;
@@ -9,7 +8,7 @@ use super::settings::Settings;
 use crate::case::Case;
 use crate::criteria::Stage;
 use crate::effect::Term;
-use crate::fit::{Basis, Effort, Fit, Point, fit, ranges};
+use crate::fit::{Basis, Effort, Fit, Point, Slopes, fit, ranges};
 use crate::screen::Candidate;
 
 /// A refitted candidate.
@@ -26,7 +25,7 @@ pub(super) fn refit(
     basis: &Basis,
     settings: &Settings,
     current: &Fit,
-    (best, slopes): (&[Candidate], &DMatrix<f64>),
+    (best, slopes): (&[Candidate], &Slopes),
     tried: usize,
 ) -> Vec<Refit> {
     let mut out: Vec<Refit> = Vec::new();

@@ -30,14 +30,8 @@ impl<D: Pick> Machine<'_, D> {
             for c in 0..m {
                 self.value_rhs[c] = self.rhs[c].value() - self.dry(c);
             }
-            reduced(
-                m,
-                &self.values,
-                &self.value_rhs,
-                &self.status,
-                &mut self.value_scratch,
-                &mut x,
-            );
+            factor(m, &self.values, &self.status, &mut self.factor);
+            substitute(m, &self.factor, &self.status, &self.value_rhs, &mut x);
             let mut stable = true;
             for c in 0..m {
                 let Some((forward, backward)) = self.levels[c] else {
@@ -82,7 +76,6 @@ impl<D: Pick> Machine<'_, D> {
                 break;
             }
         }
-        self.value_x = x;
         for c in 0..m {
             self.rhs[c] = match (self.levels[c], self.status[c]) {
                 (Some((f, _)), 1) => self.rhs[c] - f,
@@ -90,14 +83,19 @@ impl<D: Pick> Machine<'_, D> {
                 _ => self.rhs[c],
             };
         }
-        reduced(
-            m,
-            &self.matrix,
-            &self.rhs,
-            &self.status,
-            &mut self.scratch,
-            &mut self.next,
-        );
+        // A x = b, so A x' = b' − A' x: the factor of the values serves for the derivatives.
+        for c in 0..m {
+            let mut rest = self.rhs[c];
+            for d in (0..m).filter(|&d| self.status[d] != 0) {
+                rest -= self.matrix[c * m + d] * x[d];
+            }
+            self.rhs[c] = rest;
+        }
+        substitute(m, &self.factor, &self.status, &self.rhs, &mut self.next);
+        for (next, &x) in self.next.iter_mut().zip(&x) {
+            *next += D::constant(x - next.value());
+        }
+        self.value_x = x;
     }
 
     #[inline(always)]
@@ -110,48 +108,43 @@ impl<D: Pick> Machine<'_, D> {
     }
 }
 
-/// Solves the rows and columns whose status is not 0 by Cholesky factorization; the others are zero.
+/// Factors `L D Lᵀ` of the rows and columns whose status is not 0: L below the diagonal, `1 / D` on it, `D Lᵀ`
+/// above it. A matrix that is not positive definite has no such factors here: they are no numbers.
 #[inline(always)]
-fn reduced<D: Scalar>(m: usize, a: &[D], b: &[D], status: &[i8], l: &mut [D], x: &mut [D]) {
-    for i in 0..m {
-        if status[i] == 0 {
-            x[i] = D::nil();
-            continue;
-        }
-        for j in 0..=i {
-            if status[j] == 0 {
-                continue;
-            }
+fn factor(m: usize, a: &[f64], status: &[i8], l: &mut [f64]) {
+    for i in (0..m).filter(|&i| status[i] != 0) {
+        let mut pivot = a[i * m + i];
+        for j in (0..i).filter(|&j| status[j] != 0) {
             let mut entry = a[i * m + j];
-            for k in 0..j {
-                if status[k] != 0 {
-                    entry -= l[i * m + k] * l[j * m + k];
-                }
+            for k in (0..j).filter(|&k| status[k] != 0) {
+                entry -= l[k * m + i] * l[j * m + k];
             }
-            l[i * m + j] = if i == j {
-                entry.root().inverse()
-            } else {
-                entry * l[j * m + j]
-            };
+            let scaled = entry * l[j * m + j];
+            pivot -= entry * scaled;
+            (l[j * m + i], l[i * m + j]) = (entry, scaled);
         }
-        let mut y = b[i];
-        for k in 0..i {
-            if status[k] != 0 {
-                y -= l[i * m + k] * x[k];
-            }
-        }
-        x[i] = y * l[i * m + i];
+        l[i * m + i] = if pivot > 0.0 { 1.0 / pivot } else { f64::NAN };
     }
-    for i in (0..m).rev() {
-        if status[i] == 0 {
-            continue;
-        }
-        let mut y = x[i];
-        for k in i + 1..m {
-            if status[k] != 0 {
-                y -= l[k * m + i] * x[k];
+}
+
+/// Solves by these factors; rows whose status is 0 are zero.
+#[inline(always)]
+fn substitute<D: Scalar>(m: usize, l: &[f64], status: &[i8], b: &[D], x: &mut [D]) {
+    for i in 0..m {
+        x[i] = D::nil();
+        if status[i] != 0 {
+            let mut y = b[i];
+            for k in (0..i).filter(|&k| status[k] != 0) {
+                y -= x[k] * l[i * m + k];
             }
+            x[i] = y;
         }
-        x[i] = y * l[i * m + i];
+    }
+    for i in (0..m).rev().filter(|&i| status[i] != 0) {
+        let mut y = x[i] * l[i * m + i];
+        for k in (i + 1..m).filter(|&k| status[k] != 0) {
+            y -= x[k] * l[k * m + i];
+        }
+        x[i] = y;
     }
 }

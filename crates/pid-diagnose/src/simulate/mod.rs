@@ -77,6 +77,8 @@ pub(crate) struct Machine<'h, D: Pick> {
     rotors: Vec<usize>,
     /// Whether an effect accelerates the base.
     shaken: bool,
+    /// Whether an effect depends on the inputs of other joints.
+    pub(crate) listens: bool,
     /// Position loops of the drives.
     loops: Vec<Option<Loop<'h, D>>>,
     /// What their feed-forward knows of the robot.
@@ -98,9 +100,9 @@ pub(crate) struct Machine<'h, D: Pick> {
     force: Vec<D>,
     rate: Vec<D>,
     next: Vec<D>,
-    scratch: Vec<D>,
     value_x: Vec<f64>,
-    value_scratch: Vec<f64>,
+    /// Of the values of the matrix, without what sticks.
+    factor: Vec<f64>,
     /// Steps whose dry friction did not settle within `ROUNDS`.
     pub unsettled: usize,
 }
@@ -133,7 +135,7 @@ impl<'h, D: Pick> Machine<'h, D> {
         let mut gears = vec![None; n];
         let mut cells = Vec::new();
         let mut memory = 0;
-        let mut shaken = false;
+        let (mut shaken, mut listens) = (false, false);
         for (term, &at) in hypothesis.terms.iter().zip(&starts) {
             let law = D::of(&*term.effect);
             let own = &e[at..at + term.effect.info().parameters.len()];
@@ -142,6 +144,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                 gears[term.joint] = Some(g);
             }
             shaken |= law.base_acceleration(own, 0.0).is_some();
+            listens |= term.effect.needs_inputs();
             cells.push(memory);
             memory += term.effect.memory();
         }
@@ -165,6 +168,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             begin: 0.0,
             rotors,
             shaken,
+            listens,
             loops,
             model,
             links,
@@ -183,9 +187,8 @@ impl<'h, D: Pick> Machine<'h, D> {
             force: vec![zero; n],
             rate: vec![zero; n],
             next: vec![zero; m],
-            scratch: vec![zero; m * m],
             value_x: vec![0.0; m],
-            value_scratch: vec![0.0; m * m],
+            factor: vec![0.0; m * m],
             unsettled: 0,
         }
     }
