@@ -108,7 +108,8 @@ impl Law {
             Law::Load => Some("load_dependent_friction"),
             Law::Quadratic => Some("quadratic_drag"),
             Law::Presliding => Some("presliding_hysteresis"),
-            Law::Viscous | Law::Coulomb | Law::Saturating => None,
+            Law::Saturating => Some("saturating_friction"),
+            Law::Viscous | Law::Coulomb => None,
         }
     }
 

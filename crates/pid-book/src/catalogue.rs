@@ -169,7 +169,7 @@ fn parameters(text: &mut String, info: &Info) {
 /// What a range counts in, in words.
 fn scale(unit: Unit) -> &'static str {
     match unit {
-        Unit::One | Unit::Angle | Unit::Time => "",
+        Unit::One | Unit::Share | Unit::Angle | Unit::Time => "",
         Unit::Torque => "typical torque",
         Unit::Input => "typical input",
         Unit::Speed => "typical speed",

@@ -52,7 +52,7 @@ impl Reference {
     /// Size of a unit at the joint, SI.
     fn unit(&self, unit: Unit) -> f64 {
         match unit {
-            Unit::One | Unit::Angle | Unit::Time | Unit::Ratio => 1.0,
+            Unit::One | Unit::Share | Unit::Angle | Unit::Time | Unit::Ratio => 1.0,
             Unit::Torque => TORQUE,
             Unit::Input => self.input(),
             Unit::Speed => SPEED,

@@ -181,7 +181,7 @@ impl Case {
     pub fn unit(&self, unit: Unit, joint: usize) -> f64 {
         let s = &self.scale[joint];
         match unit {
-            Unit::One | Unit::Angle | Unit::Time => 1.0,
+            Unit::One | Unit::Share | Unit::Angle | Unit::Time => 1.0,
             Unit::Torque => s.torque,
             Unit::Input => s.input,
             Unit::Speed => s.speed,

@@ -142,6 +142,7 @@ fn point(id: &str) -> Vec<f64> {
         "coulomb_asymmetry" => vec![0.25],
         "load_dependent_friction" => vec![0.15],
         "quadratic_drag" => vec![0.4],
+        "saturating_friction" => vec![0.4, 0.3],
         "presliding_hysteresis" => vec![0.01, 0.001],
         "cogging" => vec![0.4, -0.2, 9.0],
         "friction_drift" => vec![0.5, 2.0],
@@ -273,6 +274,9 @@ fn friction_effects_follow_their_equations() {
         );
         let drag = at("quadratic_drag", &[0.4], v);
         near(drag.1[1] - drag.2[1] * v, -0.4 * v * v.abs());
+        let rising = at("saturating_friction", &[0.4, 0.3], v).0;
+        near(rising.forward, 0.5 * (0.6 + 0.4 * (v.abs() / 0.3).tanh()));
+        near(rising.backward, rising.forward);
         let drift = at("friction_drift", &[0.5, 2.0], v).0;
         near(drift.forward, 0.5 * (1.0 + 0.5 * (-0.45_f64).exp()));
         near(drift.viscous, 0.2 * (1.0 + 0.5 * (-0.45_f64).exp()));
@@ -424,7 +428,7 @@ fn a_force_counts_only_inside_its_windows() {
 #[test]
 fn descriptions_are_complete() {
     let ids: Vec<&str> = effects::all().iter().map(|e| e.info().id).collect();
-    assert_eq!(ids.len(), 26);
+    assert_eq!(ids.len(), 27);
     for effect in effects::all() {
         let info = effect.info();
         assert!(

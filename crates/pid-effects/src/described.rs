@@ -135,7 +135,7 @@ fn value(
 /// Range of a parameter on any robot: ranges in sizes of the motion keep their sign only.
 pub fn range(p: &Parameter) -> (f64, f64) {
     match p.unit {
-        Unit::One | Unit::Angle | Unit::Time => (p.lower, p.upper),
+        Unit::One | Unit::Share | Unit::Angle | Unit::Time => (p.lower, p.upper),
         _ if p.lower >= 0.0 => (0.0, f64::INFINITY),
         _ => (f64::NEG_INFINITY, f64::INFINITY),
     }

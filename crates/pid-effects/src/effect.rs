@@ -51,6 +51,8 @@ pub enum Kind {
 pub enum Unit {
     /// A pure number.
     One,
+    /// A share: at 1 it is all, which is as good a value as any other.
+    Share,
     /// Typical torque or force of the joint.
     Torque,
     /// Typical input of the joint.

@@ -7,7 +7,7 @@ use crate::equations::Equations;
 /// What the code says of an effect of the library or a term, by its identifier; `None` for another one.
 pub fn expression(id: &str) -> Option<&'static str> {
     Some(match id {
-        "stribeck" => "factor of the Coulomb level",
+        "stribeck" | "saturating_friction" => "factor of the Coulomb level",
         "coulomb_asymmetry" => "factors of the friction, one per direction",
         "load_dependent_friction" => {
             "a share of the torque that the links take at the reference, added to the Coulomb level"

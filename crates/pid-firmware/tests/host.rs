@@ -18,6 +18,7 @@ const ALL: &[(&str, usize, &[f64])] = &[
     ("load_dependent_friction", 1, &[0.15]),
     ("coulomb_asymmetry", 1, &[-0.1]),
     ("quadratic_drag", 2, &[1.3]),
+    ("saturating_friction", 3, &[0.6, 0.2]),
     ("cogging", 2, &[0.8, -0.5, 12.0]),
     ("spring", 3, &[4.0, 1.5]),
     ("joint_coupling", 4, &[3.0, -0.7, 0.4]),

@@ -69,8 +69,10 @@ fn leading(case: &Case, basis: &Basis, settings: &Settings, at: &Fit) -> Fit {
 mod tests {
     use super::*;
     use crate::bench::{SIZE, named, pendulum};
+    use crate::diagnosis::Verdict;
     use crate::fit::basis;
     use crate::search::backward::without_each;
+    use crate::search::diagnose;
 
     fn exchanged(hidden: (&[&str], &[f64]), taken: (&[&str], &[f64])) -> Option<(Fit, Vec<Refit>)> {
         let case = pendulum(&named(hidden.0), hidden.1, 6.0, &|_| {});
@@ -118,5 +120,25 @@ mod tests {
         let both = ["spring", "quadratic_drag"];
         let e = [0.9, 0.2, 0.05];
         assert!(exchanged((&both, &e), (&both, &e)).is_none());
+    }
+
+    #[test]
+    fn friction_that_rises_over_low_speed_is_told_from_friction_that_falls() {
+        for (id, e) in [
+            ("saturating_friction", [0.8, 0.3]),
+            ("stribeck", [1.2, 0.3]),
+        ] {
+            let case = pendulum(&named(&[id]), &e, 8.0, &|_| {});
+            let found = diagnose(&case, &Settings::default());
+            let expected = Verdict::Effect {
+                id: id.to_owned(),
+                joint: Some(1),
+            };
+            assert_eq!(found.verdict, expected, "{found:?}");
+            for (parameter, truth) in found.effects[0].parameters.iter().zip(e) {
+                let off = (parameter.value / truth - 1.0).abs();
+                assert!(off < 0.1, "{parameter:?}");
+            }
+        }
     }
 }

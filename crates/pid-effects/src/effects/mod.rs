@@ -20,6 +20,7 @@ mod motor_coupling;
 mod payload;
 mod presliding_hysteresis;
 mod quadratic_drag;
+mod saturating_friction;
 mod sensor_delay;
 mod spring;
 mod stribeck;
@@ -47,6 +48,7 @@ pub use motor_coupling::MotorCoupling;
 pub use payload::Payload;
 pub use presliding_hysteresis::PreslidingHysteresis;
 pub use quadratic_drag::QuadraticDrag;
+pub use saturating_friction::SaturatingFriction;
 pub use sensor_delay::SensorDelay;
 pub use spring::Spring;
 pub use stribeck::Stribeck;
@@ -65,6 +67,7 @@ pub fn all() -> Vec<Arc<dyn Effect>> {
         Arc::new(CoulombAsymmetry),
         Arc::new(LoadDependentFriction),
         Arc::new(QuadraticDrag),
+        Arc::new(SaturatingFriction),
         Arc::new(PreslidingHysteresis),
         Arc::new(Cogging),
         Arc::new(FrictionDrift),

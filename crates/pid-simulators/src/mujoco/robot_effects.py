@@ -44,6 +44,7 @@ FRICTION = (
     "coulomb_asymmetry",
     "load_dependent_friction",
     "friction_drift",
+    "saturating_friction",
     "presliding_hysteresis",
     "friction_above_speed",
     "friction_above_load",
@@ -310,6 +311,11 @@ class Robot:
             forward[j] *= 1.0 + a
             backward[j] *= 1.0 - a
             damping[j] *= 1.0 + a if v[j] > 0.0 else 1.0 - a
+        elif e.id == "saturating_friction":
+            rise = math.tanh(abs(v[j]) / p["saturation_speed"])
+            factor = 1.0 - p["share"] + p["share"] * rise
+            forward[j] *= factor
+            backward[j] *= factor
         elif e.id == "load_dependent_friction":
             more = p["load_coefficient"] * abs(self.load[j])
             forward[j] += more

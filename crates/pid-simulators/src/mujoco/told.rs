@@ -55,6 +55,11 @@ fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
             "second coefficient of the joint's damping",
             "nothing more",
         ),
+        "saturating_friction" => (
+            Wrapper,
+            "the Coulomb level alone, as frictionloss, which MuJoCo rounds at rest in its own way",
+            "sets the level of frictionloss at every step from the velocity",
+        ),
         "presliding_hysteresis" => (
             Wrapper,
             "the Coulomb level, as frictionloss, without the elastic part",
