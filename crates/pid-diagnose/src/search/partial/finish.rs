@@ -1,6 +1,6 @@
 //! How a list of effects ends: all parameters to free runs, without what is hardly there, in shares.
 
-use super::judge::{Gained, gained, grows, sums_of};
+use super::judge::{Gained, gained, grows, shrinks_its_own, sums_of};
 use super::{Grown, Partial, Sought, Stand, tuned};
 use crate::case::Case;
 use crate::criteria::Criteria;
@@ -121,8 +121,13 @@ fn smallest_dropped(
         let sizes = sizes(&now.case, criteria, &now.fit);
         let small = small.or_else(|| (0..own.len()).find(|&i| sizes[i] <= 1.0));
         let less = small.map(|i| (i, stand_without(now, criteria, i)));
-        let nearly_same = |less: &Stand| less.gap.total < criteria.near * now.gap.total;
-        match less.filter(|(_, less)| nearly_same(less)) {
+        // A window in which one joint drifts away hides the shares of effects at the others.
+        let nearly_same = |(i, less): &(usize, Stand)| {
+            let term = &now.fit.hypothesis.terms[*i];
+            less.gap.total < criteria.near * now.gap.total
+                && !shrinks_its_own(criteria, term, &less.gap, &now.gap)
+        };
+        match less.filter(nearly_same) {
             None => return (parts.into_iter().zip(own).collect(), dropped),
             Some((i, less)) => {
                 *now = less;

@@ -126,11 +126,7 @@ pub(super) fn shrinks(criteria: &Criteria, term: &Term, before: &Gap, after: &Ga
     let Some(own) = acted(term) else {
         return false;
     };
-    let square = |gap: &Gap, j: usize| {
-        let (q, v) = gap.joints[j];
-        q * q + v.map_or(0.0, |v| v * v)
-    };
-    let sum = |gap: &Gap| own.iter().map(|&j| square(gap, j)).sum::<f64>().sqrt();
+    let sum = |gap: &Gap| squares(gap, &own).sqrt();
     let shrink = own
         .iter()
         .all(|&j| decreases(&before.joint_windows[j], &after.joint_windows[j]));
@@ -139,6 +135,29 @@ pub(super) fn shrinks(criteria: &Criteria, term: &Term, before: &Gap, after: &Ga
         .map(|j| certainty(&before.joint_windows[j], &after.joint_windows[j]))
         .filter(|c| *c < -criteria.decrease());
     sum(after) < least * sum(before) && shrink && grow.next().is_none()
+}
+
+/// Whether free runs of the joints that a term acts on shrink by it beyond the scatter between windows, and by
+/// the least share of the gap that they would have if all joints moved alike.
+pub(super) fn shrinks_its_own(criteria: &Criteria, term: &Term, without: &Gap, with: &Gap) -> bool {
+    let Some(own) = acted(term) else {
+        return false;
+    };
+    let (before, after) = (squares(without, &own), squares(with, &own));
+    let alike = without.joints.len() as f64 / own.len() as f64;
+    let certain = own.iter().all(|&j| {
+        certainty(&without.joint_windows[j], &with.joint_windows[j]) > criteria.decrease()
+    });
+    certain && before - after >= (criteria.least_share * alike).min(0.5) * before
+}
+
+/// Sum of the squares of the gaps of joints.
+fn squares(gap: &Gap, joints: &[usize]) -> f64 {
+    let square = |&j: &usize| {
+        let (q, v) = gap.joints[j];
+        q * q + v.map_or(0.0, |v| v * v)
+    };
+    joints.iter().map(square).sum()
 }
 
 /// Whether free runs grow beyond the scatter between windows.
@@ -162,8 +181,9 @@ pub(super) fn at_an_end(case: &Case, fit: &Fit) -> bool {
         let (low, high) = ranges[first + i];
         let x = fit.point.e[first + i];
         let edge = END * (high - low);
-        // Zero is where the effect is absent.
-        (x < low + edge && low != 0.0) || x > high - edge
+        // Zero is where the effect is absent, and a share may be all.
+        let all = parameter.unit == Unit::Share;
+        (x < low + edge && low != 0.0) || (x > high - edge && !all)
     })
 }
 
@@ -217,6 +237,29 @@ mod tests {
             spring,
             &before,
             &gap(&[about(2e-3), worse])
+        ));
+    }
+
+    #[test]
+    fn an_effect_of_hardly_any_share_counts_where_it_rules_its_own_joint() {
+        let spring = &named(&["spring"]).terms[0];
+        let criteria = Criteria::default();
+        let shaking = about(9.0);
+        let without = gap(&[about(1e-2), shaking]);
+        let own = |square: f64| {
+            let with = gap(&[about(square), shaking]);
+            shrinks_its_own(&criteria, spring, &without, &with)
+        };
+        assert!(own(2e-3));
+        // A share of its own joint that would be less than the least one if both moved alike.
+        assert!(!own((1.0 - criteria.least_share) * 1e-2));
+        let mut scattered = about(2e-3);
+        scattered[1] = 2.0;
+        assert!(!shrinks_its_own(
+            &criteria,
+            spring,
+            &without,
+            &gap(&[scattered, shaking])
         ));
     }
 

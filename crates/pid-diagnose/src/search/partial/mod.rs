@@ -356,7 +356,11 @@ fn over(first: f64, then: Option<f64>, evidence: &Evidence, settings: &Settings)
     let further = then.filter(|_| little && !settings.watch.stopped());
     if let Some(part) = further {
         let mut other = partial(evidence, part, &nominal, settings);
-        if left(&other) < left(&found) {
+        // A window in which one joint drifts away is no reason to give up effects.
+        let (own, its) = (&found.grown.now.gap, &other.grown.now.gap);
+        let gives_up = other.grown.taken.is_empty() && !found.grown.taken.is_empty();
+        let better = !gives_up || grows(&settings.criteria, its, own);
+        if left(&other) < left(&found) && better {
             std::mem::swap(&mut found, &mut other);
         }
         found.grown.refits += other.grown.refits;
