@@ -264,7 +264,7 @@ mod tests {
                 assert!(off < 1e-12, "{id}: {x:?} {y:?}");
             }
         }
-        assert_eq!(tried, 20);
+        assert_eq!(tried, 21);
     }
 
     #[test]
