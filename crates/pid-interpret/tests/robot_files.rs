@@ -176,7 +176,7 @@ fn what_the_file_states_of_drives_is_the_start() {
     // the default is 1.2 N m, and 0.4 N m s/rad at 3 rad/s.
     assert_eq!(width(&nominal, "coulomb_j1"), (1.5, 6.0));
     assert_eq!(width(&nominal, "viscous_j1"), (0.7, 2.8));
-    assert_eq!(width(&nominal, "rotor_j1"), (0.04, 0.16));
+    assert_eq!(width(&nominal, "rotor_j1"), (0.2, 0.8));
     let (coulomb, viscous) = (
         width(&nominal, "coulomb_slide"),
         width(&nominal, "viscous_slide"),
@@ -190,7 +190,7 @@ fn what_the_file_states_of_drives_is_the_start() {
     assert!((width(&nominal, "coulomb_j3").0 - 0.03 * torque).abs() < 1e-12);
     // One line per joint with all that it does not state, with units.
     let stated = [
-        ("joint `j1`", vec!["rotor inertia (0.04 kg·m²)"]),
+        ("joint `j1`", vec!["rotor inertia (0.2 kg·m²)"]),
         (
             "joint `slide`",
             vec![
