@@ -424,7 +424,8 @@ impl Reference<'_> {
     }
 
     /// Minimum of the quadratic model about `theta` over θ, the parameters of the effects present and
-    /// the columns `block`, from innovations `r` and their product `pull` with the derivatives of the reference: objective (twice the model), θ there, step of the block.
+    /// the columns `block`, from innovations `r` and their product `pull` with the derivatives of the reference:
+    /// objective (twice the model), θ there, step of the block.
     fn minimise(
         &self,
         theta: &[f64],

@@ -1,7 +1,7 @@
 //! A share of the dry friction builds up over low speed: friction level f_c (1 − x + x tanh(|v|/v_s)).
 //!
-//! Source: C. Makkar, W. E. Dixon, W. G. Sawyer, G. Hu, IEEE/ASME AIM 2005: Coulomb friction as a smooth function of speed.
-//! Strain-wave gears have it in part, and simulators that round friction at rest in whole.
+//! Source: C. Makkar, W. E. Dixon, W. G. Sawyer, G. Hu, IEEE/ASME AIM 2005: Coulomb friction as a smooth
+//! function of speed. Strain-wave gears have it in part, and simulators that round friction at rest in whole.
 
 use crate::effect::{Class, Friction, Info, Kind, Law, Model, Site, Source, Unit, parameter};
 use crate::scalar::Scalar;

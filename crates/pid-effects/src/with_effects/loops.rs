@@ -5,9 +5,9 @@
 //! ```
 //!
 //! The law, as in kp (r − q) − kd v with the growth ki (r − q), is that of [`drives`](crate::drives).
-//! Here it answers at once, whatever the rate of the drive, and its limit is rounded as every one of [`Smooth`]. An integral w is one more coordinate s with
-//! w = ṡ, as other states are; it rests where the output is limited. Effects that act between a drive and
-//! its motor act on u; the loop reads the coordinate of its joint.
+//! Here it answers at once, whatever the rate of the drive, and its limit is rounded as every one of [`Smooth`].
+//! An integral w is one more coordinate s with w = ṡ, as other states are; it rests where the output is limited.
+//! Effects that act between a drive and its motor act on u; the loop reads the coordinate of its joint.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
