@@ -11,6 +11,7 @@
 //!   `pid-studies null STUDY` prints what each statistic is where nothing is missing;
 //! * *not derived*: set by hand with those cases, the practice cases and one real arm in view.
 
+use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
 /// What decides a verdict.
@@ -18,7 +19,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 /// "Gain" is twice the gain in log-likelihood over train and test records, less ln N per parameter
 /// and twice the logarithm of the number of candidates (see `gain`). "Gap" is the normalised
 /// free-run error of [`crate::gap`].
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Criteria {
     /// Probability of an event that must not happen by chance alone: an effect that reaches its
     /// least size, a line in the spectrum of white innovations. 0.0027: three standard deviations

@@ -25,6 +25,8 @@ enum Command {
     Untidy(untidy::UntidyArgs),
     /// Measure the diagnosis on drawn cases behind position loops, with targets and positions alone.
     Servo(servo::ServoArgs),
+    /// Measure what each number of the criteria decides.
+    Criteria(withheld::criteria::CriteriaArgs),
     /// Measure what the statistics of the diagnosis are where nothing is missing.
     Null(Words),
     /// Reproduce the study of the paper on the idealised two-link robot: tables, figures, and its
@@ -75,6 +77,7 @@ fn main() -> ExitCode {
         Command::Withheld(args) => withheld::run(&args),
         Command::Untidy(args) => untidy::run(&args),
         Command::Servo(args) => servo::run(&args),
+        Command::Criteria(args) => withheld::criteria::run(&args),
         Command::Null(args) => done(withheld::null::run(&args.words)),
         Command::Paper(args) => paper::run(&args),
         Command::Coverage(args) => coverage::run(&args),

@@ -1,5 +1,6 @@
 //! `pid-studies withheld`: drawn cases with a withheld effect, diagnosed blind, then scored.
 
+pub mod criteria;
 pub mod null;
 mod page;
 pub(crate) mod score;

@@ -16,11 +16,43 @@ use rayon::prelude::*;
 use super::score::Outcome;
 use crate::{Failure, write};
 
+/// Makes the `i`-th case of a plan below `out`, diagnoses it and opens the cause; the diagnosis is kept below `results`.
+///
+/// # Errors
+/// If a file cannot be written, or one of an earlier run cannot be read.
+pub fn diagnose_one<S: Study>(
+    plan: &S,
+    i: usize,
+    settings: &Settings,
+    out: &Path,
+    results: &Path,
+) -> Result<Outcome<S::Truth>, Failure> {
+    let id = plan.id(i);
+    let here = lay_out(plan, i, out)?;
+    let file = format!("{id}.json");
+    let kept = results.join(&file);
+    let diagnosis = match read::<Diagnosis>(&kept)? {
+        Some(diagnosis) => diagnosis,
+        None => {
+            let case = Case::read(&here).map_err(|error| format!("case {id}: {error}"))?;
+            let diagnosis = diagnose(&case, settings);
+            write(&kept, &diagnosis.to_json())?;
+            diagnosis
+        }
+    };
+    let truth = out.join("truth").join(&file);
+    Ok(Outcome {
+        truth: read(&truth)?.ok_or_else(|| format!("{}: is gone", truth.display()))?,
+        diagnosis,
+        id,
+    })
+}
+
 /// Makes the cases of a plan that are `wanted`, diagnoses them and opens the causes; `progress` is told
 /// how many are done, of how many.
 ///
 /// # Errors
-/// If a file cannot be written, or one of an earlier run cannot be read.
+/// As those of [`diagnose_one`].
 pub fn diagnose_some<S: Study>(
     plan: &S,
     wanted: &[usize],
@@ -28,35 +60,14 @@ pub fn diagnose_some<S: Study>(
     out: &Path,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Vec<Outcome<S::Truth>>, Failure> {
-    let truths = out.join("truth");
     let results = folder(out.join("results"))?;
     let done = AtomicUsize::new(0);
-    let mut outcomes: Vec<Outcome<S::Truth>> = wanted
+    let mut outcomes = wanted
         .par_iter()
         .map(|&i| {
-            let id = plan.id(i);
-            let result_path = results.join(format!("{id}.json"));
-            let here = lay_out(plan, i, out)?;
-            if read::<Diagnosis>(&result_path)?.is_none() {
-                let case = Case::read(&here).map_err(|error| format!("case {id}: {error}"))?;
-                write(&result_path, &diagnose(&case, settings).to_json())?;
-            }
+            let outcome = diagnose_one(plan, i, settings, out, &results)?;
             progress(done.fetch_add(1, Ordering::Relaxed) + 1, wanted.len());
-            Ok(id)
-        })
-        .collect::<Result<Vec<String>, Failure>>()?
-        .into_iter()
-        .map(|id| {
-            let missing = |path: &Path| format!("{}: is gone", path.display());
-            let (t, r) = (
-                truths.join(format!("{id}.json")),
-                results.join(format!("{id}.json")),
-            );
-            Ok(Outcome {
-                truth: read(&t)?.ok_or_else(|| missing(&t))?,
-                diagnosis: read(&r)?.ok_or_else(|| missing(&r))?,
-                id,
-            })
+            Ok(outcome)
         })
         .collect::<Result<Vec<_>, Failure>>()?;
     outcomes.sort_by(|a, b| a.id.cmp(&b.id));
