@@ -199,7 +199,7 @@ pub(crate) enum CliError {
     FleetJob { job: usize, jobs: usize },
     #[error(transparent)]
     Limits(#[from] LimitsError),
-    #[error("{}: cannot be read: {error}", path.display())]
+    #[error("{}: cannot be read: {error}\n  help: check the path; it is taken from the folder in which the command runs", path.display())]
     Read { path: PathBuf, error: io::Error },
     #[error("{}: no robot named `{name}`; the file has {found}", path.display())]
     NoSuchRobot {

@@ -70,7 +70,7 @@ pub(crate) enum LimitsError {
         .0.place, .0.message, .0.shown
     )]
     Workspace(Mistake),
-    #[error("{}: cannot be read: {error}", path.display())]
+    #[error("{}: cannot be read: {error}\n  help: check the path given with --limits", path.display())]
     Read { path: PathBuf, error: io::Error },
     #[error(transparent)]
     Kinematics(#[from] KinematicsError),

@@ -12,7 +12,9 @@ use pid_toml::{Mistake, Source, Spanned};
 #[non_exhaustive]
 pub(crate) enum ParameterFileError {
     /// The file cannot be read.
-    #[error("{file}: cannot be read: {error}")]
+    #[error(
+        "{file}: cannot be read: {error}\n  help: give a fit.json of `simtrue identify`, or a TOML file with lines name = value"
+    )]
     Unreadable { file: String, error: std::io::Error },
     /// Not a report.
     #[error("{file}: {error}")]

@@ -284,7 +284,8 @@ fn mistakes_are_named() {
         .unwrap_err()
         .to_string();
     assert!(
-        error.starts_with("nowhere/nominal.toml: cannot be read"),
+        error.starts_with("nowhere/nominal.toml: cannot be read")
+            && error.contains("help: give the path of a nominal.toml"),
         "{error}"
     );
 }

@@ -8,7 +8,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum MjcfError {
     /// The file, or one that it includes, cannot be read.
-    #[error("{}: cannot be read: {error}", .file.display())]
+    #[error("{}: cannot be read: {error}\n  help: give the path of an MJCF file; an included file is sought beside the file that includes it", .file.display())]
     Unreadable {
         /// The file.
         file: PathBuf,

@@ -9,7 +9,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum UrdfError {
     /// The file cannot be read.
-    #[error("{}: cannot be read: {error}", .file.display())]
+    #[error("{}: cannot be read: {error}\n  help: give the path of a URDF file", .file.display())]
     Unreadable {
         /// The file.
         file: PathBuf,

@@ -5,8 +5,8 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::motion::{Motion, reference};
 use crate::plant::{PER_JOINT, Plant};
-use crate::record::Setup;
 use crate::robot::Robot;
+use crate::setup::Setup;
 
 /// Largest natural frequency of the closed loop, rad/s.
 const FREQUENCY: f64 = 18.0;

@@ -14,9 +14,10 @@ use crate::family;
 use crate::mess::Mess;
 use crate::motion::Motion;
 use crate::plant::{PER_JOINT, Plant};
-use crate::record::{Setup, run, text as rows_text};
+use crate::record::{run, text as rows_text};
 use crate::robot::Robot;
 use crate::sensors::normal;
+use crate::setup::Setup;
 use crate::text;
 
 /// Length of a log, s, and its rate, Hz.

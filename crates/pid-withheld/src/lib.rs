@@ -14,6 +14,7 @@ mod causes;
 mod controller;
 mod family;
 pub mod fleet;
+mod gaps;
 mod like;
 pub mod linkage;
 mod mess;
@@ -37,10 +38,10 @@ use std::path::{Path, PathBuf};
 use pid_interpret::nominal::NominalError;
 
 pub use causes::{Cause, Kind};
+pub use gaps::{Gaps, Part};
 pub use mess::{Current, Mess};
 pub use plan::{Drawing, Plan, Truth};
 pub use position_loop::{Law, Loop};
-pub use replay::{Gaps, Part};
 pub use servo::{ServoPlan, ServoTruth, Stated};
 pub use untidy::{Recording, UntidyPlan, UntidyTruth};
 

@@ -5,9 +5,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::causes::{COUPLING, Cause, Kind, LISTED, OUTSIDE, VELOCITY_LAG};
+use crate::gaps::Gaps;
 use crate::motion::LENGTH;
 use crate::plan::{same_place, sizes};
-use crate::replay::Gaps;
 use crate::robot::Robot;
 
 /// Least share of a cause.

@@ -9,8 +9,9 @@ use crate::causes::{COUPLING, Cause, Kind, LISTED, OUTSIDE, Sizes, VELOCITY_LAG}
 use crate::mess::Mess;
 use crate::motion::{LENGTH, tidy};
 use crate::plant::{PER_JOINT, Plant};
-use crate::record::{Setup, run, text as rows_text};
+use crate::record::{run, text as rows_text};
 use crate::robot::Robot;
+use crate::setup::Setup;
 use crate::{Files, Study, family, text};
 
 /// What a study consists of.

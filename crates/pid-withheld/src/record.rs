@@ -8,47 +8,17 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::causes::{Cause, Kind};
 use crate::controller::Controller;
-use crate::mess::{Current, Mess};
+use crate::mess::Current;
 use crate::motion::Motion;
 use crate::plant::{PER_JOINT, Plant};
 use crate::position_loop::{Loop, Running};
 use crate::robot::Robot;
 use crate::sensors::{Colour, Sensors, Track, normal, prompt};
+use crate::setup::{Row, Setup};
 use crate::world::{Moment, STEP, World};
 
 /// Time at rest before a record, s.
 const HOLDING: f64 = 0.6;
-
-/// Whose records are made.
-#[derive(Clone, Copy)]
-pub(crate) struct Setup<'a> {
-    /// Drives, sensors and motions.
-    pub(crate) robot: &'a Robot,
-    /// What the controller knows.
-    pub(crate) nominal: &'a Nominal,
-    /// The robot as it is, without its causes.
-    pub(crate) plant: &'a Plant<f64>,
-    /// Its deviations from the stated values, in tolerances.
-    pub(crate) theta: &'a [f64],
-    /// What is withheld.
-    pub(crate) causes: &'a [Cause],
-    /// `measured`, `derived` or `absent`.
-    pub(crate) velocity: &'a str,
-    /// How the records are untidy.
-    pub(crate) mess: &'a Mess,
-    /// Position loops inside the drives: the controller sends targets alone.
-    pub(crate) loops: Option<&'a [Loop]>,
-}
-
-/// One sample as it is recorded.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Row {
-    /// Time since the record began, s.
-    pub(crate) t: f64,
-    pub(crate) q: Vec<f64>,
-    pub(crate) v: Vec<f64>,
-    pub(crate) u: Vec<f64>,
-}
 
 /// When samples are taken, counted from the start of the rest before a record.
 #[derive(Debug, Clone)]

@@ -14,8 +14,9 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use crate::plant::Plant;
-use crate::record::{Run, Setup};
+use crate::record::Run;
 use crate::replay::{errors, mean_square};
+use crate::setup::Setup;
 
 /// Difference that slopes are taken over, in tolerances.
 const STEP: f64 = 0.02;

@@ -1,4 +1,4 @@
-//! Free runs of the true robot with some of its causes, and what each cause has of the gap.
+//! Free runs of the true robot with some of its causes.
 //!
 //! G(S) is the free-run gap with the causes S at their true size: each record is cut into windows,
 //! and from the true state at the start of a window the robot runs under the recorded inputs. Its
@@ -7,116 +7,17 @@
 //! causes are missing, the nominal values are fitted to the same windows within their tolerances (see
 //! [`refit`](crate::refit)): what these take up is no gap. Encoders that S takes for right show the
 //! start: an offset outside S moves the start, as it does for everyone who reads it.
-//!
-//! With F = G(all), which noise leaves,
-//!
-//! ```text
-//! left_out(e) = (G(all but e)² − F²) / (G(none)² − F²)
-//! left_in(e)  = (G(none)² − G(e)²) / (G(none)² − F²)
-//! ```
-//!
-//! and the share of e is the mean of both, scaled to the sum 1. Causes interact: neither left_out nor
-//! left_in need sum to 1.
-
-use serde::{Deserialize, Serialize};
 
 use crate::causes::{Cause, Kind};
-use crate::record::{Held, Run, Setup};
-use crate::refit::Refit;
+use crate::record::{Held, Run};
 use crate::sensors::{Sensors, Track, sensed};
+use crate::setup::Setup;
 use crate::world::{STEP, World};
 
 /// A relative error beyond this counts as this.
-const LARGEST: f64 = 10.0;
+pub(crate) const LARGEST: f64 = 10.0;
 /// Steps of the encoders' past that a late sensor may ask for: 0.2 s.
 const PAST: usize = 2000;
-
-/// What one cause has of the gap.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Part {
-    /// Share of the squared gap beyond the floor; those of a case sum to 1.
-    pub share: f64,
-    /// What is lost without it.
-    pub left_out: f64,
-    /// What it explains alone.
-    pub left_in: f64,
-}
-
-/// The study's own gaps of a case on its test records.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Gaps {
-    /// Gap without a cause.
-    pub none: f64,
-    /// Gap with all of them: the study's own floor.
-    pub all: f64,
-    /// Cause by cause.
-    pub parts: Vec<Part>,
-}
-
-impl Gaps {
-    /// From free runs on the test records `runs`, cut into windows of `window` rows.
-    pub(crate) fn new(setup: &Setup<'_>, runs: &[Run], window: usize) -> Self {
-        let count = setup.causes.len();
-        let all = mean_square(&errors(setup, runs, window, &|_| true));
-        let refit = (count > 0).then(|| Refit::new(setup, runs, window, all));
-        let square = |on: &(dyn Fn(usize) -> bool + Sync)| match &refit {
-            None => all,
-            Some(refit) => refit.square(setup, runs, window, on),
-        };
-        let none = square(&|_| false).max(all);
-        let whole = (none - all).max(1e-300);
-        let mut parts: Vec<Part> = (0..count)
-            .map(|e| {
-                let (without, alone) = match count {
-                    1 => (none, all),
-                    _ => (square(&|i| i != e), square(&|i| i == e)),
-                };
-                // What the nominal values take up is nothing, and no less.
-                let part = |x: f64| (x / whole).clamp(0.0, 1.0);
-                let (left_out, left_in) = (part(without - all), part(none - alone));
-                Part {
-                    share: 0.5 * (left_out + left_in),
-                    left_out,
-                    left_in,
-                }
-            })
-            .collect();
-        let sum: f64 = parts.iter().map(|p| p.share).sum();
-        for p in &mut parts {
-            p.share = if sum > 0.0 {
-                p.share / sum
-            } else {
-                1.0 / count as f64
-            };
-        }
-        Self {
-            none: none.sqrt(),
-            all: all.sqrt(),
-            parts,
-        }
-    }
-
-    /// Of a robot that its controller does not hold: far too large.
-    pub(crate) fn out_of_hand(causes: usize) -> Self {
-        let share = 1.0 / causes.max(1) as f64;
-        let part = Part {
-            share,
-            left_out: share,
-            left_in: share,
-        };
-        Self {
-            none: LARGEST * LARGEST,
-            all: 1.0,
-            parts: vec![part; causes],
-        }
-    }
-
-    /// The least share; 1 where nothing is missing.
-    pub(crate) fn least(&self) -> f64 {
-        let shares = self.parts.iter().map(|p| p.share);
-        shares.fold(1.0, |a, b| if b.is_finite() { a.min(b) } else { -1.0 })
-    }
-}
 
 /// Relative errors of free runs with the causes that are `on`, each over the root of their number, so that
 /// the sum of their squares is the squared gap.

@@ -6,14 +6,15 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::causes::Cause;
+use crate::gaps::Gaps;
 use crate::like::Like;
 use crate::mess::Mess;
 use crate::motion::{Planned, untidy as planned};
 use crate::plan::Truth;
 use crate::plant::{PER_JOINT, Plant};
-use crate::record::{Run, Setup, run, text as rows_text};
-use crate::replay::Gaps;
+use crate::record::{Run, run, text as rows_text};
 use crate::robot::{Joint, Robot, Tolerance};
+use crate::setup::Setup;
 use crate::{Files, Study, family, text};
 
 /// Readings per second that are drawn from: their periods are whole steps of the simulation.

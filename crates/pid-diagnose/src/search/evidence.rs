@@ -7,7 +7,7 @@ use super::loops::loop_gains;
 use super::measure::share;
 use super::nameless::described;
 use super::odds::tempered;
-use super::partial::Sought;
+use super::stand::Sought;
 use crate::case::Case;
 use crate::circumstances::equal_to;
 use crate::criteria::Criteria;

@@ -24,6 +24,7 @@ mod partial;
 mod refit;
 mod settings;
 mod shares;
+mod stand;
 mod tolerance;
 mod watch;
 mod whiteness;

@@ -8,7 +8,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum NominalError {
     /// The file cannot be read.
-    #[error("{}: cannot be read: {error}", .file.display())]
+    #[error("{}: cannot be read: {error}\n  help: give the path of a nominal.toml; `simtrue new FOLDER --from ROBOT LOG` writes one", .file.display())]
     Unreadable {
         /// The file.
         file: PathBuf,

@@ -16,7 +16,8 @@ use crate::motion::{LENGTH, tidy};
 use crate::plan::{Drawn, Plan, Truth};
 use crate::plant::Plant;
 use crate::position_loop::{Law, Loop};
-use crate::record::{Setup, run, text as rows_text};
+use crate::record::{run, text as rows_text};
+use crate::setup::Setup;
 use crate::{Files, Study, text};
 
 /// A study of cases behind servos.

@@ -5,12 +5,13 @@
 //! from the parameters of all the others as they are.
 
 use super::shown::{Shown, stays};
-use super::{Asked, Stand, last_of, round};
+use super::{Asked, last_of, round};
 use crate::diagnosis::Round;
 use crate::search::measure::measured;
 use crate::search::refit::Refit;
 use crate::search::settings::Settings;
 use crate::search::shares::taken_out;
+use crate::search::stand::Stand;
 
 /// Exchanges effects for others that they are confused with where these leave a smaller gap; the
 /// rounds in which that happened. `taken` are the effects of the fit at hand, in its order; those that

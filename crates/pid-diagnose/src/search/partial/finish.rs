@@ -1,7 +1,7 @@
 //! How a list of effects ends: all parameters to free runs, without what is hardly there, in shares.
 
 use super::judge::{Gained, gained, grows, shrinks_its_own, sums_of};
-use super::{Grown, Partial, Sought, Stand, tuned};
+use super::{Grown, Partial, tuned};
 use crate::case::Case;
 use crate::criteria::Criteria;
 use crate::fit::fit_free_runs;
@@ -13,6 +13,7 @@ use crate::search::nameless::{free_laws, imitated_in_part};
 use crate::search::refit::Refit;
 use crate::search::settings::Settings;
 use crate::search::shares::{Parts, Portion, parts, shares, taken_out};
+use crate::search::stand::{Sought, Stand};
 
 /// Where free runs on the train records lead, unless they grow on the test records.
 fn freely(now: Stand, criteria: &Criteria) -> Stand {

@@ -10,7 +10,7 @@ use pid_data::Role;
 use super::finish::ended;
 use super::judge::grows;
 use super::read_off::Missing;
-use super::{Asked, SMALLER, Stand, last_of, pruned, readings, round, tuned};
+use super::{Asked, SMALLER, last_of, pruned, readings, round, tuned};
 use crate::case::Case;
 use crate::diagnosis::{Earned, Named, OwnLaw, Remainder, Round, Tried};
 use crate::effect::Term;
@@ -21,6 +21,7 @@ use crate::search::magnitude::name;
 use crate::search::measure::measured;
 use crate::search::settings::Settings;
 use crate::search::shares::{self, Portion, beyond, parts, with};
+use crate::search::stand::Stand;
 use crate::terms;
 
 /// The evidence with a law of its own beside the effects, where something is left that terms describe;

@@ -35,6 +35,7 @@ use super::odds::{plain, within_round};
 use super::refit::{Refit, refit};
 use super::settings::Settings;
 use super::shares::{Parts, Portion, without};
+use super::stand::{Sought, Stand};
 use crate::case::Case;
 use crate::criteria::Budget;
 use crate::diagnosis::{Remainder, Round, Tried};
@@ -76,25 +77,6 @@ struct Grown {
     rounds: Vec<Round>,
     /// Refits made.
     refits: usize,
-}
-
-/// Where the taking of effects stands.
-#[derive(Debug, Clone)]
-struct Stand {
-    /// With the levels of the errors of the model at hand.
-    case: Case,
-    directions: Basis,
-    /// The model at hand and its gap.
-    fit: Fit,
-    gap: Gap,
-}
-
-/// Where the search for effects that pay in predictions ended, before all parameters were fitted to free
-/// runs, and the levels of the readings.
-#[derive(Debug, Clone)]
-pub(super) struct Sought {
-    stand: Stand,
-    sensors: Vec<(f64, f64)>,
 }
 
 /// A model under the levels of its own errors, predicted over a part of the horizon; `sensors` are the

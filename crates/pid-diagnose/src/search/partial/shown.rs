@@ -7,13 +7,14 @@
 //! one, it comes after that. A lag of a velocity stays beside every effect that is taken later; an input
 //! that acts late can be one that shows late, or a slow drive.
 
-use super::{Asked, Stand, round};
+use super::{Asked, round};
 use crate::case::Case;
 use crate::channel::{late_inputs, late_readings};
 use crate::diagnosis::Round;
 use crate::effect::{Effect, Term, Unit};
 use crate::search::refit::Refit;
 use crate::search::settings::Settings;
+use crate::search::stand::Stand;
 use crate::timing::Alignment;
 
 /// What an effect of a signal does with its one time.

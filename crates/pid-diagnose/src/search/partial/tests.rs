@@ -4,14 +4,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::exchange::exchange;
+use super::readings;
 use super::shown::{Shown, shown, take_shown};
-use super::{Stand, readings};
 use crate::bench::{Draw, SIZE, named, pendulum};
 use crate::case::Case;
 use crate::diagnosis::{Diagnosis, Round, Verdict};
 use crate::fit::{Effort, Point, basis, fit};
 use crate::search::measure::measured;
 use crate::search::refit::Refit;
+use crate::search::stand::Stand;
 use crate::search::{Listener, Settings, Watch, diagnose};
 
 /// First-order noise (correlation 0.97 from sample to sample, deviation `level`) on all positions.
