@@ -29,6 +29,8 @@ pub mod rigid;
 mod robot;
 mod sensors;
 mod servo;
+mod setup;
+mod spoil;
 mod text;
 mod untidy;
 mod world;

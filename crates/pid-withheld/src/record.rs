@@ -3,7 +3,6 @@
 
 use std::fmt::Write as _;
 
-use pid_interpret::nominal::Nominal;
 use rand_chacha::ChaCha8Rng;
 
 use crate::causes::{Cause, Kind};

@@ -194,7 +194,8 @@ fn all_cases(
             id: o.id,
         })
     };
-    let (several, one) = rayon::join(
+    type All = Result<Vec<Said>, Failure>;
+    let (several, one): (All, All) = rayon::join(
         || (0..args.untidy).into_par_iter().map(many).collect(),
         || (0..cases).into_par_iter().map(single).collect(),
     );

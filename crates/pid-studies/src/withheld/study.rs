@@ -20,7 +20,7 @@ use crate::{Failure, write};
 ///
 /// # Errors
 /// If a file cannot be written, or one of an earlier run cannot be read.
-pub fn diagnose_one<S: Study>(
+pub(super) fn diagnose_one<S: Study>(
     plan: &S,
     i: usize,
     settings: &Settings,
