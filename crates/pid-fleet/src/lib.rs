@@ -29,6 +29,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use pid_data::signal::SignalError;
+use pid_toml::Mistake;
 
 pub use blame::Suspect;
 pub use collect::{Summary, collect};
@@ -57,6 +58,9 @@ pub enum FleetError {
         /// What is wrong.
         reason: String,
     },
+    /// A plan of another form.
+    #[error("{0}\n  help: plan the fleet again")]
+    Plan(Mistake),
     /// A file that cannot be written.
     #[error("{}: cannot be written: {error}\n  help: see that the folder is there and that it is yours", path.display())]
     Write {

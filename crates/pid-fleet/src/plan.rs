@@ -6,6 +6,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use pid_toml::Source;
 use serde::{Deserialize, Serialize};
 
 use crate::{FleetError, write_whole};
@@ -187,8 +188,9 @@ impl Fleet {
             path: folder.join(name),
             reason,
         };
-        let plan: Plan =
-            toml::from_str(&text("fleet.toml")?).map_err(|e| form("fleet.toml", e.to_string()))?;
+        let written = text("fleet.toml")?;
+        let name = folder.join("fleet.toml").display().to_string();
+        let plan: Plan = (Source::new(&name, &written).parse()).map_err(FleetError::Plan)?;
         if plan.schema != SCHEMA {
             let reason = format!("schema {} where {SCHEMA} is read", plan.schema);
             return Err(form("fleet.toml", reason));

@@ -246,7 +246,7 @@ fn a_folder_without_a_plan_is_told() {
     fs::write(folder.path().join("fleet.toml"), "schema = 1\n").expect("written");
     let error = Fleet::read(folder.path()).expect_err("no plan").to_string();
     assert!(
-        error.contains("fleet.toml:") && error.contains("plan the fleet again"),
+        error.contains("fleet.toml:1:1: missing field") && error.contains("plan the fleet again"),
         "{error}"
     );
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use pid_data::{DataError, Dataset};
+use pid_toml::Source;
 
 use crate::finding::{Channel, Finding, FindingKind, Severity, number};
 
@@ -53,7 +54,7 @@ pub fn open(folder: &Path) -> Result<Opened, DataError> {
         })
     };
     let manifest = text("dataset.toml")?;
-    let Ok(listing) = toml::from_str::<Listing>(&manifest) else {
+    let Ok(listing) = Source::new("dataset.toml", &manifest).parse::<Listing>() else {
         return Err(first);
     };
     let mut files = vec![("dataset.toml".to_owned(), manifest)];
