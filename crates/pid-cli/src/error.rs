@@ -64,6 +64,10 @@ pub(crate) enum CliError {
     )]
     OptionOfLogs { option: &'static str },
     #[error(
+        "--drive is for robot files without loops of their drives, and a nominal.toml is given\n  help: leave it out, and state the loop in [drive] of that file"
+    )]
+    DriveOfDescription,
+    #[error(
         "{option} belongs to folders, and a robot file with logs is given\n  help: leave it out; the robot file is the description"
     )]
     OptionOfFolders { option: &'static str },

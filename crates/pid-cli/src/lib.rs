@@ -49,6 +49,7 @@ mod error;
 mod excite;
 mod export;
 mod fleet;
+mod followed;
 mod identify;
 mod limits;
 mod models;

@@ -10,12 +10,16 @@ use pid_mjcf::Mjcf;
 use pid_preflight as preflight;
 use pid_urdf::{Description, Guess, Missing, Reading};
 
-pub use crate::args::open::{ClassArg, InputArg, OpenArgs};
+pub use crate::args::open::{ClassArg, DriveArg, InputArg, OpenArgs};
 use crate::error::{CliError, make_folder, write};
+use crate::followed::{Stated, followed, targets_alone};
 use crate::output;
 
 /// Standard gravity, m/s²; a URDF does not state it.
 const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
+
+/// What is said of targets that no drive follows.
+const UNFOLLOWED: &str = "the logs have commanded positions and no input, and no drive of the robot follows them: the motion has no cause; describe the drive in [drive] of the nominal.toml";
 
 /// A robot or a log that cannot be read; the message has place, value and mend.
 #[derive(Debug, thiserror::Error)]
@@ -40,6 +44,10 @@ pub struct Robot {
     pub warnings: Vec<String>,
     /// What the file does not say, and the rule by which it was decided.
     pub assumptions: Vec<String>,
+    /// Loops of the drives that the file states.
+    loops: Stated,
+    /// The law of loops that the user states.
+    law: Option<DriveArg>,
 }
 
 /// A robot with its records and what was assumed of them.
@@ -93,17 +101,18 @@ pub(crate) fn open(robot: &Path, logs: &[PathBuf], args: &OpenArgs) -> Result<Op
             for path in logs {
                 read.extend(pid_logs::open(path)?);
             }
-            let found = from_logs(&robot, &read, args)?;
-            tell(&found);
-            found
+            from_logs(&robot, &read, args)?
         }
     };
-    Ok(robot.with(records))
+    let opened = robot.with(records);
+    tell(&opened.records);
+    Ok(opened)
 }
 
 /// A data set that states everything itself.
 pub(crate) fn as_stated(dataset: Dataset) -> Found {
     Found {
+        targets_alone: targets_alone(&dataset),
         dataset,
         assumptions: Vec::new(),
         warnings: Vec::new(),
@@ -138,14 +147,19 @@ pub(crate) fn read_robot(file: &Path, args: &OpenArgs) -> Result<Robot, CliError
 
 fn robot_of(file: &Path, args: &OpenArgs) -> Result<Robot, CliError> {
     if is_description(file) {
-        return Ok(Robot::described(Nominal::read(file)?));
+        return match args.drive {
+            Some(_) => Err(CliError::DriveOfDescription),
+            None => Ok(Robot::described(Nominal::read(file)?)),
+        };
     }
     let text = std::fs::read_to_string(file).map_err(|error| CliError::Read {
         path: file.to_owned(),
         error,
     })?;
+    let mut loops = Stated::default();
     let (mechanism, warnings) = if text.contains("<mujoco") {
         let model = Mjcf::parse(file, &text)?;
+        loops = Stated::of(&model);
         (model.mechanism, model.warnings)
     } else {
         let mut reading = Reading::default();
@@ -167,6 +181,8 @@ fn robot_of(file: &Path, args: &OpenArgs) -> Result<Robot, CliError> {
         assumptions: (described.assumptions.iter())
             .map(ToString::to_string)
             .collect(),
+        loops,
+        law: args.drive,
     })
 }
 
@@ -186,6 +202,8 @@ impl Robot {
             stated: true,
             warnings: Vec::new(),
             assumptions: Vec::new(),
+            loops: Stated::default(),
+            law: None,
         }
     }
 
@@ -228,20 +246,27 @@ impl Robot {
         Ok(with_gains(as_stated(dataset), args)?)
     }
 
-    /// With its records; a robot file takes from them how velocities come about.
-    pub fn with(self, records: Found) -> Opened {
+    /// With its records; a robot file takes from them how velocities come about, and has drives that follow
+    /// commanded positions where these are all that is commanded.
+    pub fn with(self, mut records: Found) -> Opened {
         let velocities: Vec<Velocity> = (records.dataset)
             .joints
             .iter()
             .map(|j| velocity(j.velocity))
             .collect();
-        Opened {
-            nominal: match self.stated {
-                true => self.nominal,
-                false => self.nominal.with_velocities(&velocities),
-            },
-            records,
+        let mut nominal = match self.stated {
+            true => self.nominal,
+            false => self.nominal.with_velocities(&velocities),
+        };
+        if !self.stated && records.targets_alone {
+            let assumed;
+            (nominal, assumed) = followed(nominal, &self.loops, self.law);
+            records.assumptions.extend(assumed);
         }
+        if records.targets_alone && !nominal.has_servos() {
+            records.warnings.push(UNFOLLOWED.to_owned());
+        }
+        Opened { nominal, records }
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! CSV, MCAP, .db3, Parquet, LeRobot, NPZ, MAT -> Log (channels over clocks)
-//! Log + joints of the robot + Settings -> Found { dataset, assumptions, warnings } -> dataset.toml + CSV
+//! Log + joints of the robot + Settings -> Found { dataset, assumptions, … } -> dataset.toml + CSV
 //! ```
 //!
 //! The format is found by content. Columns are found by their names and the names of the joints;
@@ -79,6 +79,8 @@ pub struct Found {
     pub assumptions: Vec<Assumption>,
     /// What is odd or was left out.
     pub warnings: Vec<String>,
+    /// Whether there are commanded positions and no input: the robot needs drives that follow them.
+    pub targets_alone: bool,
 }
 
 /// Reads logs of one robot as one data set. Logs may be of different formats; those of several
@@ -113,7 +115,7 @@ pub fn from_logs(logs: &[Log], joints: &[Joint], settings: &Settings) -> Result<
     let some = |entry: &&Entry| logs.iter().any(|log| present(log, joints, entry));
     let elsewhere: Vec<Entry> = settings.map.iter().filter(some).cloned().collect();
     let mut quantities: Option<(String, Vec<InputQuantity>)> = None;
-    let mut measured = true;
+    let (mut measured, mut targets_alone) = (true, true);
     for log in logs {
         log.notes.iter().for_each(|note| said.say(&log.file, note));
         log.warnings
@@ -122,9 +124,7 @@ pub fn from_logs(logs: &[Log], joints: &[Joint], settings: &Settings) -> Result<
         let assigned = assign(log, joints, settings, &elsewhere, &mut said)?;
         let record = record::build(log, &assigned, settings, &mut said)?;
         implausible(&record, joints, &mut odd);
-        if assigned.no_input {
-            odd.say(&log.file, "there is no input, only commanded positions: describe the drive that follows them, or the motion has no cause");
-        }
+        targets_alone &= assigned.no_input;
         measured &= assigned.input_measured;
         match &quantities {
             None => quantities = Some((log.file.clone(), assigned.quantity)),
@@ -163,7 +163,10 @@ pub fn from_logs(logs: &[Log], joints: &[Joint], settings: &Settings) -> Result<
             .collect(),
         warnings: Vec::new(),
     };
-    finish(dataset, said, odd)
+    Ok(Found {
+        targets_alone,
+        ..finish(dataset, said, odd)?
+    })
 }
 
 /// Passes the data set through its own reader: one place says what a data set must be.
@@ -180,6 +183,7 @@ fn finish(dataset: Dataset, said: Sentences, odd: Sentences) -> Result<Found, Lo
         dataset,
         assumptions,
         warnings,
+        targets_alone: false,
     })
 }
 

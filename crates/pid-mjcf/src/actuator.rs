@@ -25,7 +25,34 @@ pub struct Actuator {
     pub force: Option<(f64, f64)>,
 }
 
+/// A position loop about a joint: the force on it is `kp (target − q) − kd v`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PositionLoop {
+    /// N·m/rad; N/m of a slide.
+    pub kp: f64,
+    /// N·m·s/rad; N·s/m of a slide.
+    pub kd: f64,
+}
+
 impl Actuator {
+    /// The loop of a drive whose control is a target, with the target at the joint: control over gear. `None`
+    /// of another law.
+    pub fn position_loop(&self) -> Option<PositionLoop> {
+        let [constant, of_position, of_velocity] = self.bias;
+        let gear = self.gear * self.gear;
+        let follows = self.gain > 0.0 && of_position == -self.gain && constant == 0.0;
+        (follows && gear > 0.0 && of_velocity <= 0.0).then_some(PositionLoop {
+            kp: gear * self.gain,
+            kd: -gear * of_velocity,
+        })
+    }
+
+    /// Largest force or torque on the joint that the range of the force allows, N or N·m.
+    pub fn force_on_joint(&self) -> Option<f64> {
+        let (low, high) = self.force?;
+        Some(low.abs().max(high.abs()) * self.gear.abs())
+    }
+
     /// Largest force or torque on the joint that the ranges allow, N or N·m.
     pub fn effort(&self) -> Option<f64> {
         let most = |(low, high): (f64, f64)| low.abs().max(high.abs());

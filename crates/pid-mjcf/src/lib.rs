@@ -40,6 +40,6 @@ mod read;
 mod reader;
 mod replicate;
 
-pub use actuator::Actuator;
+pub use actuator::{Actuator, PositionLoop};
 pub use error::MjcfError;
 pub use read::Mjcf;

@@ -286,6 +286,7 @@ impl Records {
             dataset: simtrue::cli::demo::dataset().map_err(raised)?,
             assumptions: Vec::new(),
             warnings: Vec::new(),
+            targets_alone: false,
         };
         Ok(Self {
             found: Arc::new(found),

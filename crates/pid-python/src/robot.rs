@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use pyo3::prelude::*;
-use simtrue::cli::open::{self, ClassArg, OpenArgs};
+use simtrue::cli::open::{self, ClassArg, DriveArg, OpenArgs};
 use simtrue::dynamics::Hessian;
 use simtrue::interpret::nominal::Nominal;
 
@@ -76,12 +76,13 @@ fn of_file(py: Python<'_>, path: PathBuf, wanted: Option<Form>, args: OpenArgs) 
     })
 }
 
-/// How a robot file is read; `trust`: how far its masses are.
+/// How a robot file is read; `trust`: how far its masses are; `drive`: law of its loops.
 fn reading(
     trust: &str,
     joints: Option<Vec<String>>,
     guess_inertias: bool,
     strict: bool,
+    drive: Option<&str>,
 ) -> PyResult<OpenArgs> {
     let class = match trust {
         "cad" => ClassArg::Cad,
@@ -93,7 +94,21 @@ fn reading(
             )));
         }
     };
+    let drive = match drive {
+        None => None,
+        Some("p") => Some(DriveArg::P),
+        Some("pd") => Some(DriveArg::Pd),
+        Some("pid") => Some(DriveArg::Pid),
+        Some("cascade") => Some(DriveArg::Cascade),
+        Some("none") => Some(DriveArg::None),
+        Some(other) => {
+            return Err(raised(format!(
+                "drive: `{other}` is no law of a loop\n  help: use 'p', 'pd', 'pid', 'cascade' or 'none'"
+            )));
+        }
+    };
     Ok(OpenArgs {
+        drive,
         class,
         joints: joints.unwrap_or_default(),
         guess_inertias,
@@ -106,7 +121,7 @@ fn reading(
 impl Robot {
     /// Reads a URDF, an MJCF, a nominal description or a folder with one.
     #[staticmethod]
-    #[pyo3(signature = (path, *, trust="cad", joints=None, guess_inertias=false, strict=false))]
+    #[pyo3(signature = (path, *, trust="cad", joints=None, guess_inertias=false, strict=false, drive=None))]
     fn load(
         py: Python<'_>,
         path: PathBuf,
@@ -114,8 +129,9 @@ impl Robot {
         joints: Option<Vec<String>>,
         guess_inertias: bool,
         strict: bool,
+        drive: Option<&str>,
     ) -> PyResult<Self> {
-        let args = reading(trust, joints, guess_inertias, strict)?;
+        let args = reading(trust, joints, guess_inertias, strict, drive)?;
         of_file(py, path, None, args)
     }
 
@@ -130,7 +146,7 @@ impl Robot {
         guess_inertias: bool,
         strict: bool,
     ) -> PyResult<Self> {
-        let args = reading(trust, joints, guess_inertias, strict)?;
+        let args = reading(trust, joints, guess_inertias, strict, None)?;
         of_file(py, path, Some(Form::Urdf), args)
     }
 
@@ -142,7 +158,7 @@ impl Robot {
             py,
             path,
             Some(Form::Mjcf),
-            reading(trust, None, false, false)?,
+            reading(trust, None, false, false, None)?,
         )
     }
 

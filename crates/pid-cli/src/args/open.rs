@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use pid_interpret::nominal::Provenance;
+use pid_interpret::nominal::{Provenance, ServoLaw};
 use pid_logs::Entry;
 
 use super::parse::{finite, positive};
@@ -28,6 +28,10 @@ pub struct OpenArgs {
     /// No joint is driven: the inputs are zero.
     #[arg(long)]
     pub passive: bool,
+    /// Law of the loops by which the drives of a robot file follow the commanded positions of a log without an
+    /// input. By default that of the robot file, or `pd`; the gains that it does not state are unknown.
+    #[arg(long, value_enum, value_name = "LAW")]
+    pub drive: Option<DriveArg>,
     /// Log to judge with; may be repeated. By default the last quarter of several logs, or the last
     /// third of a single one.
     #[arg(long, value_name = "NAME")]
@@ -66,6 +70,7 @@ impl OpenArgs {
             ("--map-file", self.map_file.is_some()),
             ("--input", self.input.is_some()),
             ("--passive", self.passive),
+            ("--drive", self.drive.is_some()),
             ("--test", !self.test.is_empty()),
             ("--sample-time", self.sample_time.is_some()),
             ("--class", self.class != ClassArg::default()),
@@ -90,6 +95,34 @@ pub enum InputArg {
     Current,
     /// Voltage, V.
     Voltage,
+}
+
+/// Laws of position loops.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum DriveArg {
+    /// Proportional.
+    P,
+    /// Proportional, with damping by the velocity.
+    Pd,
+    /// The same with an integral of the error.
+    Pid,
+    /// A loop of the position around one of the velocity.
+    Cascade,
+    /// No loop: the drives are off.
+    None,
+}
+
+impl DriveArg {
+    /// The law; `None` without a loop.
+    pub(crate) fn law(self) -> Option<ServoLaw> {
+        match self {
+            DriveArg::P => Some(ServoLaw::P),
+            DriveArg::Pd => Some(ServoLaw::Pd),
+            DriveArg::Pid => Some(ServoLaw::Pid),
+            DriveArg::Cascade => Some(ServoLaw::Cascade),
+            DriveArg::None => None,
+        }
+    }
 }
 
 /// Origins of masses and inertias.

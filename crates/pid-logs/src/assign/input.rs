@@ -43,7 +43,7 @@ impl Finder<'_> {
             if targets {
                 self.said.say(
                     &self.log.file,
-                    "input: zeros, since the log has commanded positions and no input; the robot's description needs the drive that follows them",
+                    "input: zeros, since the log has commanded positions and no input",
                 );
                 return Ok(self.zeros(true));
             }

@@ -34,6 +34,7 @@ class Robot:
         joints: Optional[list[str]] = None,
         guess_inertias: bool = False,
         strict: bool = False,
+        drive: Optional[str] = None,
     ) -> Robot:
         """As :func:`simtrue.load_robot`."""
     @staticmethod

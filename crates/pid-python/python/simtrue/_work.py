@@ -24,6 +24,7 @@ def load_robot(
     joints: Optional[Sequence[str]] = None,
     guess_inertias: bool = False,
     strict: bool = False,
+    drive: Optional[str] = None,
 ) -> Robot:
     """Reads a robot from a URDF, an MJCF, a ``nominal.toml`` or a folder with one.
 
@@ -34,13 +35,20 @@ def load_robot(
         joints: joints of a URDF that move; the others are held at zero. By default all.
         guess_inertias: masses and inertias that a URDF lacks are guessed from its geometry.
         strict: inertias that no body can have are refused instead of being mended.
+        drive: law of the loops by which drives follow commanded positions where logs have no input: ``p``,
+            ``pd``, ``pid``, ``cascade`` or ``none``. By default that of the file, or ``pd`` of unknown gains.
 
     Raises:
         SimtrueError: a file that cannot be read or is no robot.
     """
     of = None if joints is None else list(joints)
     return Robot.load(
-        os.fspath(path), trust=trust, joints=of, guess_inertias=guess_inertias, strict=strict
+        os.fspath(path),
+        trust=trust,
+        joints=of,
+        guess_inertias=guess_inertias,
+        strict=strict,
+        drive=drive,
     )
 
 
