@@ -409,6 +409,20 @@ fn targets_without_input_are_kept_and_said() {
 }
 
 #[test]
+fn a_target_without_a_quantity_is_offered_as_a_position() {
+    let error = read(&rows("t,q1,q2,goal1,goal2", ","))
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("--map 'qref:"), "{error}");
+    assert!(
+        error.contains("=goal1' if it is a commanded position"),
+        "{error}"
+    );
+    let error = read(&rows("t,q1,q2,a,b", ",")).unwrap_err().to_string();
+    assert!(!error.contains("qref"), "{error}");
+}
+
+#[test]
 fn one_log_is_cut_where_the_robot_is_slowest() {
     // Stands still from 6.4 s to 6.6 s of 10 s.
     let mut text = "t,q1,q2,tau1,tau2\n".to_owned();

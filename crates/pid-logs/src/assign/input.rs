@@ -6,8 +6,8 @@ use pid_data::InputQuantity;
 use super::{Finder, Source, mapped::Mapped};
 use crate::error::LogError;
 use crate::map::Kind;
-use crate::meaning::Group;
-use crate::names::Word;
+use crate::meaning::{Group, Meaning};
+use crate::names::{Word, commands};
 use crate::units::{Dimension, Unit};
 
 /// The inputs of all joints.
@@ -234,8 +234,13 @@ impl Finder<'_> {
                 let joint = joints
                     .first()
                     .map_or("JOINT", |&j| self.joints[j].name.as_str());
+                let target = self
+                    .target_without_quantity()
+                    .map_or_else(String::new, |name| {
+                        format!("; --map 'qref:{joint}={name}' if it is a commanded position")
+                    });
                 let mend = format!(
-                    "{mend}; --map 'u:{joint}=0' for a joint without drive, --passive if none was driven"
+                    "{mend}{target}; --map 'u:{joint}=0' for a joint without drive, --passive if none was driven"
                 );
                 LogError::Missing {
                     file,
@@ -247,6 +252,13 @@ impl Finder<'_> {
             }
             other => other,
         }
+    }
+
+    /// A channel that was asked for by its name, which does not say of what.
+    fn target_without_quantity(&self) -> Option<&str> {
+        let mut all = self.meanings.iter().zip(&self.log.channels);
+        let asked = |m: &Meaning| m.what.is_none() && m.parsed.words.iter().any(|w| commands(w));
+        all.find(|(m, _)| asked(m)).map(|(_, c)| c.name.as_str())
     }
 
     fn say_input(&mut self, inputs: &Inputs, free: &[usize]) {
