@@ -10,6 +10,7 @@
 //!   `pid-studies withheld --seed 91201` and `--seed 100301`;
 //!   `pid-studies null STUDY` prints what each statistic is where nothing is missing;
 //! * *not derived*: set by hand with those cases, the practice cases and one real arm in view.
+//!   `pid-studies criteria` halves and doubles a number and counts the right answers of drawn cases.
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};

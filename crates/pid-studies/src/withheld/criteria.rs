@@ -114,10 +114,11 @@ struct Said {
     wrong: usize,
 }
 
-/// The names of a diagnosis in one line.
+/// The verdict of a diagnosis and its names in one line.
 fn words(d: &Diagnosis) -> String {
+    let verdict = d.verdict.word();
     if d.effects.is_empty() {
-        return d.verdict.word().to_owned();
+        return verdict.to_owned();
     }
     let name = |effect: &str, joint: Option<usize>| {
         joint.map_or_else(|| effect.to_owned(), |j| format!("{effect}:{j}"))
@@ -127,7 +128,7 @@ fn words(d: &Diagnosis) -> String {
         .collect();
     let law = d.remainder.as_ref().is_some_and(|r| r.law.is_some());
     let law = if law { " + law" } else { "" };
-    format!("{}: {}{law}", d.outcome().word(), names.join(" "))
+    format!("{verdict}: {}{law}", names.join(" "))
 }
 
 /// Share of the gap from which an effect of several counts.
