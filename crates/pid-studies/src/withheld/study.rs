@@ -52,7 +52,7 @@ pub(super) fn diagnose_one<S: Study>(
 /// how many are done, of how many.
 ///
 /// # Errors
-/// As those of [`diagnose_one`].
+/// If a file cannot be written, or one of an earlier run cannot be read.
 pub fn diagnose_some<S: Study>(
     plan: &S,
     wanted: &[usize],
