@@ -31,19 +31,16 @@ pub(super) fn diagnose_one<S: Study>(
     let here = lay_out(plan, i, out)?;
     let file = format!("{id}.json");
     let kept = results.join(&file);
-    let diagnosis = match read::<Diagnosis>(&kept)? {
-        Some(diagnosis) => diagnosis,
-        None => {
-            let case = Case::read(&here).map_err(|error| format!("case {id}: {error}"))?;
-            let diagnosis = diagnose(&case, settings);
-            write(&kept, &diagnosis.to_json())?;
-            diagnosis
-        }
-    };
+    if read::<Diagnosis>(&kept)?.is_none() {
+        let case = Case::read(&here).map_err(|error| format!("case {id}: {error}"))?;
+        write(&kept, &diagnose(&case, settings).to_json())?;
+    }
+    let gone = |path: &Path| format!("{}: is gone", path.display());
     let truth = out.join("truth").join(&file);
     Ok(Outcome {
-        truth: read(&truth)?.ok_or_else(|| format!("{}: is gone", truth.display()))?,
-        diagnosis,
+        truth: read(&truth)?.ok_or_else(|| gone(&truth))?,
+        // Made or kept, the diagnosis is the one of the file.
+        diagnosis: read(&kept)?.ok_or_else(|| gone(&kept))?,
         id,
     })
 }
