@@ -10,8 +10,8 @@ use pid_mjcf::Mjcf;
 
 use crate::args::open::DriveArg;
 
-/// How far a gain of a robot file may be from that of the drive, as a share: what the practice cases behind
-/// servos have. Gains beyond are an effect of the diagnosis, `servo_gain`.
+/// How far a gain of a robot file may be from that of the drive, as a share: a choice, as the drawn cases of
+/// `pid-studies servo` have it. Gains beyond are an effect of the diagnosis, `servo_gain`.
 const TOLERANCE: f64 = 0.3;
 
 /// Loops of an MJCF by the names of their joints.
@@ -248,5 +248,13 @@ mod tests {
         let logs = [at("a.csv"), at("b.csv")];
         let opened = open(&at("arm.urdf"), &logs, &OpenArgs::default()).expect("records");
         assert!(!opened.nominal.has_servos() && !opened.records.targets_alone);
+        let args = OpenArgs {
+            drive: Some(DriveArg::P),
+            ..OpenArgs::default()
+        };
+        let opened = open(&at("arm.urdf"), &logs, &args).expect("records");
+        let mut told = opened.records.warnings.iter();
+        assert!(told.any(|w| w.contains("--drive is left out")));
+        assert!(!opened.nominal.has_servos());
     }
 }

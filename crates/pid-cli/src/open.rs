@@ -21,6 +21,10 @@ const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 /// What is said of targets that no drive follows.
 const UNFOLLOWED: &str = "the logs have commanded positions and no input, and no drive of the robot follows them: the motion has no cause; describe the drive in [drive] of the nominal.toml";
 
+/// What is said of a law of loops that follow nothing.
+const NO_TARGETS: &str =
+    "--drive is left out: the logs have inputs, or no commanded positions that a loop could follow";
+
 /// A robot or a log that cannot be read; the message has place, value and mend.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
@@ -262,6 +266,9 @@ impl Robot {
             let assumed;
             (nominal, assumed) = followed(nominal, &self.loops, self.law);
             records.assumptions.extend(assumed);
+        }
+        if self.law.is_some() && !records.targets_alone {
+            records.warnings.push(NO_TARGETS.to_owned());
         }
         if records.targets_alone && !nominal.has_servos() {
             records.warnings.push(UNFOLLOWED.to_owned());

@@ -115,7 +115,7 @@ pub fn from_logs(logs: &[Log], joints: &[Joint], settings: &Settings) -> Result<
     let some = |entry: &&Entry| logs.iter().any(|log| present(log, joints, entry));
     let elsewhere: Vec<Entry> = settings.map.iter().filter(some).cloned().collect();
     let mut quantities: Option<(String, Vec<InputQuantity>)> = None;
-    let (mut measured, mut targets_alone) = (true, true);
+    let (mut measured, mut without_input) = (true, Vec::new());
     for log in logs {
         log.notes.iter().for_each(|note| said.say(&log.file, note));
         log.warnings
@@ -124,13 +124,21 @@ pub fn from_logs(logs: &[Log], joints: &[Joint], settings: &Settings) -> Result<
         let assigned = assign(log, joints, settings, &elsewhere, &mut said)?;
         let record = record::build(log, &assigned, settings, &mut said)?;
         implausible(&record, joints, &mut odd);
-        targets_alone &= assigned.no_input;
+        if assigned.no_input {
+            without_input.push(&log.file);
+        }
         measured &= assigned.input_measured;
         match &quantities {
             None => quantities = Some((log.file.clone(), assigned.quantity)),
             Some((first, known)) => agree(first, known, log, &assigned.quantity)?,
         }
         records.push(record);
+    }
+    let targets_alone = without_input.len() == logs.len();
+    if !targets_alone {
+        for file in without_input {
+            odd.say(file, "there is no input beside the commanded positions, and other logs have one: leave it out, or name its input");
+        }
     }
     let quantities = quantities.map(|(_, q)| q).unwrap_or_default();
     let velocities = velocities(&mut records, joints, &mut odd);

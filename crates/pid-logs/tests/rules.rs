@@ -409,6 +409,25 @@ fn targets_without_input_are_kept_and_said() {
 }
 
 #[test]
+fn a_log_without_input_among_others_is_told() {
+    let parsed =
+        |name: &str, header: &str| parse(name, rows(header, ",").into_bytes()).expect("a log");
+    let mut logs = parsed("driven.csv", "t,q1,q2,tau1,tau2");
+    logs.extend(parsed("targets.csv", "t,q1,q2,q1_ref,q2_ref"));
+    let found = from_logs(&logs, &arm(), &Settings::default()).expect("records");
+    assert!(!found.targets_alone);
+    let told = |file: &str| {
+        let mut all = found.warnings.iter();
+        all.any(|w| w.starts_with(file) && w.contains("there is no input beside"))
+    };
+    assert!(
+        told("targets.csv") && !told("driven.csv"),
+        "{:?}",
+        found.warnings
+    );
+}
+
+#[test]
 fn a_target_without_a_quantity_is_offered_as_a_position() {
     let error = read(&rows("t,q1,q2,goal1,goal2", ","))
         .unwrap_err()

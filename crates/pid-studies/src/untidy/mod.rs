@@ -14,6 +14,7 @@ use pid_fleet::Slice;
 use pid_withheld::UntidyPlan;
 
 pub use score::{Effect, Row, row};
+pub(crate) use tables::LEAST;
 pub use tables::{Tier, tiers, to_text};
 
 use crate::withheld::diagnose_some;

@@ -9,7 +9,7 @@ use crate::withheld::Share;
 use crate::withheld::score::middle;
 
 /// Least share of an effect that is to be named.
-const LEAST: f64 = 0.1;
+pub(crate) const LEAST: f64 = 0.1;
 /// Tiers in the order of the table.
 const TIERS: [&str; 4] = [
     "one effect",

@@ -19,7 +19,7 @@ use serde_json::{Map, Value};
 
 use super::right;
 use super::study::diagnose_one;
-use crate::untidy::{Row, row};
+use crate::untidy::{Effect, LEAST, Row, row};
 use crate::{Failure, make_folder};
 
 /// Arguments of `pid-studies criteria`.
@@ -131,11 +131,9 @@ fn words(d: &Diagnosis) -> String {
     format!("{verdict}: {}{law}", names.join(" "))
 }
 
-/// Share of the gap from which an effect of several counts.
-const COUNTED: f64 = 0.1;
-
+/// Effects of some share that are named, and wrong names.
 fn score(row: &Row) -> (usize, usize) {
-    let counted = |e: &&crate::untidy::Effect| e.listed() && e.share.is_some_and(|s| s >= COUNTED);
+    let counted = |e: &&Effect| e.listed() && e.share.is_some_and(|s| s >= LEAST);
     let found = row.hidden.iter().filter(counted);
     (
         found.filter(|e| e.partner.is_some()).count(),

@@ -16,7 +16,8 @@ use rayon::prelude::*;
 use super::score::Outcome;
 use crate::{Failure, write};
 
-/// Makes the `i`-th case of a plan below `out`, diagnoses it and opens the cause; the diagnosis is kept below `results`.
+/// Makes the `i`-th case of a plan below `out`, diagnoses it and opens the cause. The diagnosis is kept below
+/// `results`.
 ///
 /// # Errors
 /// If a file cannot be written, or one of an earlier run cannot be read.
