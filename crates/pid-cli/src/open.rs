@@ -10,7 +10,7 @@ use pid_mjcf::Mjcf;
 use pid_preflight as preflight;
 use pid_urdf::{Description, Guess, Missing, Reading};
 
-pub use crate::args::open::{ClassArg, DriveArg, InputArg, OpenArgs};
+pub use crate::args::open::{ClassArg, DriveArg, HoldArg, InputArg, OpenArgs};
 use crate::error::{CliError, make_folder, write};
 use crate::followed::{Stated, followed, targets_alone};
 use crate::output;
@@ -98,7 +98,7 @@ pub(crate) fn open(robot: &Path, logs: &[PathBuf], args: &OpenArgs) -> Result<Op
     let robot = read_robot(robot, args)?;
     let records = match logs {
         [folder] if folder.join("dataset.toml").is_file() => {
-            with_gains(as_stated(Dataset::read(folder)?), args)?
+            with_inputs(as_stated(Dataset::read(folder)?), args)?
         }
         _ => {
             let mut read = Vec::new();
@@ -247,7 +247,7 @@ impl Robot {
     /// [`OpenError`]: the first thing that is wrong.
     pub fn folder(&self, folder: &Path, args: &OpenArgs) -> Result<Found, OpenError> {
         let dataset = Dataset::read(folder).map_err(CliError::from)?;
-        Ok(with_gains(as_stated(dataset), args)?)
+        Ok(with_inputs(as_stated(dataset), args)?)
     }
 
     /// With its records; a robot file takes from them how velocities come about, and has drives that follow
@@ -277,8 +277,11 @@ impl Robot {
     }
 }
 
-/// Records with their inputs as torques or forces, where gains are given.
-fn with_gains(mut records: Found, args: &OpenArgs) -> Result<Found, CliError> {
+/// Records with their inputs as torques or forces, where gains are given, and between samples as is stated.
+fn with_inputs(mut records: Found, args: &OpenArgs) -> Result<Found, CliError> {
+    if let Some(hold) = args.input_hold {
+        records.dataset.input_hold = hold.into();
+    }
     if !args.gain.is_empty() {
         records.dataset = records.dataset.with_input_gains(&args.gain)?;
     }
@@ -310,13 +313,14 @@ fn from_logs(robot: &Robot, logs: &[Log], args: &OpenArgs) -> Result<Found, CliE
             InputArg::Current => InputQuantity::Current,
             InputArg::Voltage => InputQuantity::Voltage,
         }),
+        input_hold: args.input_hold.map(Into::into),
         passive: args.passive,
         sample_time: args.sample_time,
         test: args.test.clone(),
         whole: args.whole,
         ..Settings::default()
     };
-    with_gains(pid_logs::from_logs(logs, &robot.joints(), &settings)?, args)
+    with_inputs(pid_logs::from_logs(logs, &robot.joints(), &settings)?, args)
 }
 
 /// Says what was assumed of logs.
@@ -374,6 +378,8 @@ pub fn wrong(opened: &Opened) -> Vec<preflight::Finding> {
 
 #[cfg(test)]
 mod tests {
+    use pid_data::InputHold;
+
     use super::*;
     use crate::args::open::OpenArgs;
     use crate::samples::{ARM, swing};
@@ -433,6 +439,34 @@ mod tests {
         };
         let option = told(&[one], &gains).expect("an option of logs");
         assert!(option.starts_with("--gain"), "{option}");
+    }
+
+    /// The word of the option counts for logs, and for a folder that says something else.
+    #[test]
+    fn what_inputs_do_between_samples_can_be_stated() {
+        let folder = tempfile::tempdir().expect("a folder");
+        crate::samples::written(folder.path());
+        let at = |name: &str| folder.path().join(name);
+        let held = |log: &str, input_hold| {
+            let args = OpenArgs {
+                input_hold,
+                ..OpenArgs::default()
+            };
+            let opened = open(&at("arm.urdf"), &[at(log)], &args).expect("records");
+            opened.write(&at("data")).expect("written");
+            opened.records.dataset.input_hold
+        };
+        assert_eq!(
+            held("a.csv", None),
+            InputHold::Linear,
+            "a torque is measured"
+        );
+        assert_eq!(
+            held("a.csv", Some(HoldArg::ZeroOrder)),
+            InputHold::ZeroOrder
+        );
+        assert_eq!(held("data", None), InputHold::ZeroOrder, "as written");
+        assert_eq!(held("data", Some(HoldArg::Linear)), InputHold::Linear);
     }
 
     #[test]

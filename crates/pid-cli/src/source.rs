@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pid_data::{Dataset, InputHold};
+use pid_data::Dataset;
 use pid_diagnose::servo;
 use pid_diagnose::with_effects::Assembled;
 use pid_fit::wrap::controllers::{ControlError, Controllers};
@@ -20,7 +20,7 @@ use pid_urdf::{Description, Inertias, Options};
 use clap::CommandFactory;
 
 use crate::args::Cli;
-use crate::args::source::{HoldArg, InertiasArg, Source};
+use crate::args::source::{InertiasArg, Source};
 use crate::described::{described, write_identified};
 use crate::error::{CliError, make_folder, write};
 use crate::open::{Opened, robot_and_logs};
@@ -481,10 +481,8 @@ fn with_inputs(mut dataset: Dataset, source: &Source) -> Result<Dataset, CliErro
     if source.measured_torque {
         dataset = dataset.with_measured_torques()?;
     }
-    match source.input_hold {
-        Some(HoldArg::Linear) => dataset.input_hold = InputHold::Linear,
-        Some(HoldArg::ZeroOrder) => dataset.input_hold = InputHold::ZeroOrder,
-        None => {}
+    if let Some(hold) = source.open.input_hold {
+        dataset.input_hold = hold.into();
     }
     Ok(dataset)
 }

@@ -55,6 +55,9 @@ pub struct Reading {
     /// Factors from inputs to torques or forces.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub gain: Vec<f64>,
+    /// What inputs do between samples: `zero-order` or `linear`; as the rules for logs say if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub input_hold: Option<String>,
     /// Step of logs without times, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sample_time: Option<f64>,

@@ -276,7 +276,7 @@ fn hold(settings: &Settings, measured: bool, said: &mut Sentences) -> InputHold 
     if measured {
         said.say(
             "",
-            "between samples inputs run straight, since they were measured",
+            "between samples inputs run straight, since they were measured; `--input-hold zero-order` says that they keep their value",
         );
         return InputHold::Linear;
     }

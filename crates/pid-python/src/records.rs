@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use simtrue::cli::open::{self, InputArg, OpenArgs};
+use simtrue::cli::open::{self, HoldArg, InputArg, OpenArgs};
 use simtrue::data::{Experiment, InputQuantity, Role};
 use simtrue::logs::{Channel, Clock, Entry, Found, Joint, Kind, Log};
 
@@ -179,7 +179,7 @@ fn table(name: &str, columns: Columns) -> Log {
 
 /// Reads sources as records of a robot.
 #[pyfunction]
-#[pyo3(signature = (robot, sources, *, map=None, map_file=None, input=None, gain=None, passive=false, test=None, sample_time=None))]
+#[pyo3(signature = (robot, sources, *, map=None, map_file=None, input=None, gain=None, input_hold=None, passive=false, test=None, sample_time=None))]
 #[allow(clippy::too_many_arguments)] // keyword arguments of Python
 pub(crate) fn read(
     py: Python<'_>,
@@ -189,6 +189,7 @@ pub(crate) fn read(
     map_file: Option<PathBuf>,
     input: Option<&str>,
     gain: Option<Vec<f64>>,
+    input_hold: Option<&str>,
     passive: bool,
     test: Option<Vec<String>>,
     sample_time: Option<f64>,
@@ -211,6 +212,7 @@ pub(crate) fn read(
         map_file,
         input,
         gain: finite("gain", gain.unwrap_or_default())?,
+        input_hold: input_hold.map(hold).transpose()?,
         passive,
         test: test.unwrap_or_default(),
         sample_time: positive("sample_time", sample_time)?,
@@ -241,6 +243,16 @@ fn quantity(word: &str) -> PyResult<InputArg> {
         "voltage" => Ok(InputArg::Voltage),
         other => Err(raised(format!(
             "input: `{other}` is no input of a drive\n  help: use 'torque', 'current' or 'voltage'"
+        ))),
+    }
+}
+
+fn hold(word: &str) -> PyResult<HoldArg> {
+    match word {
+        "linear" => Ok(HoldArg::Linear),
+        "zero-order" => Ok(HoldArg::ZeroOrder),
+        other => Err(raised(format!(
+            "input_hold: `{other}` is nothing that inputs do between samples\n  help: use 'linear' or 'zero-order'"
         ))),
     }
 }

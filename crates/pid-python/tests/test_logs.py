@@ -68,6 +68,14 @@ def test_a_file(arm: simtrue.Robot, swing: Swing, tmp_path: Path) -> None:
     assert (again.arrays(again.names[0])["q"] == records.arrays(again.names[0])["q"]).all()
 
 
+def test_what_inputs_do_between_samples(arm: simtrue.Robot, swing: Swing, tmp_path: Path) -> None:
+    """Readings are taken to run straight; it can be said that they keep their value."""
+    for stated, held in ((None, "linear"), ("zero-order", "zero-order"), ("linear", "linear")):
+        folder = tmp_path / f"as {stated}"
+        simtrue.read(arm, pd.DataFrame(swing.columns()), input_hold=stated).save(arm, folder)
+        assert f'input_hold = "{held}"' in (folder / "dataset.toml").read_text()
+
+
 def test_files_frames_and_arrays_together(
     arm: simtrue.Robot, swing: Swing, tmp_path: Path
 ) -> None:
@@ -135,6 +143,7 @@ def test_logs_that_do_not_fit(arm: simtrue.Robot, swing: Swing, tmp_path: Path) 
     assert "no channel `elbow_pos`" in told(pd.DataFrame(columns), map=["q:shoulder=elbow_pos"])
     effort = {("effort" if "torque" in k else k): v for k, v in columns.items()}
     assert "input torque" in told(pd.DataFrame(effort))
+    assert "input_hold: `cubic`" in told(pd.DataFrame(columns), input_hold="cubic")
     assert "input: `power`" in told(pd.DataFrame(effort), input="power")
     late = pd.DataFrame(columns)
     late.loc[4, "time_ms"] = np.nan

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import simtrue
@@ -41,6 +42,30 @@ def test_an_effect_of_the_description_is_simulated(arm: simtrue.Robot, tmp_path:
     t = np.linspace(0.0, period, 51)
     found = simtrue.simulate(robot, t, np.zeros(51), [1e-3], parameters=WITHOUT)
     assert found.q[-1, 0] == pytest.approx(1e-3, rel=1e-5)
+
+
+def test_drives_follow_targets_by_the_law_that_is_stated(arm_file: Path) -> None:
+    """A log of positions and targets alone; the loop's gain is found."""
+    kp, kd, viscous, weight = 60.0, 1.5, 0.5, 6 * 9.81 * 0.17
+    t, step = 0.01 * np.arange(1500), 0.0005
+    target = 0.4 * np.sin(2.0 * t) + 0.3 * np.sin(5.3 * t) + 0.2 * np.sign(np.sin(1.7 * t))
+    q, v, positions = 0.0, 0.0, np.zeros(len(t))
+    for k, held in enumerate(target):
+        positions[k] = q
+        for _ in range(20):
+            friction = viscous * v + 0.3 * np.tanh(v / 0.01)
+            force = kp * (held - q) - kd * v - weight * np.sin(q) - friction
+            v += step * force / (0.088 + 6 * 0.17**2)
+            q += step * v
+    positions += 1e-4 * np.random.default_rng(2).standard_normal(len(t))
+    frame = pd.DataFrame({"time": t, "shoulder_pos": positions, "shoulder_pos_cmd": target})
+    found = simtrue.identify(simtrue.load_robot(arm_file, drive="pd"), frame).parameters
+    interval = found["kp_shoulder"].interval
+    assert interval is not None and interval[0] < kp < interval[1]
+    assert "kd_shoulder" in found
+    assert "kd_shoulder" not in simtrue.identify(simtrue.load_robot(arm_file, drive="p"), frame).parameters
+    with pytest.raises(simtrue.SimtrueError, match="drive: `pi` is no law of a loop"):
+        simtrue.load_robot(arm_file, drive="pi")
 
 
 def test_what_cannot_be_simulated_is_told(arm: simtrue.Robot) -> None:

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 use pid_fleet::Slice;
 
-use super::open::{ClassArg, InputArg, OpenArgs};
+use super::open::{ClassArg, HoldArg, InputArg, OpenArgs};
 use super::parse::{at_least_one, finite, positive};
 
 /// Arguments of `simtrue fleet`.
@@ -52,6 +52,9 @@ pub(crate) struct PlanArgs {
     /// Factors from the inputs to the torque or force at the joints, one per joint.
     #[arg(long, visible_alias = "input-gain", value_name = "K1,K2,…", value_delimiter = ',', value_parser = finite)]
     pub(crate) gain: Vec<f64>,
+    /// What the inputs do between samples: readings run straight (linear), commands keep their value (zero-order).
+    #[arg(long, value_enum, value_name = "HOLD")]
+    pub(crate) input_hold: Option<HoldArg>,
     /// Step of logs without times, s.
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     pub(crate) sample_time: Option<f64>,
@@ -75,17 +78,20 @@ impl PlanArgs {
 
     /// How the logs are read, as a plan keeps it.
     pub(crate) fn reading(&self) -> pid_fleet::Reading {
-        let name = |input: InputArg| {
-            let value = input.to_possible_value();
-            value.map(|v| v.get_name().to_owned())
-        };
         pid_fleet::Reading {
             map: self.map.clone(),
-            input: self.input.and_then(name),
+            input: self.input.and_then(word),
             gain: self.gain.clone(),
+            input_hold: self.input_hold.and_then(word),
             sample_time: self.sample_time,
         }
     }
+}
+
+/// The word of the command line for a value.
+fn word(value: impl ValueEnum) -> Option<String> {
+    let value = value.to_possible_value()?;
+    Some(value.get_name().to_owned())
 }
 
 /// How a plan's logs are read.
@@ -97,13 +103,16 @@ pub(crate) fn of_reading(reading: &pid_fleet::Reading) -> Result<OpenArgs, Strin
         .map
         .iter()
         .map(|text| pid_logs::Entry::parse(text).map_err(|e| e.to_string()));
-    let input = reading.input.as_ref();
+    let (input, hold) = (reading.input.as_ref(), reading.input_hold.as_ref());
     Ok(OpenArgs {
         map: entries.collect::<Result<_, _>>()?,
         input: input
             .map(|name| InputArg::from_str(name, false))
             .transpose()?,
         gain: reading.gain.clone(),
+        input_hold: hold
+            .map(|name| HoldArg::from_str(name, false))
+            .transpose()?,
         sample_time: reading.sample_time,
         whole: true,
         ..OpenArgs::default()

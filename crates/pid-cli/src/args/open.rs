@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use pid_data::InputHold;
 use pid_interpret::nominal::{Provenance, ServoLaw};
 use pid_logs::Entry;
 
@@ -25,6 +26,10 @@ pub struct OpenArgs {
     /// currents); the inputs then count as torques or forces.
     #[arg(long, visible_alias = "input-gain", value_name = "K1,K2,…", value_delimiter = ',', value_parser = finite)]
     pub gain: Vec<f64>,
+    /// What the inputs do between samples, whatever the data say: readings run straight (linear), commands
+    /// keep their value (zero-order). By default measured inputs run straight and all others keep theirs.
+    #[arg(long, value_enum, value_name = "HOLD")]
+    pub input_hold: Option<HoldArg>,
     /// No joint is driven: the inputs are zero.
     #[arg(long)]
     pub passive: bool,
@@ -60,10 +65,11 @@ impl OpenArgs {
     /// The first option that is stated; all of them say how a robot file or logs are read.
     pub(crate) fn stated(&self) -> Option<&'static str> {
         let gain = (!self.gain.is_empty()).then_some("--gain");
-        self.stated_of_logs().or(gain)
+        let hold = self.input_hold.is_some().then_some("--input-hold");
+        self.stated_of_logs().or(gain).or(hold)
     }
 
-    /// The same without the gains, which inputs of data folders have too.
+    /// The same without what inputs of data folders have too: gains, and what they do between samples.
     pub(crate) fn stated_of_logs(&self) -> Option<&'static str> {
         let all = [
             ("--map", !self.map.is_empty()),
@@ -95,6 +101,24 @@ pub enum InputArg {
     Current,
     /// Voltage, V.
     Voltage,
+}
+
+/// What inputs do between samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum HoldArg {
+    /// They keep their value, as commands do.
+    ZeroOrder,
+    /// They run straight, as readings do.
+    Linear,
+}
+
+impl From<HoldArg> for InputHold {
+    fn from(hold: HoldArg) -> Self {
+        match hold {
+            HoldArg::ZeroOrder => InputHold::ZeroOrder,
+            HoldArg::Linear => InputHold::Linear,
+        }
+    }
 }
 
 /// Laws of position loops.

@@ -44,10 +44,6 @@ pub(crate) struct Source {
     /// regressions only).
     #[arg(long = "with", value_name = "TERM", conflicts_with_all = ["urdf", "nominal"])]
     pub(crate) terms: Vec<With>,
-    /// Kind of the input columns, whatever the data set says: readings at the sample times
-    /// (linear), or commands held from one sample to the next (zero-order).
-    #[arg(long, value_enum, value_name = "HOLD")]
-    pub(crate) input_hold: Option<HoldArg>,
     /// The measured torques of the records (columns tau1 …) are the inputs instead of the commands.
     #[arg(long, conflicts_with_all = ["gain", "controller"])]
     pub(crate) measured_torque: bool,
@@ -91,15 +87,6 @@ impl Source {
         ];
         all.iter().find(|(_, is)| *is).map(|(option, _)| *option)
     }
-}
-
-/// Kinds of input columns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum HoldArg {
-    /// Commands.
-    ZeroOrder,
-    /// Readings.
-    Linear,
 }
 
 /// Masses and inertias of a URDF.

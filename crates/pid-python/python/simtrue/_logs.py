@@ -90,6 +90,7 @@ def read(
     map_file: Optional[Path] = None,
     input: Optional[str] = None,
     gain: Optional[Sequence[float]] = None,
+    input_hold: Optional[str] = None,
     passive: bool = False,
     test: Union[str, Iterable[str], None] = None,
     sample_time: Optional[float] = None,
@@ -111,6 +112,8 @@ def read(
         input: what the inputs are where names and units do not say it: ``torque``, ``current`` or
             ``voltage``.
         gain: factors from the inputs to the torque or force at the joints, one per joint.
+        input_hold: what the inputs do between samples: ``linear`` (readings run straight) or
+            ``zero-order`` (commands keep their value). By default measured inputs run straight.
         passive: no joint is driven, the inputs are zero.
         test: names of the records to judge with; by default the last quarter of several, or the
             last third of a single one.
@@ -127,6 +130,7 @@ def read(
         "map_file": None if map_file is None else os.fspath(map_file),
         "input": input,
         "gain": None if gain is None else [float(k) for k in gain],
+        "input_hold": input_hold,
         "passive": passive,
         "test": _words(test),
         "sample_time": sample_time,

@@ -139,6 +139,7 @@ def read(
     map_file: Optional[Path] = None,
     input: Optional[str] = None,
     gain: Optional[list[float]] = None,
+    input_hold: Optional[str] = None,
     passive: bool = False,
     test: Optional[list[str]] = None,
     sample_time: Optional[float] = None,
