@@ -99,25 +99,37 @@ pub(crate) fn apply(data: &mut Dataset, finding: &Finding) -> Option<String> {
             records.for_each(|e| shift_inputs(e, *late));
             Some(format!("moved the inputs by {} s", number(-late)))
         }
-        FindingKind::FrozenChannel => {
-            let (first, last) = finding.rows?;
-            let column = finding.columns.first()?;
-            let mut cells = 0;
-            records.for_each(|e| cells += forget(e, column, first..last + 1));
-            Some(format!("took {cells} frozen cells of {column} as missing"))
-        }
-        FindingKind::Outliers { .. } => {
-            let column = finding.columns.first()?;
-            let mut cells = 0;
-            records.for_each(|e| {
-                for i in outlier_rows(e, column) {
-                    cells += forget(e, column, i..i + 1);
-                }
-            });
-            Some(format!("took {cells} outliers of {column} as missing"))
-        }
+        FindingKind::FrozenChannel => forget_frozen(records, finding),
+        FindingKind::Outliers { .. } => forget_outliers(records, finding),
         _ => None,
     }
+}
+
+/// Takes a frozen stretch as missing.
+fn forget_frozen<'e>(
+    records: impl Iterator<Item = &'e mut Experiment>,
+    finding: &Finding,
+) -> Option<String> {
+    let (first, last) = finding.rows?;
+    let column = finding.columns.first()?;
+    let mut cells = 0;
+    records.for_each(|e| cells += forget(e, column, first..last + 1));
+    Some(format!("took {cells} frozen cells of {column} as missing"))
+}
+
+/// Takes the outliers of a column as missing.
+fn forget_outliers<'e>(
+    records: impl Iterator<Item = &'e mut Experiment>,
+    finding: &Finding,
+) -> Option<String> {
+    let column = finding.columns.first()?;
+    let mut cells = 0;
+    records.for_each(|e| {
+        for i in outlier_rows(e, column) {
+            cells += forget(e, column, i..i + 1);
+        }
+    });
+    Some(format!("took {cells} outliers of {column} as missing"))
 }
 
 /// The channels of an experiment that a fault names, each with the number of its columns.

@@ -38,90 +38,149 @@ pub(crate) fn find(
     active: &[usize],
     criteria: &Criteria,
 ) -> Option<Late> {
-    let native = motion.steps.iter().copied().fold(0.0, f64::max);
-    if native <= 0.0 || active.is_empty() {
-        return None;
+    let curves = Curves::new(motion, (rigid, friction, gain), active, criteria)?;
+    let all: Vec<usize> = (0..active.len()).collect();
+    let together = curves.judge(&all).filter(|found| {
+        // One clock moves the inputs of all joints alike.
+        let near = (curves.each.iter())
+            .filter(|s| (**s - found.late).abs() < 0.4 * found.late.abs() + curves.step);
+        2 * near.count() > curves.each.len()
+    });
+    together.or_else(|| {
+        let alone = all.iter().filter_map(|&k| curves.judge(&[k]));
+        alone
+            .max_by(|a, b| a.gain.total_cmp(&b.gain))
+            .filter(|_| active.len() > 1)
+    })
+}
+
+/// Rigid torque, friction and gain of all joints.
+type Torques<'a> = (&'a [f64], &'a [Vec<[f64; 2]>], &'a [f64]);
+
+/// Shares left at every active joint over the shifts of its input.
+struct Curves<'a> {
+    motion: &'a Motion,
+    torques: Torques<'a>,
+    active: &'a [usize],
+    criteria: &'a Criteria,
+    /// Longest sample time of the records, s.
+    native: f64,
+    /// Step of the shifts, s.
+    step: f64,
+    /// Shifts that are tried, s; the middle one is zero.
+    shifts: Vec<f64>,
+    /// Share left over the shifts, joint by joint.
+    left: Vec<Vec<f64>>,
+    /// Best shift of each joint, s.
+    each: Vec<f64>,
+}
+
+impl<'a> Curves<'a> {
+    /// `None` without samples or joints.
+    fn new(
+        motion: &'a Motion,
+        torques: Torques<'a>,
+        active: &'a [usize],
+        criteria: &'a Criteria,
+    ) -> Option<Self> {
+        let native = motion.steps.iter().copied().fold(0.0, f64::max);
+        if native <= 0.0 || active.is_empty() {
+            return None;
+        }
+        let step = native.max(STEP);
+        let count = (FARTHEST / step) as i64;
+        let mut curves = Self {
+            motion,
+            torques,
+            active,
+            criteria,
+            native,
+            step,
+            shifts: (-count..=count).map(|k| k as f64 * step).collect(),
+            left: Vec::new(),
+            each: Vec::new(),
+        };
+        let shifts = &curves.shifts;
+        let curve = |&j: &usize| shifts.iter().map(|&s| curves.left_at(j, s)).collect();
+        curves.left = active.iter().map(curve).collect();
+        curves.each = (curves.left.iter())
+            .map(|c| curves.shifts[curves.best_of(c)])
+            .collect();
+        Some(curves)
     }
-    let step = native.max(STEP);
-    let count = (FARTHEST / step) as i64;
-    let shifts: Vec<f64> = (-count..=count).map(|k| k as f64 * step).collect();
-    let curves: Vec<Vec<f64>> = active
-        .iter()
-        .map(|&j| {
-            shifts
-                .iter()
-                .map(|&s| left_at(motion, (rigid, &friction[j], gain[j]), j, s, criteria))
-                .collect()
-        })
-        .collect();
-    let log = |x: f64| x.max(FLOOR).ln();
-    let zero = count as usize;
-    let best_of = |curve: &[f64]| {
+
+    /// Place of no shift.
+    fn zero(&self) -> usize {
+        self.shifts.len() / 2
+    }
+
+    /// Share left at joint `j` with its input taken `late` seconds after the motion.
+    fn left_at(&self, j: usize, late: f64) -> f64 {
+        let (rigid, friction, gain) = self.torques;
+        left_at(
+            self.motion,
+            (rigid, &friction[j], gain[j]),
+            j,
+            late,
+            self.criteria,
+        )
+    }
+
+    /// Place of the least value.
+    fn best_of(&self, curve: &[f64]) -> usize {
         (0..curve.len())
             .min_by(|&a, &b| curve[a].total_cmp(&curve[b]))
-            .unwrap_or(zero)
-    };
-    let each: Vec<f64> = curves.iter().map(|c| shifts[best_of(c)]).collect();
-    // Around the best step, at the rate of the record.
-    let refined = |places: &[usize], around: f64| {
-        let finest = (step / native).ceil() as i64;
-        let middle = (around / native).round() as i64;
-        let near = (middle - finest..=middle + finest).map(|k| k as f64 * native);
+            .unwrap_or(self.zero())
+    }
+
+    /// The best shift around a step, at the rate of the record, s.
+    fn refined(&self, places: &[usize], around: f64) -> f64 {
+        let finest = (self.step / self.native).ceil() as i64;
+        let middle = (around / self.native).round() as i64;
+        let near = (middle - finest..=middle + finest).map(|k| k as f64 * self.native);
         let sum = |s: f64| -> f64 {
-            let at = |k: usize| {
-                let j = active[k];
-                left_at(motion, (rigid, &friction[j], gain[j]), j, s, criteria)
-                    .max(f64::MIN_POSITIVE)
-                    .ln()
-            };
+            let at = |k: usize| self.left_at(self.active[k], s).max(f64::MIN_POSITIVE).ln();
             places.iter().map(|&k| at(k)).sum()
         };
         near.map(|s| (sum(s), s))
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .map_or(around, |(_, s)| s)
-    };
-    let judge = |places: &[usize]| -> Option<Late> {
-        let sum: Vec<f64> = (0..shifts.len())
-            .map(|s| places.iter().map(|&k| log(curves[k][s])).sum())
+    }
+
+    /// One shift of the inputs of several joints, given by their places among the active ones.
+    fn judge(&self, places: &[usize]) -> Option<Late> {
+        let criteria = self.criteria;
+        let log = |x: f64| x.max(FLOOR).ln();
+        let sum: Vec<f64> = (0..self.shifts.len())
+            .map(|s| places.iter().map(|&k| log(self.left[k][s])).sum())
             .collect();
-        let best = best_of(&sum);
-        let late = shifts[best];
-        let fall = sum[zero] - sum[best];
+        let best = self.best_of(&sum);
+        let late = self.shifts[best];
+        let fall = sum[self.zero()] - sum[best];
         let enough = if late > 0.0 {
             criteria.late
         } else {
             criteria.early
         };
-        if late.abs() < enough.max(criteria.lag_rows * native) {
+        if late.abs() < enough.max(criteria.lag_rows * self.native) {
             return None;
         }
-        let late = refined(places, late);
+        let late = self.refined(places, late);
         let gain = fall - criteria.lag_margin * places.len() as f64;
-        let left = places.iter().map(|&k| curves[k][best]).fold(0.0, f64::max);
-        let joints = places.iter().map(|&k| active[k]).collect();
+        let left = places
+            .iter()
+            .map(|&k| self.left[k][best])
+            .fold(0.0, f64::max);
+        let joints = places.iter().map(|&k| self.active[k]).collect();
         (gain > 0.0).then(|| Late {
             late,
             gain,
             left,
             joints,
-            each: each.clone(),
-            step: native,
+            each: self.each.clone(),
+            step: self.native,
         })
-    };
-    let all: Vec<usize> = (0..active.len()).collect();
-    let together = judge(&all).filter(|found| {
-        // One clock moves the inputs of all joints alike.
-        let near = each
-            .iter()
-            .filter(|s| (**s - found.late).abs() < 0.4 * found.late.abs() + step);
-        2 * near.count() > each.len()
-    });
-    together.or_else(|| {
-        let alone = all.iter().filter_map(|&k| judge(&[k]));
-        alone
-            .max_by(|a, b| a.gain.total_cmp(&b.gain))
-            .filter(|_| active.len() > 1)
-    })
+    }
 }
 
 /// Share of the torque left at joint `j` with its input taken `late` seconds after the motion.

@@ -156,76 +156,7 @@ fn in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
             ));
             rows.push(Setting::new("samples", found.windows.1));
         }
-        _ => {
-            match settings.method {
-                Method::Shooting => {
-                    let nodes = match settings.nodes {
-                        1 => "single shooting".to_owned(),
-                        n => format!("multiple shooting, {n} nodes a window"),
-                    };
-                    rows.push(Setting::new("method", nodes));
-                }
-                _ => rows.push(Setting::new("method", "full discretization")),
-            }
-            match settings
-                .adaptive
-                .filter(|_| settings.method == Method::Shooting)
-            {
-                Some(a) => rows.push(Setting::new(
-                    "integration",
-                    format!(
-                        "Dormand-Prince, controlled steps, relative tolerance {:e}",
-                        a.rtol
-                    ),
-                )),
-                None => rows.push(Setting::new("scheme", settings.scheme.label())),
-            }
-            if settings.substeps > 1 {
-                rows.push(Setting::new("steps per sample", settings.substeps));
-            }
-            rows.push(Setting::new(
-                "Hessian",
-                match (settings.quasi_newton, settings.curvature) {
-                    (Some(usize::MAX), _) => "damped BFGS".to_owned(),
-                    (Some(steps), _) => format!("damped BFGS from the last {steps} steps"),
-                    (None, Curvature::Exact) => "exact".to_owned(),
-                    (None, _) => "Gauss-Newton".to_owned(),
-                },
-            ));
-            rows.push(Setting::new(
-                "solver",
-                match settings.algorithm {
-                    Algorithm::Sqp => "sequential quadratic programming",
-                    _ => "interior point",
-                },
-            ));
-            rows.push(Setting::new("horizon", settings.horizon));
-            rows.push(Setting::new(
-                "initial states",
-                match settings.initial_state {
-                    InitialState::Free => "unknowns of the fit",
-                    InitialState::Measured => "held at the data",
-                },
-            ));
-            rows.push(Setting::new(
-                "weights",
-                match settings.weighting {
-                    _ if settings.likelihood.is_some() => "one over the variance of the noise",
-                    Weighting::Unit => "1 for every channel",
-                    Weighting::Spread => "one over the variance of each channel",
-                    Weighting::Record => {
-                        "positions, by one over their variance in their own record"
-                    }
-                    Weighting::Position => "positions only",
-                },
-            ));
-            let (n, m) = found.size;
-            let (windows, samples) = found.windows;
-            rows.push(Setting::new(
-                "program",
-                format!("{n} variables, {m} constraints; {windows} windows, {samples} samples"),
-            ));
-        }
+        _ => rows.extend(program_in_words(settings, found)),
     }
     if settings.starts > 1 {
         rows.push(Setting::new(
@@ -233,6 +164,78 @@ fn in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
             format!("{} (seed {})", settings.starts, settings.seed),
         ));
     }
+    rows
+}
+
+/// How the program was made and solved, for the methods that solve one.
+fn program_in_words(settings: &Settings, found: &Identification) -> Vec<Setting> {
+    let mut rows = Vec::new();
+    match settings.method {
+        Method::Shooting => {
+            let nodes = match settings.nodes {
+                1 => "single shooting".to_owned(),
+                n => format!("multiple shooting, {n} nodes a window"),
+            };
+            rows.push(Setting::new("method", nodes));
+        }
+        _ => rows.push(Setting::new("method", "full discretization")),
+    }
+    match settings
+        .adaptive
+        .filter(|_| settings.method == Method::Shooting)
+    {
+        Some(a) => rows.push(Setting::new(
+            "integration",
+            format!(
+                "Dormand-Prince, controlled steps, relative tolerance {:e}",
+                a.rtol
+            ),
+        )),
+        None => rows.push(Setting::new("scheme", settings.scheme.label())),
+    }
+    if settings.substeps > 1 {
+        rows.push(Setting::new("steps per sample", settings.substeps));
+    }
+    rows.push(Setting::new(
+        "Hessian",
+        match (settings.quasi_newton, settings.curvature) {
+            (Some(usize::MAX), _) => "damped BFGS".to_owned(),
+            (Some(steps), _) => format!("damped BFGS from the last {steps} steps"),
+            (None, Curvature::Exact) => "exact".to_owned(),
+            (None, _) => "Gauss-Newton".to_owned(),
+        },
+    ));
+    rows.push(Setting::new(
+        "solver",
+        match settings.algorithm {
+            Algorithm::Sqp => "sequential quadratic programming",
+            _ => "interior point",
+        },
+    ));
+    rows.push(Setting::new("horizon", settings.horizon));
+    rows.push(Setting::new(
+        "initial states",
+        match settings.initial_state {
+            InitialState::Free => "unknowns of the fit",
+            InitialState::Measured => "held at the data",
+        },
+    ));
+    rows.push(Setting::new(
+        "weights",
+        match settings.weighting {
+            _ if settings.likelihood.is_some() => "one over the variance of the noise",
+            Weighting::Unit => "1 for every channel",
+            Weighting::Spread => "one over the variance of each channel",
+            Weighting::Record => "positions, by one over their variance in their own record",
+            Weighting::Position => "positions only",
+        },
+    ));
+    let (n, m) = found.size;
+    let (windows, samples) = found.windows;
+    rows.push(Setting::new(
+        "program",
+        format!("{n} variables, {m} constraints; {windows} windows, {samples} samples"),
+    ));
     rows
 }
 

@@ -1,7 +1,7 @@
 //! From identified (or given) parameters to the report: free runs, missing forces, tables,
 //! sentences.
 
-use pid_data::{Dataset, Horizon, Kind, Role};
+use pid_data::{Dataset, Experiment, Horizon, Kind, Role};
 use pid_fit::gap::force::{MissingForceError, MissingForceEstimate, missing_force};
 use pid_fit::gap::metrics::{
     FreeRunError, FreeRunScore, FreeRunSettings, StartVelocity, free_run, free_run_table,
@@ -144,28 +144,8 @@ pub fn judge(subject: &Subject<'_>, fit: Fit, step: &dyn Fn(String)) -> Result<R
         motions.push(motion(dataset, experiment, &run, &how, budget));
         forces.push((experiment, missing_force(model, p, dataset, experiment)?));
     }
-    let records: Vec<ForceRecord<'_>> = forces
-        .iter()
-        .map(|(e, f)| ForceRecord {
-            experiment: &e.name,
-            role: e.role,
-            t: &f.t,
-            q: &f.q,
-            v: &f.v,
-            w: &f.w,
-            band: Some(&f.band),
-            total: &f.total,
-        })
-        .collect();
-    let missing = condense(dataset, &records, budget);
-    notes.push(format!(
-        "The missing force w is the smoothest one that makes the model follow the record: measurement noise and the drift of w are weighed by their likelihood, and its band is two standard deviations given the record. Noise found: {}.",
-        forces
-            .iter()
-            .map(|(e, f)| noise_in_words(dataset, &e.name, f))
-            .collect::<Vec<_>>()
-            .join("; ")
-    ));
+    let missing = condense(dataset, &records(&forces), budget);
+    notes.push(force_note(dataset, &forces));
 
     let dims = model.dims();
     let solving = fit.log.last().map_or(0, |i| i.iteration);
@@ -271,6 +251,34 @@ fn rows(model: &dyn Hessian, fit: &Fit) -> Vec<ParameterRow> {
             }
         })
         .collect()
+}
+
+/// Missing forces with the record that each belongs to.
+type Forces<'a> = [(&'a Experiment, MissingForceEstimate)];
+
+fn records<'a>(forces: &'a Forces<'_>) -> Vec<ForceRecord<'a>> {
+    let record = |(e, f): &'a (&Experiment, MissingForceEstimate)| ForceRecord {
+        experiment: &e.name,
+        role: e.role,
+        t: &f.t,
+        q: &f.q,
+        v: &f.v,
+        w: &f.w,
+        band: Some(&f.band),
+        total: &f.total,
+    };
+    forces.iter().map(record).collect()
+}
+
+/// How the missing forces were found, and the noise beside them.
+fn force_note(dataset: &Dataset, forces: &Forces<'_>) -> String {
+    let noise = forces
+        .iter()
+        .map(|(e, f)| noise_in_words(dataset, &e.name, f));
+    format!(
+        "The missing force w is the smoothest one that makes the model follow the record: measurement noise and the drift of w are weighed by their likelihood, and its band is two standard deviations given the record. Noise found: {}.",
+        noise.collect::<Vec<_>>().join("; ")
+    )
 }
 
 /// `train: q 0.0012 rad` for every joint.

@@ -17,6 +17,24 @@ pub(super) fn summary(report: &Report) -> String {
 }
 
 fn write_summary(r: &Report, out: &mut String) -> std::fmt::Result {
+    outcome(r, out)?;
+    parameters(r, out)?;
+    starts(r, out)?;
+    free_runs(r, out)?;
+    missing_force(r, out)?;
+    for (name, lines) in [("Findings", &r.findings), ("Notes", &r.notes)] {
+        if !lines.is_empty() {
+            heading(out, name)?;
+            for line in lines {
+                wrap(out, line)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Model, data, verdict, and the checks that failed.
+fn outcome(r: &Report, out: &mut String) -> std::fmt::Result {
     let samples: usize = r.data.experiments.iter().map(|e| e.samples).sum();
     writeln!(out, "{}", r.title)?;
     writeln!(
@@ -55,7 +73,11 @@ fn write_summary(r: &Report, out: &mut String) -> std::fmt::Result {
             number(check.tolerance)
         )?;
     }
+    Ok(())
+}
 
+/// A line for each parameter.
+fn parameters(r: &Report, out: &mut String) -> std::fmt::Result {
     heading(out, "Parameters")?;
     let width = r
         .parameters
@@ -91,77 +113,83 @@ fn write_summary(r: &Report, out: &mut String) -> std::fmt::Result {
         );
         writeln!(out, "{}", line.trim_end())?;
     }
+    Ok(())
+}
 
-    if r.starts.len() > 1 {
-        heading(out, "Starts")?;
+/// A line for each start, if there are several.
+fn starts(r: &Report, out: &mut String) -> std::fmt::Result {
+    if r.starts.len() <= 1 {
+        return Ok(());
+    }
+    heading(out, "Starts")?;
+    writeln!(
+        out,
+        "  {:>5}  {:>12}  {:>10}  {:>8}  status",
+        "start", "J", "iterations", "time, s"
+    )?;
+    for s in &r.starts {
         writeln!(
             out,
-            "  {:>5}  {:>12}  {:>10}  {:>8}  status",
-            "start", "J", "iterations", "time, s"
+            "  {:>5}  {:>12}  {:>10}  {:>8.3}  {}",
+            s.index,
+            s.objective.map_or_else(|| "–".into(), number),
+            s.iterations,
+            s.seconds,
+            s.status
         )?;
-        for s in &r.starts {
-            writeln!(
-                out,
-                "  {:>5}  {:>12}  {:>10}  {:>8.3}  {}",
-                s.index,
-                s.objective.map_or_else(|| "–".into(), number),
-                s.iterations,
-                s.seconds,
-                s.status
-            )?;
-        }
     }
+    Ok(())
+}
 
-    if !r.free_run.is_empty() {
-        heading(
+/// A line for each horizon and group of records.
+fn free_runs(r: &Report, out: &mut String) -> std::fmt::Result {
+    if r.free_run.is_empty() {
+        return Ok(());
+    }
+    heading(
+        out,
+        "Free-run error (RMS, simulated from the recorded state with the recorded inputs)",
+    )?;
+    for s in &r.free_run {
+        let names = match s.experiments.as_slice() {
+            [one] => one.clone(),
+            several => format!("{} records", several.len()),
+        };
+        write!(
             out,
-            "Free-run error (RMS, simulated from the recorded state with the recorded inputs)",
+            "  {:<5} {:<16} {:<10}",
+            s.role.to_string(),
+            names,
+            s.horizon.to_string()
         )?;
-        for s in &r.free_run {
-            let names = match s.experiments.as_slice() {
-                [one] => one.clone(),
-                several => format!("{} records", several.len()),
-            };
-            write!(
-                out,
-                "  {:<5} {:<16} {:<10}",
-                s.role.to_string(),
-                names,
-                s.horizon.to_string()
-            )?;
-            for (joint, channel) in s.joints.iter().zip(&r.data.joints) {
-                let q = joint.q.map_or_else(|| "–".into(), |e| short(e.rms));
-                write!(out, "  {} {} {}", joint.joint, q, channel.unit())?;
-            }
-            if s.diverged + s.skipped > 0 {
-                write!(out, "  ({} diverged, {} skipped)", s.diverged, s.skipped)?;
-            }
-            writeln!(out)?;
+        for (joint, channel) in s.joints.iter().zip(&r.data.joints) {
+            let q = joint.q.map_or_else(|| "–".into(), |e| short(e.rms));
+            write!(out, "  {} {} {}", joint.joint, q, channel.unit())?;
         }
+        if s.diverged + s.skipped > 0 {
+            write!(out, "  ({} diverged, {} skipped)", s.diverged, s.skipped)?;
+        }
+        writeln!(out)?;
     }
+    Ok(())
+}
 
-    if !r.missing_force.is_empty() {
-        heading(out, "Missing generalised force")?;
-        for f in &r.missing_force {
-            let bar = "#".repeat((20.0 * f.share.clamp(0.0, 1.0)).round() as usize);
-            writeln!(
-                out,
-                "  {:<12} RMS {:>9} {:<4} {:>5.1} % of the whole force  {bar}",
-                f.joint,
-                short(f.rms),
-                unit(&f.unit),
-                100.0 * f.share
-            )?;
-        }
+/// A line for each joint, with a bar for the share.
+fn missing_force(r: &Report, out: &mut String) -> std::fmt::Result {
+    if r.missing_force.is_empty() {
+        return Ok(());
     }
-
-    for (name, lines) in [("Findings", &r.findings), ("Notes", &r.notes)] {
-        if !lines.is_empty() {
-            heading(out, name)?;
-            for line in lines {
-                wrap(out, line)?;
-            }
-        }
+    heading(out, "Missing generalised force")?;
+    for f in &r.missing_force {
+        let bar = "#".repeat((20.0 * f.share.clamp(0.0, 1.0)).round() as usize);
+        writeln!(
+            out,
+            "  {:<12} RMS {:>9} {:<4} {:>5.1} % of the whole force  {bar}",
+            f.joint,
+            short(f.rms),
+            unit(&f.unit),
+            100.0 * f.share
+        )?;
     }
     Ok(())
 }

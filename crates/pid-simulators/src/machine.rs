@@ -304,42 +304,62 @@ fn drives(
 
 /// The bodies of a robot at the nominal values of its parameters.
 fn tree(robot: &Robot) -> Result<Mechanism, ExportError> {
-    let fault = |what: String, mend: &str| ExportError::Structure {
-        robot: robot.name.clone(),
-        what,
-        mend: mend.to_owned(),
+    let source = Source {
+        robot,
+        p: robot.params.iter().map(|p| p.nominal).collect(),
     };
     if robot.lagrangian.is_some() || robot.potential.is_some() || !robot.motors.is_empty() {
         let what = "it is declared by a Lagrangian, a potential, or drives on several joints";
-        return Err(fault(what.to_owned(), "declare its links and joints"));
+        return Err(source.fault(what.to_owned(), "declare its links and joints"));
     }
-    let p: Vec<f64> = robot.params.iter().map(|p| p.nominal).collect();
-    let number = |x: &Expr, item: &str| {
-        value(x, &p).ok_or_else(|| {
-            fault(
+    let places = robot.order.iter().enumerate();
+    let bodies = places
+        .map(|(place, &index)| source.body(place, &robot.joints[index]))
+        .collect::<Result<_, _>>()?;
+    let mut gravity = [0.0; 3];
+    for (g, x) in gravity.iter_mut().zip(&robot.gravity) {
+        *g = source.number(x, "gravity")?;
+    }
+    Ok(Mechanism {
+        name: robot.name.clone(),
+        gravity,
+        bodies,
+    })
+}
+
+/// A robot and the nominal values of its parameters.
+struct Source<'a> {
+    robot: &'a Robot,
+    p: Vec<f64>,
+}
+
+impl Source<'_> {
+    fn fault(&self, what: String, mend: &str) -> ExportError {
+        ExportError::Structure {
+            robot: self.robot.name.clone(),
+            what,
+            mend: mend.to_owned(),
+        }
+    }
+
+    /// The value of an expression of `item`.
+    fn number(&self, x: &Expr, item: &str) -> Result<f64, ExportError> {
+        value(x, &self.p).ok_or_else(|| {
+            self.fault(
                 format!("{item} is no number"),
                 "state lengths and inertias as numbers or parameters",
             )
         })
-    };
-    let joint_of = |coordinate: usize| {
-        let mut joints = robot.joints.iter();
-        joints
-            .find(|j| j.coord == Some(coordinate))
-            .map(|j| j.child)
-    };
-    let mut bodies = Vec::new();
-    for (place, &index) in robot.order.iter().enumerate() {
-        let joint = &robot.joints[index];
+    }
+
+    /// The link that the `place`-th joint in order carries.
+    fn body(&self, place: usize, joint: &Joint) -> Result<Body, ExportError> {
         let item = format!("joint `{}`", joint.name);
         let (prismatic, axis) = match joint.kind {
             JointKind::Revolute(axis) => (false, axis),
             JointKind::Prismatic(axis) => (true, axis),
             _ => {
-                return Err(fault(
-                    format!("{item} neither turns nor slides"),
-                    "leave it out",
-                ));
+                return Err(self.fault(format!("{item} neither turns nor slides"), "leave it out"));
             }
         };
         if joint.child != place {
@@ -347,41 +367,19 @@ fn tree(robot: &Robot) -> Result<Mechanism, ExportError> {
                 "{item} carries link {}, listed at another place",
                 joint.child + 1
             );
-            return Err(fault(what, "list links in the order of their joints"));
+            return Err(self.fault(what, "list links in the order of their joints"));
         }
-        let follows = match (&joint.follows, joint.coord) {
-            (Some(affine), None) => match &affine.terms[..] {
-                [(coordinate, ratio)] => {
-                    joint_of(*coordinate).map(|body| (body, ratio, &affine.offset))
-                }
-                _ => {
-                    return Err(fault(
-                        format!("{item} follows several joints, or none"),
-                        "let it follow one",
-                    ));
-                }
-            },
-            _ => None,
-        };
-        let follows = follows
-            .map(|(body, ratio, offset)| -> Result<_, ExportError> {
-                Ok(Follows {
-                    body,
-                    ratio: number(ratio, &item)?,
-                    offset: number(offset, &item)?,
-                })
-            })
-            .transpose()?;
+        let follows = self.follows(joint, &item)?;
         let three = |x: &[Expr; 3]| -> Result<[f64; 3], ExportError> {
             Ok([
-                number(&x[0], &item)?,
-                number(&x[1], &item)?,
-                number(&x[2], &item)?,
+                self.number(&x[0], &item)?,
+                self.number(&x[1], &item)?,
+                self.number(&x[2], &item)?,
             ])
         };
-        let link = &robot.links[joint.child];
-        let own = inertial(&link.inertial, &|x| number(x, &item))?;
-        bodies.push(Body {
+        let link = &self.robot.links[joint.child];
+        let own = inertial(&link.inertial, &|x| self.number(x, &item))?;
+        Ok(Body {
             joint: joint.name.clone(),
             link: link.name.clone(),
             prismatic,
@@ -400,17 +398,30 @@ fn tree(robot: &Robot) -> Result<Mechanism, ExportError> {
             viscous: None,
             effort: None,
             speed: None,
-        });
+        })
     }
-    let mut gravity = [0.0; 3];
-    for (g, x) in gravity.iter_mut().zip(&robot.gravity) {
-        *g = number(x, "gravity")?;
+
+    /// The joint that a joint without a coordinate follows.
+    fn follows(&self, joint: &Joint, item: &str) -> Result<Option<Follows>, ExportError> {
+        let (Some(affine), None) = (&joint.follows, joint.coord) else {
+            return Ok(None);
+        };
+        let [(coordinate, ratio)] = &affine.terms[..] else {
+            return Err(self.fault(
+                format!("{item} follows several joints, or none"),
+                "let it follow one",
+            ));
+        };
+        let mut joints = self.robot.joints.iter();
+        let Some(leader) = joints.find(|j| j.coord == Some(*coordinate)) else {
+            return Ok(None);
+        };
+        Ok(Some(Follows {
+            body: leader.child,
+            ratio: self.number(ratio, item)?,
+            offset: self.number(&affine.offset, item)?,
+        }))
     }
-    Ok(Mechanism {
-        name: robot.name.clone(),
-        gravity,
-        bodies,
-    })
 }
 
 /// Mass, centre of mass, and inertia about it.

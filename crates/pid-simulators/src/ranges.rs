@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use pid_interpret::nominal::Nominal;
+use pid_interpret::nominal::{Effect, Nominal};
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::File;
 use crate::error::ExportError;
-use crate::machine::Machine;
+use crate::machine::{Machine, Named};
 
 /// Half the width of a normal interval of 95 % in standard deviations.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
@@ -55,6 +55,25 @@ pub(crate) fn file(
     fit: Option<Results<'_>>,
 ) -> Result<File, ExportError> {
     let fitted = fit.map(deviations).transpose()?.unwrap_or_default();
+    let mut parameters = of_robot(nominal, &fitted);
+    let derived = diagnosis.map(shown).transpose()?.unwrap_or_default();
+    for (stated, effect) in nominal.effects().iter().zip(&machine.effects) {
+        of_effect(machine, stated, effect, &derived, &mut parameters);
+    }
+    let ranges = Ranges {
+        note: NOTE,
+        parameters,
+        correlations: fit.map(correlations).transpose()?.unwrap_or_default(),
+    };
+    let text = serde_json::to_string_pretty(&ranges).map_err(|error| ExportError::Text {
+        name: "ranges.json",
+        error: error.into(),
+    })?;
+    Ok(File::new("ranges.json", text + "\n"))
+}
+
+/// What is known of the robot's own parameters, then of fitted parameters that are not among them.
+fn of_robot(nominal: &Nominal, fitted: &Fitted) -> Vec<Range> {
     let mut parameters = Vec::new();
     let robot = nominal.robot_with(pid_interpret::nominal::Ranges::Tolerance);
     for (param, tolerance) in robot.params.iter().zip(nominal.tolerances()) {
@@ -72,7 +91,7 @@ pub(crate) fn file(
             from: if own.is_some() { "fit" } else { "tolerance" },
         });
     }
-    for (name, (value, std)) in &fitted {
+    for (name, (value, std)) in fitted {
         // Parameters of effects have no place among those of the robot.
         if robot.params.iter().all(|p| p.name != *name) {
             parameters.push(Range {
@@ -85,54 +104,52 @@ pub(crate) fn file(
             });
         }
     }
-    let derived = diagnosis.map(shown).transpose()?.unwrap_or_default();
-    for (stated, effect) in nominal.effects().iter().zip(&machine.effects) {
-        let info = effect.term.effect.info();
-        let place = match info.has_joint {
-            true => format!("{}/{}", info.id, machine.joint(effect.term.joint)),
-            false => info.id.to_owned(),
-        };
-        for (p, &value) in info.parameters.iter().zip(&effect.values) {
-            let own = stated.parameters.iter().find(|own| own.name == p.name);
-            let interval = own.and_then(|own| own.interval);
-            parameters.push(Range {
-                name: format!("{place}/{}", p.name),
-                value,
-                std: interval.map(|(low, high)| (high - low) / (2.0 * NORMAL_95)),
-                lower: interval.map(|(low, _)| low),
-                upper: interval.map(|(_, high)| high),
-                from: if interval.is_some() {
-                    "interval"
-                } else {
-                    "none"
-                },
+    parameters
+}
+
+/// What is known of an effect: the parameters of its law, then what a diagnosis states beside them.
+fn of_effect(
+    machine: &Machine,
+    stated: &Effect,
+    effect: &Named,
+    derived: &[Shown],
+    out: &mut Vec<Range>,
+) {
+    let info = effect.term.effect.info();
+    let place = match info.has_joint {
+        true => format!("{}/{}", info.id, machine.joint(effect.term.joint)),
+        false => info.id.to_owned(),
+    };
+    for (p, &value) in info.parameters.iter().zip(&effect.values) {
+        let own = stated.parameters.iter().find(|own| own.name == p.name);
+        let interval = own.and_then(|own| own.interval);
+        out.push(Range {
+            name: format!("{place}/{}", p.name),
+            value,
+            std: interval.map(|(low, high)| (high - low) / (2.0 * NORMAL_95)),
+            lower: interval.map(|(low, _)| low),
+            upper: interval.map(|(_, high)| high),
+            from: if interval.is_some() {
+                "interval"
+            } else {
+                "none"
+            },
+        });
+    }
+    let joint = info.has_joint.then_some(effect.term.joint + 1);
+    for (_, _, name, value, std) in derived.iter().filter(|d| d.0 == info.id && d.1 == joint) {
+        // What the diagnosis states beside the parameters of the law, such as a stiffness.
+        if info.parameters.iter().all(|p| p.name != *name) {
+            out.push(Range {
+                name: format!("{place}/{name}"),
+                value: *value,
+                std: *std,
+                lower: None,
+                upper: None,
+                from: "diagnosis",
             });
         }
-        let joint = info.has_joint.then_some(effect.term.joint + 1);
-        for (_, _, name, value, std) in derived.iter().filter(|d| d.0 == info.id && d.1 == joint) {
-            // What the diagnosis states beside the parameters of the law, such as a stiffness.
-            if info.parameters.iter().all(|p| p.name != *name) {
-                parameters.push(Range {
-                    name: format!("{place}/{name}"),
-                    value: *value,
-                    std: *std,
-                    lower: None,
-                    upper: None,
-                    from: "diagnosis",
-                });
-            }
-        }
     }
-    let ranges = Ranges {
-        note: NOTE,
-        parameters,
-        correlations: fit.map(correlations).transpose()?.unwrap_or_default(),
-    };
-    let text = serde_json::to_string_pretty(&ranges).map_err(|error| ExportError::Text {
-        name: "ranges.json",
-        error: error.into(),
-    })?;
-    Ok(File::new("ranges.json", text + "\n"))
 }
 
 fn fault(results: Results<'_>, what: String, fit: bool) -> ExportError {
@@ -205,7 +222,9 @@ fn correlations(results: Results<'_>) -> Result<Vec<(String, String, f64)>, Expo
 }
 
 /// Values and standard deviations of a fit, by name.
-fn deviations(results: Results<'_>) -> Result<BTreeMap<String, (f64, Option<f64>)>, ExportError> {
+type Fitted = BTreeMap<String, (f64, Option<f64>)>;
+
+fn deviations(results: Results<'_>) -> Result<Fitted, ExportError> {
     let root = json(results, true)?;
     let mut out = BTreeMap::new();
     for p in list(results, &root, "parameters", true)? {

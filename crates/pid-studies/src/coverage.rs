@@ -89,6 +89,33 @@ pub struct CoverageArgs {
     pub(crate) out: PathBuf,
 }
 
+/// How the records of a robot of `nq` joints are made.
+fn recipe(args: &CoverageArgs, nq: usize) -> Result<Recipe, Failure> {
+    let per_joint = |option: &str, list: &[f64]| match list.len() == nq {
+        true => Ok(list.to_vec()),
+        false => Err(Failure::from(format!(
+            "{option} has {} values; {nq} are needed",
+            list.len()
+        ))),
+    };
+    let [q, v] = args.noise.as_slice() else {
+        return Err(format!("--noise has {} values; 2 are needed", args.noise.len()).into());
+    };
+    Ok(Recipe {
+        records: args.records,
+        seconds: args.seconds,
+        step: args.step,
+        amplitude: per_joint("--amplitude", &args.amplitude)?,
+        highest: args.highest,
+        start: match args.position.is_empty() {
+            true => vec![0.0; nq],
+            false => per_joint("--position", &args.position)?,
+        },
+        noise: [vec![*q; nq], vec![*v; nq]].concat(),
+        outliers: (args.outliers, 30.0),
+    })
+}
+
 /// Runs the command; the exit code.
 ///
 /// # Errors
@@ -104,30 +131,7 @@ pub fn run(args: &CoverageArgs) -> Result<u8, Failure> {
         Some(model) => model,
         None => pid_models::by_name(args.model.as_deref().unwrap_or_default())?,
     };
-    let nq = model.dims().nq;
-    let per_joint = |option: &str, list: &[f64]| match list.len() == nq {
-        true => Ok(list.to_vec()),
-        false => Err(Failure::from(format!(
-            "{option} has {} values; {nq} are needed",
-            list.len()
-        ))),
-    };
-    let [q, v] = args.noise.as_slice() else {
-        return Err(format!("--noise has {} values; 2 are needed", args.noise.len()).into());
-    };
-    let recipe = Recipe {
-        records: args.records,
-        seconds: args.seconds,
-        step: args.step,
-        amplitude: per_joint("--amplitude", &args.amplitude)?,
-        highest: args.highest,
-        start: match args.position.is_empty() {
-            true => vec![0.0; nq],
-            false => per_joint("--position", &args.position)?,
-        },
-        noise: [vec![*q; nq], vec![*v; nq]].concat(),
-        outliers: (args.outliers, 30.0),
-    };
+    let recipe = recipe(args, model.dims().nq)?;
     let positions = |option: &'static str, names: &[String]| -> Result<Vec<usize>, Failure> {
         names
             .iter()

@@ -35,8 +35,13 @@ fn lanes(x: [f64; 6]) -> [Lane; 6] {
     x.map(|x| std::array::from_fn(|k| x * (1.0 + 0.01 * k as f64)))
 }
 
-fn cases() -> Vec<Case> {
-    let p: Vec<f64> = Arm6.params().iter().map(|p| p.nominal).collect();
+fn nominal() -> Vec<f64> {
+    Arm6.params().iter().map(|p| p.nominal).collect()
+}
+
+/// Functions of one node.
+fn of_one() -> Vec<Case> {
+    let p = nominal();
     let (nj, nh) = (Arm6::JACOBIAN_NNZ, Arm6::HESSIAN_NNZ);
     let mut cases = Vec::new();
     let mut one = |name, mut f: Box<dyn FnMut(&At<'_>)>| {
@@ -89,7 +94,14 @@ fn cases() -> Vec<Case> {
             black_box(&j);
         }),
     );
+    cases
+}
 
+/// Functions of four nodes at once.
+fn of_four() -> Vec<Case> {
+    let p = nominal();
+    let (nj, nh) = (Arm6::JACOBIAN_NNZ, Arm6::HESSIAN_NNZ);
+    let mut cases = Vec::new();
     let mut four = |name, mut f: Box<dyn FnMut(&LanesAt<'_>)>| {
         let p = p.clone();
         let [q, v, a, u] = [Q, V, A, U].map(lanes);
@@ -149,7 +161,7 @@ fn cases() -> Vec<Case> {
 pub fn run(words: &[String]) {
     let mut arguments = words.iter().cloned();
     let (only, calls) = (arguments.next(), arguments.next());
-    for mut case in cases() {
+    for mut case in of_one().into_iter().chain(of_four()) {
         if only.as_deref().is_some_and(|only| only != case.name) {
             continue;
         }

@@ -133,30 +133,7 @@ pub fn coverage(
     // What the first set leaves open is held.
     let mut settings = settings.clone();
     let first = make(0)?;
-    for _ in 0..ROUNDS {
-        let found = fit(&first, &settings)?;
-        let hold: Vec<usize> = found
-            .open
-            .iter()
-            .filter_map(|direction| {
-                let most = direction
-                    .iter()
-                    .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-                most.map(|m| m.0)
-            })
-            .collect();
-        if hold.is_empty() {
-            // Too wide for an interval, although no direction is open by itself.
-            let wide: Vec<usize> = (0..truth.len())
-                .filter(|&j| !found.fixed[j] && found.deviations[j].is_none())
-                .collect();
-            settings.hold.extend(wide);
-            break;
-        }
-        settings.hold.extend(hold);
-        settings.hold.sort_unstable();
-        settings.hold.dedup();
-    }
+    hold_open(&mut settings, |settings| fit(&first, settings))?;
     let free: Vec<usize> = (0..truth.len())
         .filter(|j| !model.params()[*j].fixed && !settings.hold.contains(j))
         .collect();
@@ -216,6 +193,38 @@ pub fn coverage(
         sets: (good.len(), bad.len()),
         interrupted: stopped.into_inner(),
     })
+}
+
+/// Holds the parameters that fits leave open, one of each direction, then those without an interval.
+fn hold_open(
+    settings: &mut Settings,
+    fit: impl Fn(&Settings) -> Result<Identification, IdentError>,
+) -> Result<(), IdentError> {
+    for _ in 0..ROUNDS {
+        let found = fit(settings)?;
+        let hold: Vec<usize> = found
+            .open
+            .iter()
+            .filter_map(|direction| {
+                let most = direction
+                    .iter()
+                    .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+                most.map(|m| m.0)
+            })
+            .collect();
+        if hold.is_empty() {
+            // Too wide for an interval, although no direction is open by itself.
+            let wide: Vec<usize> = (0..found.fixed.len())
+                .filter(|&j| !found.fixed[j] && found.deviations[j].is_none())
+                .collect();
+            settings.hold.extend(wide);
+            return Ok(());
+        }
+        settings.hold.extend(hold);
+        settings.hold.sort_unstable();
+        settings.hold.dedup();
+    }
+    Ok(())
 }
 
 /// Share of the deviances at the truth within an interval of 95 %, and their number.

@@ -10,7 +10,7 @@ use pid_derive::mechanism::{Distribution, InertiaSource, Place};
 use pid_derive::plausible::{self, Implausible};
 
 use crate::bodies::Rigid;
-use crate::description::{Description, Inertial};
+use crate::description::{Description, Inertial, Joint, Link, Places};
 use crate::robot::{Options, STANDARD, free_links};
 
 /// A text, and the values that it could not hold.
@@ -69,33 +69,63 @@ pub fn write(
     options: &Options,
     value: impl Fn(&str) -> Option<f64>,
 ) -> Written {
-    let mut edits = Edits::default();
-    let mut lost = Vec::new();
+    let mut writer = Writer {
+        description,
+        value: &value,
+        edits: Edits::default(),
+        lost: Vec::new(),
+    };
     let bodies = description.rigid();
     for ((index, link), free) in
         (description.links.iter().enumerate()).zip(free_links(description, options))
     {
-        if !free {
+        if free {
+            writer.link(index, link, &bodies);
+        } else if let (InertiaSource::Guessed, Some(guessed)) = (link.source, &link.inertial) {
             // A guess is no part of the text yet, and other readers need it.
-            if let (InertiaSource::Guessed, Some(guessed)) = (link.source, &link.inertial) {
-                edits.insert_inertial(link.places.new, guessed);
-            }
-            continue;
+            writer.edits.insert_inertial(link.places.new, guessed);
         }
+    }
+    for joint in description.joints.iter().filter(|joint| joint.moves()) {
+        if options.friction {
+            writer.friction(joint);
+        }
+        if options.armature {
+            writer.armature(joint);
+        }
+    }
+    Written {
+        text: writer.edits.apply(&description.text),
+        lost: writer.lost,
+    }
+}
+
+/// What becomes of the text of a description.
+struct Writer<'a> {
+    description: &'a Description,
+    /// The value of a parameter by its name.
+    value: &'a dyn Fn(&str) -> Option<f64>,
+    edits: Edits,
+    lost: Vec<Lost>,
+}
+
+impl Writer<'_> {
+    /// Mass, centre of mass and inertia of a link.
+    fn link(&mut self, index: usize, link: &Link, bodies: &[Rigid]) {
         let mut p = [0.0; 10];
         let mut complete = true;
         for (place, stem) in p.iter_mut().zip(STANDARD) {
             let parameter = format!("{}_{stem}", link.identifier);
-            match value(&parameter) {
+            match (self.value)(&parameter) {
                 Some(x) => *place = x,
                 None => {
                     complete = false;
-                    lost.push(Lost::NotGiven { parameter });
+                    self.lost.push(Lost::NotGiven { parameter });
                 }
             }
         }
         if !complete {
-            continue;
+            return;
         }
         let rpy = link.inertial.map_or([0.0; 3], |inertial| inertial.rpy);
         let (mass, com, inertia) = about_com(p, rpy);
@@ -105,82 +135,64 @@ pub fn write(
             rpy,
             inertia,
         };
-        if let Err(reason) = check(description, &bodies, index, new) {
-            lost.push(Lost::Refused {
+        if let Err(reason) = check(self.description, bodies, index, new) {
+            self.lost.push(Lost::Refused {
                 item: format!("link `{}`", link.name),
                 reason: reason.to_string(),
             });
-            continue;
+            return;
         }
-        let places = &link.places;
-        if places.inside.is_none() {
-            edits.insert_inertial(places.new, &new);
-            continue;
+        self.edits.inertial(&link.places, &new);
+    }
+
+    /// The value of a coefficient of friction; the old one where it has none that a joint can have.
+    fn coefficient(&mut self, joint: &Joint, stem: &str, old: f64) -> f64 {
+        let parameter = format!("{stem}_{}", joint.identifier);
+        match (self.value)(&parameter) {
+            Some(x) if x >= 0.0 && x.is_finite() => x,
+            Some(x) => {
+                self.lost.push(Lost::Refused {
+                    item: format!("joint `{}`", joint.name),
+                    reason: format!("`{parameter}` is {x}; friction is zero or positive"),
+                });
+                old
+            }
+            None => {
+                self.lost.push(Lost::NotGiven { parameter });
+                old
+            }
         }
-        let xyz = com.map(|x| x.to_string()).join(" ");
-        edits.attribute(places.mass.clone(), None, "value", &mass.to_string());
-        match &places.origin {
-            Some((tag, range)) => edits.attribute(range.clone(), Some(*tag), "xyz", &xyz),
-            None => edits.insert(places.inside, format!("<origin xyz=\"{xyz}\"/>")),
-        }
-        let values = inertia.map(|x| x.to_string());
-        match places.inertia_tag {
+    }
+
+    /// Dry and viscous friction of a joint.
+    fn friction(&mut self, joint: &Joint) {
+        let dry = self.coefficient(joint, "dry", joint.friction).to_string();
+        let viscous = self
+            .coefficient(joint, "viscous", joint.damping)
+            .to_string();
+        let places = &joint.places;
+        match places.dynamics {
             Some(tag) => {
-                for ((range, name), value) in places.inertia.iter().zip(NAMES).zip(&values) {
-                    edits.attribute(range.clone(), Some(tag), name, value);
-                }
+                self.edits
+                    .attribute(places.damping.clone(), Some(tag), "damping", &viscous);
+                self.edits
+                    .attribute(places.friction.clone(), Some(tag), "friction", &dry);
             }
-            None => edits.insert(places.inside, tensor(inertia)),
+            None => self.edits.insert(
+                places.inside,
+                format!("<dynamics damping=\"{viscous}\" friction=\"{dry}\"/>"),
+            ),
         }
     }
-    for joint in &description.joints {
-        if !joint.moves() {
-            continue;
+
+    /// What the inertia of a joint's drive loses.
+    fn armature(&mut self, joint: &Joint) {
+        let parameter = format!("rotor_{}", joint.identifier);
+        match (self.value)(&parameter) {
+            Some(0.0) => {}
+            Some(value) => self.lost.push(Lost::Armature { parameter, value }),
+            None => self.lost.push(Lost::NotGiven { parameter }),
         }
-        let mut coefficient = |stem: &str, old: f64| {
-            let parameter = format!("{stem}_{}", joint.identifier);
-            match value(&parameter) {
-                Some(x) if x >= 0.0 && x.is_finite() => x,
-                Some(x) => {
-                    lost.push(Lost::Refused {
-                        item: format!("joint `{}`", joint.name),
-                        reason: format!("`{parameter}` is {x}; friction is zero or positive"),
-                    });
-                    old
-                }
-                None => {
-                    lost.push(Lost::NotGiven { parameter });
-                    old
-                }
-            }
-        };
-        if options.friction {
-            let dry = coefficient("dry", joint.friction).to_string();
-            let viscous = coefficient("viscous", joint.damping).to_string();
-            let places = &joint.places;
-            match places.dynamics {
-                Some(tag) => {
-                    edits.attribute(places.damping.clone(), Some(tag), "damping", &viscous);
-                    edits.attribute(places.friction.clone(), Some(tag), "friction", &dry);
-                }
-                None => edits.insert(
-                    places.inside,
-                    format!("<dynamics damping=\"{viscous}\" friction=\"{dry}\"/>"),
-                ),
-            }
-        }
-        if options.armature {
-            let parameter = format!("rotor_{}", joint.identifier);
-            match value(&parameter) {
-                Some(0.0) => {}
-                Some(value) => lost.push(Lost::Armature { parameter, value }),
-                None => lost.push(Lost::NotGiven { parameter }),
-            }
-        }
-    }
-    Written {
-        text: edits.apply(&description.text),
-        lost,
     }
 }
 
@@ -260,6 +272,29 @@ impl Edits {
     fn insert(&mut self, at: Option<usize>, text: String) {
         if let Some(at) = at {
             self.0.push((at..at, text));
+        }
+    }
+
+    /// The values of a link, in its `<inertial>` or in one that it gets.
+    fn inertial(&mut self, places: &Places, new: &Inertial) {
+        if places.inside.is_none() {
+            self.insert_inertial(places.new, new);
+            return;
+        }
+        let xyz = new.com.map(|x| x.to_string()).join(" ");
+        self.attribute(places.mass.clone(), None, "value", &new.mass.to_string());
+        match &places.origin {
+            Some((tag, range)) => self.attribute(range.clone(), Some(*tag), "xyz", &xyz),
+            None => self.insert(places.inside, format!("<origin xyz=\"{xyz}\"/>")),
+        }
+        let values = new.inertia.map(|x| x.to_string());
+        match places.inertia_tag {
+            Some(tag) => {
+                for ((range, name), value) in places.inertia.iter().zip(NAMES).zip(&values) {
+                    self.attribute(range.clone(), Some(tag), name, value);
+                }
+            }
+            None => self.insert(places.inside, tensor(new.inertia)),
         }
     }
 

@@ -17,6 +17,7 @@ pub mod fleet;
 mod gaps;
 mod like;
 pub mod linkage;
+mod magnitudes;
 mod mess;
 mod motion;
 mod plan;

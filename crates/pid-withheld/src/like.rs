@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::causes::{COUPLING, Cause, Kind, LISTED, OUTSIDE, VELOCITY_LAG};
 use crate::gaps::Gaps;
+use crate::magnitudes;
 use crate::motion::LENGTH;
 use crate::plan::{same_place, sizes};
 use crate::robot::Robot;
@@ -135,7 +136,7 @@ impl Like<'_> {
         let size = |j: usize| sizes(robot, &inertia, j);
         let partner = (n > 1).then(|| size(if c.joint > 0 { c.joint - 1 } else { 1 }));
         let mut random = ChaCha8Rng::seed_from_u64(c.seed);
-        let mut kind = Kind::draw(
+        let mut kind = magnitudes::draw(
             c.index,
             c.strength,
             &size(c.joint),

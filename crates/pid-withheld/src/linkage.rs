@@ -228,24 +228,8 @@ impl<D: Number> Linkage<D> {
                     }
                 }
             }
-            let (h, i, m) = (link.body.moment, &link.body.inertia, link.body.mass);
-            link.force = times(acc, m);
-            link.torque = cross(h, acc);
-            match link.rotation {
-                Rotation::Still => {}
-                Rotation::Planar => {
-                    let square = w[2] * w[2];
-                    link.force[0] -= square * h[0];
-                    link.force[1] -= square * h[1];
-                    link.torque[0] -= square * i[5];
-                    link.torque[1] += square * i[4];
-                }
-                Rotation::General => {
-                    link.force = add(link.force, add(cross(al, h), cross(w, cross(w, h))));
-                    let own = add(symmetric(i, al), cross(w, symmetric(i, w)));
-                    link.torque = add(link.torque, own);
-                }
-            }
+            link.motion = Motion { w, al, acc };
+            link.balance();
             if let Some(f) = push.filter(|_| link.carries_tool) {
                 let f = link.back(f);
                 push = Some(f);
@@ -257,7 +241,6 @@ impl<D: Number> Linkage<D> {
                     }
                 }
             }
-            link.motion = Motion { w, al, acc };
             link.composite = link.body;
         }
     }
@@ -357,6 +340,30 @@ impl<D: Number> Link<D> {
             Mount::Same => x,
             Mount::Opposite => [x[0], -x[1], -x[2]],
             Mount::Turned(r) => three!(i => x[0] * r[i][0] + x[1] * r[i][1] + x[2] * r[i][2]),
+        }
+    }
+
+    /// The force and the torque that move the body as the link moves.
+    #[inline(always)]
+    fn balance(&mut self) {
+        let Motion { w, al, acc } = self.motion;
+        let (h, i, m) = (self.body.moment, &self.body.inertia, self.body.mass);
+        self.force = times(acc, m);
+        self.torque = cross(h, acc);
+        match self.rotation {
+            Rotation::Still => {}
+            Rotation::Planar => {
+                let square = w[2] * w[2];
+                self.force[0] -= square * h[0];
+                self.force[1] -= square * h[1];
+                self.torque[0] -= square * i[5];
+                self.torque[1] += square * i[4];
+            }
+            Rotation::General => {
+                self.force = add(self.force, add(cross(al, h), cross(w, cross(w, h))));
+                let own = add(symmetric(i, al), cross(w, symmetric(i, w)));
+                self.torque = add(self.torque, own);
+            }
         }
     }
 

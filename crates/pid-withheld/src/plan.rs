@@ -5,7 +5,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::causes::{COUPLING, Cause, Kind, LISTED, OUTSIDE, Sizes, VELOCITY_LAG};
+use crate::causes::{COUPLING, Cause, Kind, LISTED, OUTSIDE, VELOCITY_LAG};
+use crate::magnitudes::{self, Sizes};
 use crate::mess::Mess;
 use crate::motion::{LENGTH, tidy};
 use crate::plant::{PER_JOINT, Plant};
@@ -149,7 +150,8 @@ impl Plan {
             let strength = random.random_range(low.ln()..2.5f64.ln()).exp();
             let size = |j: usize| sizes(robot, &inertia, j);
             let partner = (n > 1).then(|| size(if joint > 0 { joint - 1 } else { 1 }));
-            let kind = Kind::draw(index, strength, &size(joint), robot.planar, partner, random);
+            let kind =
+                magnitudes::draw(index, strength, &size(joint), robot.planar, partner, random);
             if out
                 .iter()
                 .any(|c| c.kind.id() == kind.id() || same_place(c, &kind, joint))

@@ -2,6 +2,7 @@
 //! sample its sensors are read and its controller acts.
 
 use std::fmt::Write as _;
+use std::ops::Range;
 
 use rand_chacha::ChaCha8Rng;
 
@@ -174,6 +175,46 @@ impl<'a> Loops<'a> {
     }
 }
 
+/// What moves between two samples.
+struct Moving<'a> {
+    world: World<'a>,
+    loops: Option<Loops<'a>>,
+    currents: Currents,
+}
+
+impl Moving<'_> {
+    /// What the encoders turn with, joint by joint.
+    fn encoders(&self) -> Vec<(f64, f64)> {
+        let n = self.currents.now.len();
+        (0..n).map(|j| self.world.encoder(j)).collect()
+    }
+
+    /// Over the steps of one period, under what the drives take and the noise of their currents.
+    fn over(&mut self, steps: Range<usize>, causes: &[Cause], noise: &[f64], run: &mut Run) {
+        for s in steps {
+            let from = s as f64 * STEP;
+            let held = Held {
+                clock: &run.clock,
+                values: &run.taken,
+            };
+            let mut applied = held.over(causes, from);
+            if let Some(loops) = &mut self.loops {
+                let readings: Vec<(f64, f64)> = (0..noise.len())
+                    .map(|j| prompt(causes, self.world.encoder(j), j))
+                    .collect();
+                loops.act(&mut applied, &readings);
+            }
+            for (a, e) in applied.iter_mut().zip(noise) {
+                *a += e;
+            }
+            self.world
+                .step(&applied, from - run.hold as f64 * run.clock.h);
+            self.currents.follow(&applied);
+            run.track.places.push(self.encoders());
+        }
+    }
+}
+
 /// Moves the robot; `window`: rows from one kept moment to the next. Two streams of numbers: for
 /// what is there in a tidy record too, and for the rest.
 pub(crate) fn run(
@@ -195,14 +236,16 @@ pub(crate) fn run(
     let samples = (robot.length * robot.rate) as usize + 1;
     let controller = Controller::new(setup, motion, (hold, samples), random);
     let start: Vec<f64> = (0..n).map(|j| controller.target(j, 0)).collect();
-    let mut world = World::new(setup.plant.clone(), causes, &start);
-    let mut loops = Loops::new(setup, &start, (hold as f64 * h / STEP).round() as usize);
+    let mut moving = Moving {
+        world: World::new(setup.plant.clone(), causes, &start),
+        loops: Loops::new(setup, &start, (hold as f64 * h / STEP).round() as usize),
+        currents: Currents {
+            sensor: mess.current,
+            now: vec![0.0; n],
+        },
+    };
     let mut sensors = Sensors::new(robot, causes, setup.velocity);
     let mut colour = Colour::new(n, mess.colour, h);
-    let mut currents = Currents {
-        sensor: mess.current,
-        now: vec![0.0; n],
-    };
     let mut run = Run {
         rows: Vec::with_capacity(samples),
         // One more, at which the last period ends.
@@ -213,13 +256,12 @@ pub(crate) fn run(
         track: Track::default(),
         moments: Vec::new(),
     };
-    let reached = |world: &World<'_>| (0..n).map(|j| world.encoder(j)).collect::<Vec<_>>();
-    run.track.places.push(reached(&world));
+    run.track.places.push(moving.encoders());
     for k in 0..hold + samples {
         let (step, at) = run.clock.steps(k);
         let noise = Some((&mut colour, &mut *random));
         let (q, v) = sensors.read(&run.track, at, run.clock.elapsed(k), noise);
-        let u = match &loops {
+        let u = match &moving.loops {
             None => controller.command(k, &q, &sensors.filtered),
             Some(_) => (0..n).map(|j| controller.target(j, k)).collect(),
         };
@@ -227,40 +269,21 @@ pub(crate) fn run(
         run.sent.push(u.clone());
         if let Some(row) = k.checked_sub(hold) {
             if row % window == 0 {
-                run.moments.push(world.moment());
+                run.moments.push(moving.world.moment());
             }
             let t = run.clock.times[k] - hold as f64 * h;
             run.rows.push(Row { t, q, v, u });
         }
-        world.command(&mut taken, random);
+        moving.world.command(&mut taken, random);
         run.taken.push(taken);
         let noise: Vec<f64> = robot
             .joints
             .iter()
             .map(|j| robot.drive_noise * j.torque / j.gain * normal(random))
             .collect();
-        for s in step..run.clock.steps(k + 1).0 {
-            let from = s as f64 * STEP;
-            let held = Held {
-                clock: &run.clock,
-                values: &run.taken,
-            };
-            let mut applied = held.over(causes, from);
-            if let Some(loops) = &mut loops {
-                let readings: Vec<(f64, f64)> = (0..n)
-                    .map(|j| prompt(causes, world.encoder(j), j))
-                    .collect();
-                loops.act(&mut applied, &readings);
-            }
-            for (a, e) in applied.iter_mut().zip(&noise) {
-                *a += e;
-            }
-            world.step(&applied, from - hold as f64 * h);
-            currents.follow(&applied);
-            run.track.places.push(reached(&world));
-        }
+        moving.over(step..run.clock.steps(k + 1).0, causes, &noise, &mut run);
         if let Some(row) = run.rows.last_mut() {
-            currents.read(robot, row, untidy);
+            moving.currents.read(robot, row, untidy);
         }
     }
     run

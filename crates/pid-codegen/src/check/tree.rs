@@ -1,5 +1,7 @@
 //! The tree: every link hangs on exactly one joint, every chain of joints starts at the base.
 
+use pid_derive::model::Robot;
+
 use crate::diag::{Diagnostics, nearest};
 use crate::syntax::{Ast, JointDecl};
 
@@ -12,17 +14,56 @@ pub fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -> Optio
     }
     let robot = &mut resolved.robot;
     let names: Vec<String> = robot.links.iter().map(|l| l.name.clone()).collect();
-    let find = |name: &proc_macro2::Ident| names.iter().position(|l| name == l);
     let decls: Vec<&JointDecl> = ast.joints.iter().collect();
     let before = diag.count();
 
-    // Joints by the link they carry; `None` in `parents` is the base.
+    let carrier = carriers(robot, &names, &decls, diag);
+    if diag.count() > before {
+        return None;
+    }
+    find_loops(&resolved, &carrier, &decls, diag);
+    let robot = &mut resolved.robot;
+    for (k, joint) in carrier.iter().enumerate() {
+        if joint.is_none() {
+            diag.error(
+                &resolved.places.links[k],
+                format!(
+                    "link `{0}` is not connected to `base`\nhelp: add a joint whose child is `{0}`",
+                    names[k]
+                ),
+            );
+        }
+    }
+    if robot.nq() == 0 {
+        diag.error(
+            &ast.name,
+            format!(
+                "robot `{}` has no moving joint\nhelp: declare one, such as `joint j1: revolute about z {{ base -> link1; }}`",
+                ast.name
+            ),
+        );
+    }
+    if diag.count() > before {
+        return None;
+    }
+    order(robot, &carrier)?;
+    Some(resolved)
+}
+
+/// Gives every joint its links, and returns the joint that carries each link.
+fn carriers(
+    robot: &mut Robot,
+    names: &[String],
+    decls: &[&JointDecl],
+    diag: &mut Diagnostics,
+) -> Vec<Option<usize>> {
+    let find = |name: &proc_macro2::Ident| names.iter().position(|l| name == l);
     let mut carrier: Vec<Option<usize>> = vec![None; names.len()];
     for (j, d) in decls.iter().enumerate() {
         let mut known = |ident: &proc_macro2::Ident| {
             let found = find(ident);
             if found.is_none() {
-                unknown_link(d, ident, &names, diag);
+                unknown_link(d, ident, names, diag);
             }
             found
         };
@@ -61,34 +102,11 @@ pub fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -> Optio
             }
         }
     }
-    if diag.count() > before {
-        return None;
-    }
-    find_loops(&resolved, &carrier, &decls, diag);
-    let robot = &mut resolved.robot;
-    for (k, joint) in carrier.iter().enumerate() {
-        if joint.is_none() {
-            diag.error(
-                &resolved.places.links[k],
-                format!(
-                    "link `{0}` is not connected to `base`\nhelp: add a joint whose child is `{0}`",
-                    names[k]
-                ),
-            );
-        }
-    }
-    if robot.nq() == 0 {
-        diag.error(
-            &ast.name,
-            format!(
-                "robot `{}` has no moving joint\nhelp: declare one, such as `joint j1: revolute about z {{ base -> link1; }}`",
-                ast.name
-            ),
-        );
-    }
-    if diag.count() > before {
-        return None;
-    }
+    carrier
+}
+
+/// Orders the joints from the base outwards. `None` where a loop, reported already, has no order.
+fn order(robot: &mut Robot, carrier: &[Option<usize>]) -> Option<()> {
     while robot.order.len() < robot.joints.len() {
         let done = robot.order.len();
         for j in 0..robot.joints.len() {
@@ -101,10 +119,10 @@ pub fn check(ast: &Ast, mut resolved: Resolved, diag: &mut Diagnostics) -> Optio
             }
         }
         if robot.order.len() == done {
-            return None; // A loop: reported above.
+            return None;
         }
     }
-    Some(resolved)
+    Some(())
 }
 
 fn unknown_link(

@@ -4,8 +4,8 @@ use proc_macro2::Ident;
 
 use crate::diag::{Diagnostics, Loc, nearest, one_of};
 use crate::syntax::{
-    Amount, Ast, AxisKind, Entry, Expr, ExprKind, JointDecl, LinkDecl, Motion, Nominal, ParamDecl,
-    Range, Shape, ShapeKind, Vector,
+    Amount, Ast, AxisKind, Entry, Expr, ExprKind, ForceOn, JointDecl, LinkDecl, Motion, Nominal,
+    ParamDecl, PerJoint, Range, Shape, ShapeKind, Vector,
 };
 
 use super::meaning::{FUNCTIONS, Scope};
@@ -39,20 +39,7 @@ pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
         c.link(l);
     }
     for j in &ast.joints {
-        if let Motion::Revolute(axis) | Motion::Prismatic(axis) = &j.motion
-            && let AxisKind::Given(v) = &axis.direction
-        {
-            c.vector(v, Scope::Constant("an axis"));
-        }
-        for v in j.at.iter().chain(&j.rpy) {
-            c.vector(v, Scope::Geometry("the place of a joint"));
-        }
-        if let Some(r) = &j.limits {
-            c.range(r);
-        }
-        if let Some(e) = &j.follows {
-            c.follower(j, e);
-        }
+        c.joint(j);
     }
     for m in &symbols.motors {
         c.expr(&m.moves, Scope::Coupling);
@@ -71,45 +58,10 @@ pub fn check(ast: &Ast, symbols: &Symbols<'_>, diag: &mut Diagnostics) {
         );
     }
     for (block, joints) in &symbols.blocks {
-        if joints.is_empty() && block.joints.is_none() {
-            c.diag.error(
-                block.at,
-                "`per joint` covers no joint: all joints are fixed\nhelp: declare a `revolute` or `prismatic` joint",
-            );
-        }
-        // The law is the same for all joints: one report is enough.
-        let drive = block.drive.iter().flat_map(|d| {
-            let fields = [&d.ratio, &d.rotor, &d.gain, &d.resistance];
-            fields.map(|e| (e, Scope::Drive as fn(usize) -> Scope))
-        });
-        let laws = [
-            (&block.armature, Scope::Drive as fn(usize) -> Scope),
-            (&block.force, Scope::Force as fn(usize) -> Scope),
-        ];
-        for (law, scope) in laws.into_iter().chain(drive) {
-            let Some(e) = law else { continue };
-            for &j in joints {
-                if symbols.is_held(j) {
-                    continue;
-                }
-                let before = c.diag.count();
-                c.expr(e, scope(j));
-                if c.diag.count() > before {
-                    break;
-                }
-            }
-        }
+        c.block(block, joints);
     }
     for f in &ast.forces {
-        match symbols.mover(&f.joint) {
-            None => unknown_joint(c.diag, &f.joint, &symbols.joints),
-            Some(j) if symbols.is_held(j) => {}
-            Some(j) if is_fixed(symbols, j) => c.diag.error(
-                &f.joint,
-                format!("joint `{}` is fixed: no force can act on it", f.joint),
-            ),
-            Some(j) => c.expr(&f.force, Scope::Force(j)),
-        }
+        c.force(f);
     }
 }
 
@@ -197,6 +149,68 @@ impl Uses<'_, '_> {
                 at,
                 format!("a robot has {what}, or `coordinates` and a `lagrangian`, not both\nhelp: declare two robots"),
             );
+        }
+    }
+
+    fn joint(&mut self, j: &JointDecl) {
+        if let Motion::Revolute(axis) | Motion::Prismatic(axis) = &j.motion
+            && let AxisKind::Given(v) = &axis.direction
+        {
+            self.vector(v, Scope::Constant("an axis"));
+        }
+        for v in j.at.iter().chain(&j.rpy) {
+            self.vector(v, Scope::Geometry("the place of a joint"));
+        }
+        if let Some(r) = &j.limits {
+            self.range(r);
+        }
+        if let Some(e) = &j.follows {
+            self.follower(j, e);
+        }
+    }
+
+    /// Laws of `per joint`, at every joint that has them.
+    fn block(&mut self, block: &PerJoint, joints: &[usize]) {
+        if joints.is_empty() && block.joints.is_none() {
+            self.diag.error(
+                block.at,
+                "`per joint` covers no joint: all joints are fixed\nhelp: declare a `revolute` or `prismatic` joint",
+            );
+        }
+        // The law is the same for all joints: one report is enough.
+        let drive = block.drive.iter().flat_map(|d| {
+            let fields = [&d.ratio, &d.rotor, &d.gain, &d.resistance];
+            fields.map(|e| (e, Scope::Drive as fn(usize) -> Scope))
+        });
+        let laws = [
+            (&block.armature, Scope::Drive as fn(usize) -> Scope),
+            (&block.force, Scope::Force as fn(usize) -> Scope),
+        ];
+        for (law, scope) in laws.into_iter().chain(drive) {
+            let Some(e) = law else { continue };
+            for &j in joints {
+                if self.symbols.is_held(j) {
+                    continue;
+                }
+                let before = self.diag.count();
+                self.expr(e, scope(j));
+                if self.diag.count() > before {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// A force acts on a joint that moves.
+    fn force(&mut self, f: &ForceOn) {
+        match self.symbols.mover(&f.joint) {
+            None => unknown_joint(self.diag, &f.joint, &self.symbols.joints),
+            Some(j) if self.symbols.is_held(j) => {}
+            Some(j) if is_fixed(self.symbols, j) => self.diag.error(
+                &f.joint,
+                format!("joint `{}` is fixed: no force can act on it", f.joint),
+            ),
+            Some(j) => self.expr(&f.force, Scope::Force(j)),
         }
     }
 

@@ -120,9 +120,41 @@ pub fn robot(
     if lines.is_empty() {
         lines.push(format!("The robot `{}`.", robot.name));
     }
+    lines.push(String::new());
+    lines.push("`r(q, v, a, u, p) = M(q, p) a + b(q, v, p) − f_L(q, v, p, u)`".into());
+    joints(robot, &mut lines);
+    inputs(robot, &mut lines);
+    parameters(robot, &mut lines);
+    operation_counts(bodies, jacobian, hessian, linear, &mut lines);
+    lines.push(String::new());
+    lines.push(match equations.newton_euler {
+        Some(newton_euler) => format!(
+            "Equations by {} (r: {} operations by Euler-Lagrange, {} by Newton-Euler; both agree).",
+            equations.derivation,
+            equations.lagrange.total(),
+            newton_euler.total()
+        ),
+        None => "Equations by Euler-Lagrange from the Lagrangian as declared.".to_owned(),
+    });
+    lines.extend(identifiability(robot, found));
+    if let Some((linear, base)) = linear.and_then(|l| Some((&l.regressor, l.base.as_ref()?))) {
+        lines.push(String::new());
+        lines.push(format!(
+            "The torques depend on {} of the parameters linearly, and on them only through {} base parameters:",
+            linear.params.len(),
+            base.terms.len()
+        ));
+        lines.push(String::new());
+        for formula in formulas(robot, linear, base) {
+            lines.push(format!("- `{formula}`"));
+        }
+    }
+    lines
+}
+
+/// The table of joints, in the order of their coordinates.
+fn joints(robot: &Robot, lines: &mut Vec<String>) {
     let mut line = |text: String| lines.push(text);
-    line(String::new());
-    line("`r(q, v, a, u, p) = M(q, p) a + b(q, v, p) − f_L(q, v, p, u)`".into());
     line(String::new());
     line("| coordinate | joint | kind |".into());
     line("|---|---|---|".into());
@@ -135,35 +167,58 @@ pub fn robot(
     for (coord, joint) in moving.into_iter().enumerate() {
         line(format!("| {coord} | `{}` | {} |", joint.name, kind(joint)));
     }
-    if !robot.inputs.is_empty() {
-        line(String::new());
-        line("| input | unit | meaning |".into());
-        line("|---|---|---|".into());
-        for input in &robot.inputs {
-            line(format!(
-                "| `{}` | `{}` | {} |",
-                input.name,
-                input.unit,
-                first_line(&input.docs)
-            ));
-        }
+}
+
+/// The table of inputs, if there are some.
+fn inputs(robot: &Robot, lines: &mut Vec<String>) {
+    if robot.inputs.is_empty() {
+        return;
     }
-    if !robot.params.is_empty() {
-        line(String::new());
-        line("| parameter | unit | nominal | range | meaning |".into());
-        line("|---|---|---|---|---|".into());
-        for param in &robot.params {
-            let fixed = if param.fixed { " (fixed)" } else { "" };
-            line(format!(
-                "| `{}` | `{}` | {}{fixed} | {} | {} |",
-                param.name,
-                param.unit,
-                param.nominal,
-                range(param.lower, param.upper),
-                first_line(&param.docs)
-            ));
-        }
+    let mut line = |text: String| lines.push(text);
+    line(String::new());
+    line("| input | unit | meaning |".into());
+    line("|---|---|---|".into());
+    for input in &robot.inputs {
+        line(format!(
+            "| `{}` | `{}` | {} |",
+            input.name,
+            input.unit,
+            first_line(&input.docs)
+        ));
     }
+}
+
+/// The table of parameters, if there are some.
+fn parameters(robot: &Robot, lines: &mut Vec<String>) {
+    if robot.params.is_empty() {
+        return;
+    }
+    let mut line = |text: String| lines.push(text);
+    line(String::new());
+    line("| parameter | unit | nominal | range | meaning |".into());
+    line("|---|---|---|---|---|".into());
+    for param in &robot.params {
+        let fixed = if param.fixed { " (fixed)" } else { "" };
+        line(format!(
+            "| `{}` | `{}` | {}{fixed} | {} | {} |",
+            param.name,
+            param.unit,
+            param.nominal,
+            range(param.lower, param.upper),
+            first_line(&param.docs)
+        ));
+    }
+}
+
+/// The table of generated functions: how many values each has and how many operations it costs.
+fn operation_counts(
+    bodies: &Bodies,
+    jacobian: Option<&Body>,
+    hessian: Option<&Body>,
+    linear: Option<&Linear>,
+    lines: &mut Vec<String>,
+) {
+    let mut line = |text: String| lines.push(text);
     line(String::new());
     line("| function | values | operations |".into());
     line("|---|---|---|".into());
@@ -197,30 +252,6 @@ pub fn robot(
             ));
         }
     }
-    line(String::new());
-    line(match equations.newton_euler {
-        Some(newton_euler) => format!(
-            "Equations by {} (r: {} operations by Euler-Lagrange, {} by Newton-Euler; both agree).",
-            equations.derivation,
-            equations.lagrange.total(),
-            newton_euler.total()
-        ),
-        None => "Equations by Euler-Lagrange from the Lagrangian as declared.".to_owned(),
-    });
-    lines.extend(identifiability(robot, found));
-    if let Some((linear, base)) = linear.and_then(|l| Some((&l.regressor, l.base.as_ref()?))) {
-        lines.push(String::new());
-        lines.push(format!(
-            "The torques depend on {} of the parameters linearly, and on them only through {} base parameters:",
-            linear.params.len(),
-            base.terms.len()
-        ));
-        lines.push(String::new());
-        for formula in formulas(robot, linear, base) {
-            lines.push(format!("- `{formula}`"));
-        }
-    }
-    lines
 }
 
 /// Ranks, and the groups of parameters that no motion tells apart.

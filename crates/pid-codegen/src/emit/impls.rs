@@ -108,13 +108,7 @@ fn typed(
         identifiability.free.nominal.rank,
     );
     let robot = &names.robot;
-    let (params, inputs) = (derived(names, "Params"), derived(names, "Inputs"));
-    let (nq, nu, np, nm) = (
-        layout.nq,
-        layout.nu,
-        layout.np,
-        layout.nq * (layout.nq + 1) / 2,
-    );
+    let (nq, nu, np) = (layout.nq, layout.nu, layout.np);
     let call = |function: &Function| {
         function.call(
             |part| match part {
@@ -128,33 +122,11 @@ fn typed(
             &quote!(&mut out),
         )
     };
-    let residual = call(&bodies.residual);
-    let mass_matrix = call(&bodies.mass_matrix);
-    let bias = call(&bodies.bias);
-    let gravity = call(&bodies.gravity);
-    let applied_force = call(&bodies.applied_force);
-    let kinetic_energy = call(&bodies.kinetic_energy);
-    let potential_energy = call(&bodies.potential_energy);
-    let [
-        residual_ops,
-        mass_matrix_ops,
-        bias_ops,
-        gravity_ops,
-        applied_force_ops,
-        kinetic_energy_ops,
-        potential_energy_ops,
-    ] = [
-        &bodies.residual,
-        &bodies.mass_matrix,
-        &bodies.bias,
-        &bodies.gravity,
-        &bodies.applied_force,
-        &bodies.kinetic_energy,
-        &bodies.potential_energy,
-    ]
-    .map(docs::operations);
+    let terms = equation_terms(names, layout, bodies, &call);
+    let residual = residual(names, layout, bodies, &call);
     let forward =
         (names.face == Face::Full).then(|| forward_dynamics(names, layout, bodies, &call));
+    let energies = energies(names, layout, bodies, &call);
     quote! {
         impl #robot {
             /// Number of coordinates.
@@ -170,70 +142,131 @@ fn typed(
             /// As [`RANK`](Self::RANK), at the nominal values.
             pub const RANK_NOMINAL: usize = #rank_nominal;
 
-            /// Mass matrix M(q, p), symmetric.
-            #mass_matrix_ops
-            pub fn mass_matrix(q: &[f64; #nq], params: &#params) -> [[f64; #nq]; #nq] {
-                let mut out = [0.0_f64; #nm];
-                #mass_matrix;
-                ::pid_runtime::__private::symmetric(&out)
-            }
+            #terms
 
-            /// Coriolis, centrifugal and gravity forces b(q, v, p).
-            #bias_ops
-            pub fn bias(q: &[f64; #nq], v: &[f64; #nq], params: &#params) -> [f64; #nq] {
-                let mut out = [0.0_f64; #nq];
-                #bias;
-                out
-            }
-
-            /// Gravity forces b(q, 0, p).
-            #gravity_ops
-            pub fn gravity(q: &[f64; #nq], params: &#params) -> [f64; #nq] {
-                let mut out = [0.0_f64; #nq];
-                #gravity;
-                out
-            }
-
-            /// Generalised forces of drives and friction f_L(q, v, p, u).
-            #applied_force_ops
-            pub fn applied_force(q: &[f64; #nq], v: &[f64; #nq], inputs: &#inputs, params: &#params) -> [f64; #nq] {
-                let mut out = [0.0_f64; #nq];
-                #applied_force;
-                out
-            }
-
-            /// r = M a + b − f_L.
-            #residual_ops
-            pub fn residual(
-                q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq], inputs: &#inputs, params: &#params,
-            ) -> [f64; #nq] {
-                let mut out = [0.0_f64; #nq];
-                #residual;
-                out
-            }
-
-            /// Inverse dynamics: r at u = 0, the generalised force that the inputs have to bring up.
-            pub fn inverse_dynamics(q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq], params: &#params) -> [f64; #nq] {
-                Self::residual(q, v, a, &#inputs::from_array([0.0_f64; #nu]), params)
-            }
+            #residual
 
             #forward
 
-            /// Kinetic energy T(q, v, p), J.
-            #kinetic_energy_ops
-            pub fn kinetic_energy(q: &[f64; #nq], v: &[f64; #nq], params: &#params) -> f64 {
-                let mut out = [0.0_f64; 1];
-                #kinetic_energy;
-                out[0]
-            }
+            #energies
+        }
+    }
+}
 
-            /// Potential energy U(q, p), J.
-            #potential_energy_ops
-            pub fn potential_energy(q: &[f64; #nq], params: &#params) -> f64 {
-                let mut out = [0.0_f64; 1];
-                #potential_energy;
-                out[0]
-            }
+/// The typed functions of M, b, gravity and f_L; `call` writes a call of a body.
+fn equation_terms(
+    names: &Names,
+    layout: &Layout,
+    bodies: &Bodies,
+    call: &dyn Fn(&Function) -> TokenStream,
+) -> TokenStream {
+    let (params, inputs) = (derived(names, "Params"), derived(names, "Inputs"));
+    let (nq, nm) = (layout.nq, layout.nq * (layout.nq + 1) / 2);
+    let (mass_matrix, mass_matrix_ops) = (
+        call(&bodies.mass_matrix),
+        docs::operations(&bodies.mass_matrix),
+    );
+    let (bias, bias_ops) = (call(&bodies.bias), docs::operations(&bodies.bias));
+    let (gravity, gravity_ops) = (call(&bodies.gravity), docs::operations(&bodies.gravity));
+    let (applied_force, applied_force_ops) = (
+        call(&bodies.applied_force),
+        docs::operations(&bodies.applied_force),
+    );
+    quote! {
+        /// Mass matrix M(q, p), symmetric.
+        #mass_matrix_ops
+        pub fn mass_matrix(q: &[f64; #nq], params: &#params) -> [[f64; #nq]; #nq] {
+            let mut out = [0.0_f64; #nm];
+            #mass_matrix;
+            ::pid_runtime::__private::symmetric(&out)
+        }
+
+        /// Coriolis, centrifugal and gravity forces b(q, v, p).
+        #bias_ops
+        pub fn bias(q: &[f64; #nq], v: &[f64; #nq], params: &#params) -> [f64; #nq] {
+            let mut out = [0.0_f64; #nq];
+            #bias;
+            out
+        }
+
+        /// Gravity forces b(q, 0, p).
+        #gravity_ops
+        pub fn gravity(q: &[f64; #nq], params: &#params) -> [f64; #nq] {
+            let mut out = [0.0_f64; #nq];
+            #gravity;
+            out
+        }
+
+        /// Generalised forces of drives and friction f_L(q, v, p, u).
+        #applied_force_ops
+        pub fn applied_force(q: &[f64; #nq], v: &[f64; #nq], inputs: &#inputs, params: &#params) -> [f64; #nq] {
+            let mut out = [0.0_f64; #nq];
+            #applied_force;
+            out
+        }
+    }
+}
+
+/// The typed functions of r and of r without inputs; `call` writes a call of a body.
+fn residual(
+    names: &Names,
+    layout: &Layout,
+    bodies: &Bodies,
+    call: &dyn Fn(&Function) -> TokenStream,
+) -> TokenStream {
+    let (params, inputs) = (derived(names, "Params"), derived(names, "Inputs"));
+    let (nq, nu) = (layout.nq, layout.nu);
+    let (residual, residual_ops) = (call(&bodies.residual), docs::operations(&bodies.residual));
+    quote! {
+        /// r = M a + b − f_L.
+        #residual_ops
+        pub fn residual(
+            q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq], inputs: &#inputs, params: &#params,
+        ) -> [f64; #nq] {
+            let mut out = [0.0_f64; #nq];
+            #residual;
+            out
+        }
+
+        /// Inverse dynamics: r at u = 0, the generalised force that the inputs have to bring up.
+        pub fn inverse_dynamics(q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq], params: &#params) -> [f64; #nq] {
+            Self::residual(q, v, a, &#inputs::from_array([0.0_f64; #nu]), params)
+        }
+    }
+}
+
+/// The typed functions of T and U; `call` writes a call of a body.
+fn energies(
+    names: &Names,
+    layout: &Layout,
+    bodies: &Bodies,
+    call: &dyn Fn(&Function) -> TokenStream,
+) -> TokenStream {
+    let params = derived(names, "Params");
+    let nq = layout.nq;
+    let (kinetic_energy, kinetic_energy_ops) = (
+        call(&bodies.kinetic_energy),
+        docs::operations(&bodies.kinetic_energy),
+    );
+    let (potential_energy, potential_energy_ops) = (
+        call(&bodies.potential_energy),
+        docs::operations(&bodies.potential_energy),
+    );
+    quote! {
+        /// Kinetic energy T(q, v, p), J.
+        #kinetic_energy_ops
+        pub fn kinetic_energy(q: &[f64; #nq], v: &[f64; #nq], params: &#params) -> f64 {
+            let mut out = [0.0_f64; 1];
+            #kinetic_energy;
+            out[0]
+        }
+
+        /// Potential energy U(q, p), J.
+        #potential_energy_ops
+        pub fn potential_energy(q: &[f64; #nq], params: &#params) -> f64 {
+            let mut out = [0.0_f64; 1];
+            #potential_energy;
+            out[0]
         }
     }
 }

@@ -54,29 +54,10 @@ impl LaneFunction {
         reads.dedup();
 
         let name = format_ident!("{name}");
-        let lane = quote!(::pid_runtime::lanes::Lane);
-        let inputs: Vec<TokenStream> = reads
-            .iter()
-            .map(|&part| {
-                let (ident, len) = (part.ident(), layout.len(part));
-                if part == Part::P {
-                    quote!(#ident: &[f64; #len])
-                } else {
-                    quote!(#ident: &[#lane; #len])
-                }
-            })
-            .collect();
-        let written: Vec<TokenStream> = results
-            .iter()
-            .map(|(name, len)| {
-                let name = format_ident!("{name}");
-                quote!(#name: &mut [#lane; #len])
-            })
-            .collect();
         let mut forwarded: Vec<Ident> = reads.iter().map(|part| part.ident()).collect();
         forwarded.extend(results.iter().map(|(name, _)| format_ident!("{name}")));
 
-        let arguments = quote!(#(#inputs,)* #(#written,)*);
+        let arguments = arguments(layout, &reads, results);
         let forwarded = quote!(#(#forwarded,)*);
 
         let slots = plan.slots;
@@ -155,6 +136,24 @@ impl LaneFunction {
             }
         }
     }
+}
+
+/// The arguments of a function that reads these parts and writes these results.
+fn arguments(layout: &Layout, reads: &[Part], results: Results<'_>) -> TokenStream {
+    let lane = quote!(::pid_runtime::lanes::Lane);
+    let inputs = reads.iter().map(|&part| {
+        let (ident, len) = (part.ident(), layout.len(part));
+        if part == Part::P {
+            quote!(#ident: &[f64; #len])
+        } else {
+            quote!(#ident: &[#lane; #len])
+        }
+    });
+    let written = results.iter().map(|(name, len)| {
+        let name = format_ident!("{name}");
+        quote!(#name: &mut [#lane; #len])
+    });
+    quote!(#(#inputs,)* #(#written,)*)
 }
 
 /// The functions of a robot that have a version for four nodes.

@@ -1,6 +1,6 @@
 //! Regressor and base parameters: typed functions, trait.
 
-use proc_macro2::{Literal, TokenStream};
+use proc_macro2::{Ident, Literal, TokenStream};
 use quote::quote;
 
 use super::bodies::{LinearBodies as Bodies, constant, cost, formulas};
@@ -21,7 +21,7 @@ pub fn impls(
 ) -> TokenStream {
     let ty = &names.robot;
     let (params, param) = (derived(names, "Params"), derived(names, "Param"));
-    let (nq, nu, nl) = (layout.nq, layout.nu, regressor.constant);
+    let (nq, nl) = (layout.nq, regressor.constant);
     let definitions = [&bodies.all, &bodies.constant, &bodies.offset].map(|f| &f.definition);
     let [_, constant_ops, offset_ops] =
         [&bodies.all, &bodies.constant, &bodies.offset].map(docs::operations);
@@ -30,14 +30,7 @@ pub fn impls(
         .iter()
         .map(|&k| Literal::usize_unsuffixed(k));
     let values = bodies.constant.outputs;
-    let argument = |part: Part| match part {
-        Part::U => quote!(&[0.0_f64; #nu]),
-        Part::P => quote!(&params.as_array()),
-        _ => {
-            let ident = part.ident();
-            quote!(#ident)
-        }
-    };
+    let argument = |part| idle_argument(part, layout.nu);
     let constant_call = bodies.constant.call(argument, &quote!(&mut out));
     let offset_call = bodies.offset.call(argument, &quote!(&mut out));
     let scatter = constant(regressor).enumerate().map(|(k, entry)| {
@@ -45,32 +38,20 @@ pub fn impls(
         quote!(y[#row][#col] = out[#k];)
     });
 
-    let linear: Vec<Literal> = regressor
-        .params
-        .iter()
-        .map(|&k| Literal::usize_unsuffixed(k))
-        .collect();
-    let all = regressor.params.len();
-    let count = regressor.entries.len();
-    let list = |of: fn(&pid_symbolic::diff::Entry) -> usize| {
-        let positions = regressor
-            .entries
-            .iter()
-            .map(|entry| Literal::usize_unsuffixed(of(entry)));
-        quote!([#(#positions),*])
-    };
-    let (rows, cols) = (list(|entry| entry.row), list(|entry| entry.col));
-    let total = bodies.all.outputs;
-    let (convert, call) = from_slices(&bodies.all, layout, &quote!(&mut out));
-
-    let (base_typed, base_static, base_function) = match base {
-        Some(base) => base_parameters(robot, names, regressor, base, bodies, layout),
+    let statics = pattern(regressor);
+    let (base_typed, base_static) = match base {
+        Some(base) => {
+            let formulas = formulas(robot, regressor, base);
+            (
+                base_parameters(names, regressor, (base, &formulas), bodies, layout),
+                base_table(base, &formulas),
+            )
+        }
         None => Default::default(),
     };
+    let slices = slices(ty, layout, base.is_some(), bodies);
     quote! {
-        static LINEAR_PARAMS: [usize; #all] = [#(#linear),*];
-        static REGRESSOR_ROWS: [u32; #count] = #rows;
-        static REGRESSOR_COLS: [u32; #count] = #cols;
+        #statics
         #(#definitions)*
         #base_static
 
@@ -103,6 +84,59 @@ pub fn impls(
             #base_typed
         }
 
+        #slices
+    }
+}
+
+/// What a typed function without inputs gives to a body for a part of its variables.
+fn idle_argument(part: Part, nu: usize) -> TokenStream {
+    match part {
+        Part::U => quote!(&[0.0_f64; #nu]),
+        Part::P => quote!(&params.as_array()),
+        _ => {
+            let ident = part.ident();
+            quote!(#ident)
+        }
+    }
+}
+
+/// Statics of the parameters on which the torques depend linearly, and of the places of their values.
+fn pattern(regressor: &Regressor) -> TokenStream {
+    let linear: Vec<Literal> = regressor
+        .params
+        .iter()
+        .map(|&k| Literal::usize_unsuffixed(k))
+        .collect();
+    let all = regressor.params.len();
+    let count = regressor.entries.len();
+    let list = |of: fn(&pid_symbolic::diff::Entry) -> usize| {
+        let positions = regressor
+            .entries
+            .iter()
+            .map(|entry| Literal::usize_unsuffixed(of(entry)));
+        quote!([#(#positions),*])
+    };
+    let (rows, cols) = (list(|entry| entry.row), list(|entry| entry.col));
+    quote! {
+        static LINEAR_PARAMS: [usize; #all] = [#(#linear),*];
+        static REGRESSOR_ROWS: [u32; #count] = #rows;
+        static REGRESSOR_COLS: [u32; #count] = #cols;
+    }
+}
+
+/// The trait of the regressor, with the base parameters where there are some.
+fn slices(ty: &Ident, layout: &Layout, base: bool, bodies: &Bodies) -> TokenStream {
+    let nq = layout.nq;
+    let total = bodies.all.outputs;
+    let (convert, call) = from_slices(&bodies.all, layout, &quote!(&mut out));
+    let base_function = base.then(|| {
+        quote! {
+            fn base_parameters(&self) -> ::core::option::Option<&::pid_runtime::dynamics::BaseParameters> {
+                ::core::option::Option::Some(&BASE_PARAMETERS)
+            }
+        }
+    });
+    quote! {
         #[automatically_derived]
         impl ::pid_runtime::dynamics::Regressor for #ty {
             fn linear_params(&self) -> &[usize] {
@@ -124,19 +158,17 @@ pub fn impls(
     }
 }
 
-/// Typed functions, static and trait function of the base parameters.
+/// Typed functions of the base parameters.
 fn base_parameters(
-    robot: &Robot,
     names: &Names,
     regressor: &Regressor,
-    base: &BaseParameters,
+    (base, formulas): (&BaseParameters, &[String]),
     bodies: &Bodies,
     layout: &Layout,
-) -> (TokenStream, TokenStream, TokenStream) {
+) -> TokenStream {
     let params = derived(names, "Params");
     let nb = base.constant;
     let nq = layout.nq;
-    let formulas = formulas(robot, regressor, base);
     let typed_formulas = &formulas[..nb];
     let doc: Vec<String> = typed_formulas
         .iter()
@@ -166,24 +198,7 @@ fn base_parameters(
         .iter()
         .map(|&k| Literal::usize_unsuffixed(k));
     let regressor_ops = docs::operations(&bodies.constant);
-
-    let all = base.independent.len();
-    let independent = base
-        .independent
-        .iter()
-        .map(|&k| Literal::usize_unsuffixed(k));
-    let terms: Vec<(usize, &pid_derive::base_parameters::Term)> = base
-        .terms
-        .iter()
-        .enumerate()
-        .flat_map(|(row, terms)| terms.iter().map(move |term| (row, term)))
-        .collect();
-    let rows = terms.iter().map(|t| Literal::usize_unsuffixed(t.0));
-    let cols = terms.iter().map(|t| Literal::usize_unsuffixed(t.1.column));
-    let coefficients = terms.iter().map(|t| number(t.1.coefficient));
-    let borrowed = quote!(::std::borrow::Cow::Borrowed);
-    debug_assert_eq!(all, formulas.len());
-    let typed = quote! {
+    quote! {
         /// Number of base parameters of the inverse dynamics.
         pub const NB: usize = #nb;
         /// Formulas of the base parameters, the combinations of parameters on which `tau` depends:
@@ -203,8 +218,28 @@ fn base_parameters(
         pub fn base_regressor(q: &[f64; #nq], v: &[f64; #nq], a: &[f64; #nq]) -> [[f64; #nb]; #nq] {
             Self::regressor(q, v, a).map(|row| [#(row[#columns]),*])
         }
-    };
-    let statics = quote! {
+    }
+}
+
+/// The static that states the base parameters: columns, combinations and their formulas.
+fn base_table(base: &BaseParameters, formulas: &[String]) -> TokenStream {
+    let all = base.independent.len();
+    let independent = base
+        .independent
+        .iter()
+        .map(|&k| Literal::usize_unsuffixed(k));
+    let terms: Vec<(usize, &pid_derive::base_parameters::Term)> = base
+        .terms
+        .iter()
+        .enumerate()
+        .flat_map(|(row, terms)| terms.iter().map(move |term| (row, term)))
+        .collect();
+    let rows = terms.iter().map(|t| Literal::usize_unsuffixed(t.0));
+    let cols = terms.iter().map(|t| Literal::usize_unsuffixed(t.1.column));
+    let coefficients = terms.iter().map(|t| number(t.1.coefficient));
+    let borrowed = quote!(::std::borrow::Cow::Borrowed);
+    debug_assert_eq!(all, formulas.len());
+    quote! {
         static BASE_PARAMETERS: ::pid_runtime::dynamics::BaseParameters = ::pid_runtime::dynamics::BaseParameters {
             columns: #borrowed(&[#(#independent),*]),
             rows: #borrowed(&[#(#rows),*]),
@@ -212,11 +247,5 @@ fn base_parameters(
             coefficients: #borrowed(&[#(#coefficients),*]),
             formulas: #borrowed(&[#(#borrowed(#formulas)),*]),
         };
-    };
-    let function = quote! {
-        fn base_parameters(&self) -> ::core::option::Option<&::pid_runtime::dynamics::BaseParameters> {
-            ::core::option::Option::Some(&BASE_PARAMETERS)
-        }
-    };
-    (typed, statics, function)
+    }
 }

@@ -95,39 +95,15 @@ pub(super) fn parse(
             c.semicolon("the limits of a joint")?;
             return again;
         }
-        if c.eat_punct("->").is_none() {
-            return Err(if c.peek_punct(":") {
-                unknown_item(&first, &["limits", "follows"])
-            } else {
-                c.expected(format!("`->` and the child link after `{first}`"))
-            });
-        }
-        if edge.is_some() {
+        if edge.is_some() && c.peek_punct("->") {
             return Err(Loc::from(&first).error(format!(
                 "joint `{name}` already connects two links\nhelp: declare another joint for this pair"
             )));
         }
-        let child = c.ident("the child link after `->`")?;
-        let (mut at, mut rpy) = (None, None);
-        loop {
-            if at.is_none() && c.eat_word("at").is_some() {
-                at = Some(Vector::parse(c, "the origin of the joint")?);
-            } else if rpy.is_none() && c.eat_word("rpy").is_some() {
-                rpy = Some(Vector::parse(c, "the orientation of the joint")?);
-            } else {
-                break;
-            }
-        }
-        if !c.peek_punct(";") {
-            return Err(c.expected(format!(
-                "`at [x, y, z] m`, `rpy [r, p, y] rad` or `;` after `{first} -> {child}`"
-            )));
-        }
-        c.semicolon("a joint's links")?;
-        edge = Some((first, child, at, rpy));
+        edge = Some(Edge::parse(c, first)?);
         Ok(())
     });
-    let Some((parent, child, at, rpy)) = edge else {
+    let Some(edge) = edge else {
         // An error inside the braces explains it already.
         let e = Loc::from(&name).error(format!(
             "joint `{name}` connects no links\nhelp: write `parent -> child;` in its braces"
@@ -142,13 +118,57 @@ pub(super) fn parse(
         docs,
         name,
         motion,
-        parent,
-        child,
-        at,
-        rpy,
+        parent: edge.parent,
+        child: edge.child,
+        at: edge.at,
+        rpy: edge.rpy,
         limits,
         follows,
     })
+}
+
+/// The links that a joint connects, and its place on the parent.
+struct Edge {
+    parent: Ident,
+    child: Ident,
+    at: Option<Vector>,
+    rpy: Option<Vector>,
+}
+
+impl Edge {
+    /// `parent -> child at [x, y, z] m rpy [r, p, y] rad;`, at the arrow.
+    fn parse(c: &mut Cursor, parent: Ident) -> Parsed<Self> {
+        if c.eat_punct("->").is_none() {
+            return Err(if c.peek_punct(":") {
+                unknown_item(&parent, &["limits", "follows"])
+            } else {
+                c.expected(format!("`->` and the child link after `{parent}`"))
+            });
+        }
+        let child = c.ident("the child link after `->`")?;
+        let (mut at, mut rpy) = (None, None);
+        loop {
+            if at.is_none() && c.eat_word("at").is_some() {
+                at = Some(Vector::parse(c, "the origin of the joint")?);
+            } else if rpy.is_none() && c.eat_word("rpy").is_some() {
+                rpy = Some(Vector::parse(c, "the orientation of the joint")?);
+            } else {
+                break;
+            }
+        }
+        if !c.peek_punct(";") {
+            return Err(c.expected(format!(
+                "`at [x, y, z] m`, `rpy [r, p, y] rad` or `;` after `{parent} -> {child}`"
+            )));
+        }
+        c.semicolon("a joint's links")?;
+        Ok(Self {
+            parent,
+            child,
+            at,
+            rpy,
+        })
+    }
 }
 
 fn motion(c: &mut Cursor, name: &Ident) -> Parsed<Motion> {

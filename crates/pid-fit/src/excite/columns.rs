@@ -71,18 +71,9 @@ fn polynomial(model: &dyn Hessian, p: &[f64], k: usize, z: &[f64], u: &[f64]) ->
     sum.iter().all(|s| s.abs() <= 1e-10 * size.max(1e-12))
 }
 
-/// Chooses columns by a pivoted Gram-Schmidt process over random poses.
-pub(super) fn choose(
-    model: &dyn Hessian,
-    p: &[f64],
-    limits: &Limits<'_>,
-    deviations: &[f64],
-    seed: u64,
-) -> Result<Columns, ExciteError> {
+/// Why parameters cannot be columns before any pose is seen: they are fixed, or act with the input.
+fn barred(model: &dyn Hessian) -> Vec<Option<Without>> {
     let dims = model.dims();
-    let nq = dims.nq;
-    let u = vec![0.0; dims.nu];
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut why: Vec<Option<Without>> = model
         .params()
         .iter()
@@ -95,6 +86,50 @@ pub(super) fn choose(
             why[row - dims.p()].get_or_insert(Without::NeedsInput);
         }
     }
+    why
+}
+
+/// Columns of `open` that are independent, in the order of a pivoted Gram-Schmidt process.
+fn independent(mut rest: DMatrix<f64>, mut open: Vec<usize>) -> Vec<usize> {
+    for k in &open {
+        let scale = 1.0 / rest.column(*k).norm();
+        rest.column_mut(*k).scale_mut(scale);
+    }
+    let mut params = Vec::new();
+    while let Some((at, _)) = open
+        .iter()
+        .map(|k| rest.column(*k).norm())
+        .enumerate()
+        .filter(|(_, norm)| *norm > DEPENDENT)
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+    {
+        let k = open.swap_remove(at);
+        params.push(k);
+        let direction = rest.column(k).normalize();
+        for other in &open {
+            // Orthogonalise twice: near dependence the rounding of the first pass matters.
+            for _ in 0..2 {
+                let along = rest.column(*other).dot(&direction);
+                rest.column_mut(*other).axpy(-along, &direction, 1.0);
+            }
+        }
+    }
+    params
+}
+
+/// Chooses columns by a pivoted Gram-Schmidt process over random poses.
+pub(super) fn choose(
+    model: &dyn Hessian,
+    p: &[f64],
+    limits: &Limits<'_>,
+    deviations: &[f64],
+    seed: u64,
+) -> Result<Columns, ExciteError> {
+    let dims = model.dims();
+    let nq = dims.nq;
+    let u = vec![0.0; dims.nu];
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut why = barred(model);
     let jacobian = model.jacobian_pattern();
     let (mut z, mut r) = (vec![0.0; 3 * nq], vec![0.0; nq]);
     let mut values = vec![0.0; jacobian.nnz()];
@@ -134,33 +169,10 @@ pub(super) fn choose(
             param: model.params()[k].name.to_string(),
         });
     }
-    let mut rest = columns;
-    let mut open: Vec<usize> = (0..dims.np)
+    let open: Vec<usize> = (0..dims.np)
         .filter(|k| why[*k].is_none() && rms[*k] > 0.0)
         .collect();
-    for k in &open {
-        let scale = 1.0 / rest.column(*k).norm();
-        rest.column_mut(*k).scale_mut(scale);
-    }
-    let mut params = Vec::new();
-    while let Some((at, _)) = open
-        .iter()
-        .map(|k| rest.column(*k).norm())
-        .enumerate()
-        .filter(|(_, norm)| *norm > DEPENDENT)
-        .max_by(|a, b| a.1.total_cmp(&b.1))
-    {
-        let k = open.swap_remove(at);
-        params.push(k);
-        let direction = rest.column(k).normalize();
-        for other in &open {
-            // Orthogonalise twice: near dependence the rounding of the first pass matters.
-            for _ in 0..2 {
-                let along = rest.column(*other).dot(&direction);
-                rest.column_mut(*other).axpy(-along, &direction, 1.0);
-            }
-        }
-    }
+    let mut params = independent(columns, open);
     if params.is_empty() {
         return Err(ExciteError::NothingToDetermine);
     }

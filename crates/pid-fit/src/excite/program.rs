@@ -81,6 +81,35 @@ struct Scratch {
     turned: DMatrix<f64>,
 }
 
+/// Rows that keep positions, velocities, accelerations and forces within their limits.
+fn bounds(limits: &Limits<'_>) -> Vec<Row> {
+    let nq = limits.v.len();
+    let mut rows = Vec::new();
+    for j in 0..nq {
+        if let Some((low, high)) = limits.q[j] {
+            rows.push(Row::Motion {
+                z: j,
+                scale: 2.0 / (high - low),
+                middle: 0.5 * (low + high),
+            });
+        }
+        for (z, limit) in [(nq + j, limits.v[j]), (2 * nq + j, limits.a[j])] {
+            rows.push(Row::Motion {
+                z,
+                scale: 1.0 / limit,
+                middle: 0.0,
+            });
+        }
+        if limits.force[j].is_finite() {
+            rows.push(Row::Force {
+                joint: j,
+                scale: 1.0 / limits.force[j],
+            });
+        }
+    }
+    rows
+}
+
 impl<'a> Program<'a> {
     pub(super) fn new(
         sensitivity: Sensitivity<'a>,
@@ -99,29 +128,7 @@ impl<'a> Program<'a> {
             let t = settings.period * i as f64 / settings.samples as f64;
             basis(settings.period, settings.harmonics, t, rows);
         }
-        let mut rows = Vec::new();
-        for j in 0..nq {
-            if let Some((low, high)) = limits.q[j] {
-                rows.push(Row::Motion {
-                    z: j,
-                    scale: 2.0 / (high - low),
-                    middle: 0.5 * (low + high),
-                });
-            }
-            for (z, limit) in [(nq + j, limits.v[j]), (2 * nq + j, limits.a[j])] {
-                rows.push(Row::Motion {
-                    z,
-                    scale: 1.0 / limit,
-                    middle: 0.0,
-                });
-            }
-            if limits.force[j].is_finite() {
-                rows.push(Row::Force {
-                    joint: j,
-                    scale: 1.0 / limits.force[j],
-                });
-            }
-        }
+        let mut rows = bounds(limits);
         let sides = places.as_ref().map_or_else(Vec::new, Places::sides);
         rows.extend(sides.into_iter().map(Row::Place));
         let mut jacobian = SparsePattern::default();

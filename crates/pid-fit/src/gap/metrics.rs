@@ -210,7 +210,15 @@ pub fn free_run(
             },
         )
         .collect();
+    joined(experiment, runs)
+}
 
+/// The windows of an experiment as one motion.
+fn joined(
+    experiment: &Experiment,
+    runs: Vec<(Range<usize>, Outcome)>,
+) -> Result<FreeRun, FreeRunError> {
+    let nq = experiment.nq;
     let n = experiment.len() * nq;
     let mut out = FreeRun {
         q: vec![f64::NAN; n],

@@ -55,17 +55,7 @@ pub(super) fn assemble(
     let (mut loss, mut priors) = (Loss::Square, Vec::new());
     match &settings.likelihood {
         Some(likelihood) => {
-            let level = |l: &Option<f64>| l.map_or(0.0, |l| 1.0 / (l * l));
-            let weights: Vec<f64> = likelihood.noise.iter().map(level).collect();
-            let unread = |c: usize| likelihood.noise.get(c) == Some(&Some(f64::INFINITY));
-            for track in &mut tracks {
-                track.weights.clone_from(&weights);
-                for row in track.measured.chunks_exact_mut(weights.len().max(1)) {
-                    // The value starts the state and is no reading.
-                    let own = row.iter_mut().enumerate().filter(|(c, _)| unread(*c));
-                    own.for_each(|(_, x)| *x = f64::NAN);
-                }
-            }
+            weigh_by_noise(&mut tracks, &likelihood.noise);
             (loss, priors) = (likelihood.loss, likelihood.priors.clone());
         }
         None => weigh(&mut tracks, &records, model.dims().nq, settings.weighting),
@@ -102,6 +92,21 @@ pub(super) fn assemble(
         fixed,
         notes,
     })
+}
+
+/// Weighs channels by one over the variances of their noise; a channel of infinite noise is not read.
+fn weigh_by_noise(tracks: &mut [Track], noise: &[Option<f64>]) {
+    let level = |l: &Option<f64>| l.map_or(0.0, |l| 1.0 / (l * l));
+    let weights: Vec<f64> = noise.iter().map(level).collect();
+    let unread = |c: usize| noise.get(c) == Some(&Some(f64::INFINITY));
+    for track in tracks {
+        track.weights.clone_from(&weights);
+        for row in track.measured.chunks_exact_mut(weights.len().max(1)) {
+            // The value starts the state and is no reading.
+            let own = row.iter_mut().enumerate().filter(|(c, _)| unread(*c));
+            own.for_each(|(_, x)| *x = f64::NAN);
+        }
+    }
 }
 
 /// Weight of a link's divergence from the start at the solution, in the objective times N. Where

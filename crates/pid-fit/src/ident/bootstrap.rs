@@ -80,21 +80,8 @@ pub fn bootstrap(
         ..settings.clone()
     };
     let start = &found.best().parameters;
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let lists: Vec<Vec<(usize, usize)>> = (0..draws)
-        .map(|_| {
-            records
-                .iter()
-                .enumerate()
-                .flat_map(|(r, own)| {
-                    let n = own.len();
-                    (0..n)
-                        .map(|_| (r, random.random_range(0..n)))
-                        .collect::<Vec<_>>()
-                })
-                .collect()
-        })
-        .collect();
+    let sizes: Vec<usize> = records.iter().map(Vec::len).collect();
+    let lists = lists(&sizes, draws, seed);
     let fits: Vec<Option<Identification>> = lists
         .into_par_iter()
         .map(|list| {
@@ -131,6 +118,19 @@ pub fn bootstrap(
         deviations: all.iter().map(|s| s.map(|s| s.1)).collect(),
         draws: (good.len(), bad.len()),
     })
+}
+
+/// Windows of each draw by record and place: from every record as many as it has.
+fn lists(sizes: &[usize], draws: usize, seed: u64) -> Vec<Vec<(usize, usize)>> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut list = || {
+        let mut list = Vec::with_capacity(sizes.iter().sum());
+        for (r, &n) in sizes.iter().enumerate() {
+            list.extend((0..n).map(|_| (r, random.random_range(0..n))));
+        }
+        list
+    };
+    (0..draws).map(|_| list()).collect()
 }
 
 /// Some samples of an experiment as one of its own.

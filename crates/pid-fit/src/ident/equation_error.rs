@@ -12,225 +12,21 @@
 use super::error::IdentError;
 use super::outcome::{Callback, ForceError, Identification, Progress, Run, best_of};
 use super::parameters::{bounds, scales};
+use super::samples::Samples;
 use super::settings::Settings;
 use super::uncertainty::{self, Solved, Spread};
 use crate::transcribe::Loss;
 use faer::Mat;
-use pid_data::signal::{acting_inputs, low_pass_channels, state_from_data};
-use pid_data::{Dataset, Experiment, Role};
-use pid_nlp::solver::ip;
+use pid_data::{Dataset, Role};
 use pid_nlp::solver::kkt::sparse::SparseKkt;
+use pid_nlp::solver::{self, Iteration, ip};
 use pid_nlp::{Nlp, SparsePattern, check_point};
-use pid_runtime::dynamics::{At, Hessian};
+use pid_runtime::dynamics::Hessian;
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// Passes of the weighted least squares.
 const PASSES: usize = 3;
-
-/// The decimation filter cuts off at this share of the rate after decimation.
-const PARALLEL: f64 = 0.4;
-
-/// Filtered samples of all experiments of a role.
-struct Samples {
-    q: Vec<f64>,
-    v: Vec<f64>,
-    a: Vec<f64>,
-    u: Vec<f64>,
-    stretches: Vec<Stretch>,
-    /// Samples kept.
-    count: usize,
-    remarks: Vec<String>,
-}
-
-/// The samples of one experiment.
-struct Stretch {
-    t: Vec<f64>,
-    /// Row of its first sample.
-    first: usize,
-    /// Samples left out at either end, since the filters lack neighbours there.
-    edge: usize,
-    /// Every n-th sample is kept.
-    factor: usize,
-    /// Cut-off of the decimation filter, Hz.
-    cutoff: f64,
-}
-
-impl Stretch {
-    /// Samples kept, counted from the start of the stretch.
-    fn kept(&self) -> impl Iterator<Item = usize> + '_ {
-        (self.edge..self.t.len() - self.edge).step_by(self.factor)
-    }
-
-    /// Applies the decimation filter to row-by-row channels; does nothing where nothing is
-    /// decimated.
-    fn filter(&self, x: Vec<f64>, columns: usize) -> Vec<f64> {
-        if self.factor == 1 || columns == 0 {
-            return x;
-        }
-        // The cut-off lies below half the rate by construction. If no filter can be made, the data
-        // stay as they are.
-        low_pass_channels(&self.t, &x, columns, self.cutoff).unwrap_or(x)
-    }
-}
-
-impl Samples {
-    fn of(dataset: &Dataset, role: Role, settings: &Settings) -> Result<Self, IdentError> {
-        let mut all = Self {
-            q: Vec::new(),
-            v: Vec::new(),
-            a: Vec::new(),
-            u: Vec::new(),
-            stretches: Vec::new(),
-            count: 0,
-            remarks: Vec::new(),
-        };
-        for experiment in dataset.with_role(role) {
-            all.add(dataset, experiment, settings)?;
-        }
-        Ok(all)
-    }
-
-    fn add(
-        &mut self,
-        dataset: &Dataset,
-        experiment: &Experiment,
-        settings: &Settings,
-    ) -> Result<(), IdentError> {
-        let (n, nq) = (experiment.len(), experiment.nq);
-        let state = state_from_data(experiment, settings.cutoff)?;
-        let acting = acting_inputs(experiment, dataset.input_hold);
-        let u = low_pass_channels(&experiment.t, &acting, nq, state.cutoff).map_err(|error| {
-            IdentError::Filter {
-                experiment: experiment.name.clone(),
-                error,
-            }
-        })?;
-        let step = experiment.sample_time();
-        let factor = settings
-            .decimate
-            .unwrap_or_else(|| (1.0 / (4.0 * state.cutoff * step)).floor() as usize)
-            .clamp(1, (n / 10).max(1));
-        let cutoff = PARALLEL / (factor as f64 * step);
-        let slowest = if factor > 1 {
-            cutoff.min(state.cutoff)
-        } else {
-            state.cutoff
-        };
-        let stretch = Stretch {
-            t: experiment.t.clone(),
-            first: self.q.len() / nq.max(1),
-            edge: ((3.0 / (slowest * step)).ceil() as usize).min(n / 10),
-            factor,
-            cutoff,
-        };
-        self.count += stretch.kept().count();
-        self.q.extend_from_slice(&state.q);
-        self.v.extend_from_slice(&state.v);
-        self.a.extend_from_slice(&state.a);
-        self.u.extend_from_slice(&u);
-        self.remarks.push(if factor > 1 {
-            format!(
-                "{}: states filtered without phase shift at {:.1} Hz; the residual at {cutoff:.1} Hz, then every {} sample kept",
-                experiment.name,
-                state.cutoff,
-                ordinal(factor)
-            )
-        } else {
-            format!(
-                "{}: states filtered without phase shift at {:.1} Hz",
-                experiment.name, state.cutoff
-            )
-        });
-        self.stretches.push(stretch);
-        Ok(())
-    }
-
-    fn at<'a>(&'a self, k: usize, nq: usize, p: &'a [f64]) -> At<'a> {
-        let row = k * nq..(k + 1) * nq;
-        At {
-            q: &self.q[row.clone()],
-            v: &self.v[row.clone()],
-            a: &self.a[row.clone()],
-            u: &self.u[row],
-            p,
-        }
-    }
-
-    /// Evaluates `columns` values at every sample, filters and decimates them; row by row.
-    fn condensed(&self, columns: usize, mut row: impl FnMut(usize, &mut [f64])) -> Vec<f64> {
-        let mut out = Vec::with_capacity(self.count * columns);
-        for stretch in &self.stretches {
-            let mut x = vec![0.0; stretch.t.len() * columns];
-            for (k, x) in x.chunks_exact_mut(columns).enumerate() {
-                row(stretch.first + k, x);
-            }
-            let x = stretch.filter(x, columns);
-            for k in stretch.kept() {
-                out.extend_from_slice(&x[k * columns..(k + 1) * columns]);
-            }
-        }
-        out
-    }
-
-    /// The adjoint of [`Self::condensed`] for zero-phase filters: values at every sample from those kept.
-    fn spread(&self, kept: &[f64], columns: usize) -> Vec<f64> {
-        let mut out = Vec::with_capacity(self.q.len());
-        let mut rows = kept.chunks_exact(columns);
-        for stretch in &self.stretches {
-            let mut x = vec![0.0; stretch.t.len() * columns];
-            for (k, row) in stretch.kept().zip(&mut rows) {
-                x[k * columns..(k + 1) * columns].copy_from_slice(row);
-            }
-            out.extend(stretch.filter(x, columns));
-        }
-        out
-    }
-
-    /// Residuals, filtered and decimated.
-    fn residuals(&self, model: &dyn Hessian, p: &[f64]) -> Vec<f64> {
-        let nq = model.dims().nq;
-        self.condensed(nq, |k, r| model.residual(&self.at(k, nq, p), r))
-    }
-
-    /// Residual and drive force of each joint.
-    fn force_errors(&self, model: &dyn Hessian, p: &[f64], role: Role) -> Vec<ForceError> {
-        let nq = model.dims().nq;
-        let idle = vec![0.0; nq];
-        let mut passive = vec![0.0; nq];
-        let drive = self.condensed(nq, |k, f| {
-            let at = self.at(k, nq, p);
-            model.applied_force(&at, f);
-            model.applied_force(&At { u: &idle, ..at }, &mut passive);
-            f.iter_mut().zip(&passive).for_each(|(f, p)| *f -= p);
-        });
-        let residual = self.residuals(model, p);
-        let rms = |x: &[f64], j: usize| {
-            let square: f64 = x.iter().skip(j).step_by(nq).map(|x| x * x).sum();
-            (square / self.count.max(1) as f64).sqrt()
-        };
-        (0..nq)
-            .map(|j| {
-                let (rms, drive) = (rms(&residual, j), rms(&drive, j));
-                ForceError {
-                    joint: model.joints()[j].name.to_string(),
-                    role,
-                    rms,
-                    relative: (drive > 0.0).then(|| rms / drive),
-                }
-            })
-            .collect()
-    }
-}
-
-fn ordinal(n: usize) -> String {
-    match (n % 10, n % 100) {
-        (1, 1) if n == 1 => "single".to_owned(),
-        (1, h) if h != 11 => format!("{n}st"),
-        (2, h) if h != 12 => format!("{n}nd"),
-        (3, h) if h != 13 => format!("{n}rd"),
-        _ => format!("{n}th"),
-    }
-}
 
 /// The dense program.
 struct Fit<'a> {
@@ -406,6 +202,68 @@ impl Nlp for Fit<'_> {
     }
 }
 
+/// What one start came to.
+struct Settled {
+    run: Run,
+    /// Weights of its last pass.
+    weights: Vec<f64>,
+    /// Whether the caller ended it.
+    stopped: bool,
+}
+
+impl Fit<'_> {
+    /// Passes from one start, each with the weights that the residuals before it give.
+    fn settle(
+        &mut self,
+        kkt: &mut SparseKkt,
+        (index, start): (usize, Vec<f64>),
+        settings: &solver::Settings,
+        tell: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
+    ) -> Option<Settled> {
+        let started = Instant::now();
+        self.weights = relative_weights(self.samples, self.model, &start);
+        let mut x: Vec<f64> = start.iter().zip(self.scale).map(|(p, s)| p / s).collect();
+        let (mut iterations, mut stopped) = (0, false);
+        let mut last = None;
+        for _ in 0..PASSES {
+            let mut news = |line: &Iteration, _: &[f64]| {
+                let flow = tell(line);
+                stopped |= flow.is_break();
+                flow
+            };
+            let solution = ip::solve(self, kkt, &x, settings, &mut news);
+            iterations += solution.log.len().saturating_sub(1);
+            x.copy_from_slice(&solution.x);
+            let p: Vec<f64> = x.iter().zip(self.scale).map(|(x, s)| x * s).collect();
+            let used = self.weights.clone();
+            let check = check_point(self, &x, &[]);
+            let single = self.model.dims().nq == 1;
+            self.weights = relative_weights(self.samples, self.model, &p);
+            last = Some((solution, check, p, used));
+            if single || stopped {
+                break;
+            }
+        }
+        let (solution, check, parameters, weights) = last?;
+        let run = Run {
+            index,
+            start,
+            parameters,
+            objective: solution.objective,
+            status: solution.status,
+            iterations,
+            seconds: started.elapsed().as_secs_f64(),
+            check,
+            log: solution.log,
+        };
+        Some(Settled {
+            run,
+            weights,
+            stopped,
+        })
+    }
+}
+
 /// Identifies by equation error.
 pub(super) fn identify(
     model: &dyn Hessian,
@@ -432,54 +290,23 @@ pub(super) fn identify(
     let mut weights_of_best = fit.weights.clone();
     let mut notes = samples.remarks.clone();
     for (index, p0) in all.into_iter().enumerate() {
-        let started = Instant::now();
-        fit.weights = relative_weights(&samples, model, &p0);
-        let mut x: Vec<f64> = p0.iter().zip(&scale).map(|(p, s)| p / s).collect();
-        let (mut iterations, mut stopped) = (0, false);
-        let mut last = None;
-        for _ in 0..PASSES {
-            let mut news = |line: &_, _: &[f64]| {
-                let phase = "least squares on the residual";
-                let flow = callback(&Progress {
-                    start: index,
-                    starts: count,
-                    phase,
-                    iteration: line,
-                });
-                stopped |= flow.is_break();
-                flow
-            };
-            let solution = ip::solve(&mut fit, &mut kkt, &x, &settings.solver, &mut news);
-            iterations += solution.log.len().saturating_sub(1);
-            x.copy_from_slice(&solution.x);
-            let p: Vec<f64> = x.iter().zip(&scale).map(|(x, s)| x * s).collect();
-            let used = fit.weights.clone();
-            let check = check_point(&mut fit, &x, &[]);
-            let single = model.dims().nq == 1;
-            fit.weights = relative_weights(&samples, model, &p);
-            last = Some((solution, check, p, used));
-            if single || stopped {
-                break;
-            }
-        }
-        let Some((solution, check, parameters, used)) = last else {
+        let mut tell = |line: &Iteration| {
+            callback(&Progress {
+                start: index,
+                starts: count,
+                phase: "least squares on the residual",
+                iteration: line,
+            })
+        };
+        let settled = fit.settle(&mut kkt, (index, p0), &settings.solver, &mut tell);
+        let Some(settled) = settled else {
             continue;
         };
-        runs.push(Run {
-            index,
-            start: p0,
-            parameters,
-            objective: solution.objective,
-            status: solution.status,
-            iterations,
-            seconds: started.elapsed().as_secs_f64(),
-            check,
-            log: solution.log,
-        });
+        runs.push(settled.run);
         if best_of(&runs) == index {
-            weights_of_best = used;
+            weights_of_best = settled.weights;
         }
-        if stopped {
+        if settled.stopped {
             notes.push(format!("interrupted after start {} of {count}", index + 1));
             break;
         }
@@ -490,14 +317,10 @@ pub(super) fn identify(
         || Spread::none(scale.len()),
         |run| deviations(&mut fit, run, &fixed),
     );
-    let mut force_error = Vec::new();
-    if let Some(run) = runs.get(best) {
-        force_error.extend(samples.force_errors(model, &run.parameters, Role::Train));
-        if dataset.with_role(Role::Test).next().is_some() {
-            let test = Samples::of(dataset, Role::Test, settings)?;
-            force_error.extend(test.force_errors(model, &run.parameters, Role::Test));
-        }
-    }
+    let force_error = match runs.get(best) {
+        Some(run) => force_errors(model, dataset, settings, &samples, &run.parameters)?,
+        None => Vec::new(),
+    };
     Ok(Identification {
         optima: Vec::new(),
         motion: Vec::new(),
@@ -519,6 +342,22 @@ pub(super) fn identify(
         force_error,
         notes,
     })
+}
+
+/// Residual and drive force of each joint, in the training records and in the test records.
+fn force_errors(
+    model: &dyn Hessian,
+    dataset: &Dataset,
+    settings: &Settings,
+    train: &Samples,
+    p: &[f64],
+) -> Result<Vec<ForceError>, IdentError> {
+    let mut all = train.force_errors(model, p, Role::Train);
+    if dataset.with_role(Role::Test).next().is_some() {
+        let test = Samples::of(dataset, Role::Test, settings)?;
+        all.extend(test.force_errors(model, p, Role::Test));
+    }
+    Ok(all)
 }
 
 /// One over the variance of each joint's residual.

@@ -32,6 +32,29 @@ const SETTLED: f64 = 5e-3;
 /// Smallest level, as a share of the channel's spread.
 const QUIETEST: f64 = 1e-7;
 
+/// Noise levels that are given, channel by channel, and those of joints that are anchored.
+fn stated_levels(
+    model: &dyn Hessian,
+    dataset: &Dataset,
+    likelihood: &Likelihood,
+) -> Result<Vec<Option<f64>>, IdentError> {
+    let channels = 2 * model.dims().nq;
+    let mut stated: Vec<Option<f64>> = match likelihood.noise.as_slice() {
+        [] => vec![None; channels],
+        noise if noise.len() == channels => noise.to_vec(),
+        noise => {
+            return Err(IdentError::NoiseLength {
+                expected: channels,
+                found: noise.len(),
+            });
+        }
+    };
+    for j in anchored(model, dataset) {
+        stated[j] = Some(1.0);
+    }
+    Ok(stated)
+}
+
 /// Identifies in rounds until the noise levels settle.
 pub(super) fn identify(
     model: &dyn Hessian,
@@ -42,20 +65,7 @@ pub(super) fn identify(
     callback: &mut Callback<'_>,
 ) -> Result<Identification, IdentError> {
     let channels = 2 * model.dims().nq;
-    let stated: Vec<Option<f64>> = match likelihood.noise.as_slice() {
-        [] => vec![None; channels],
-        noise if noise.len() == channels => noise.to_vec(),
-        noise => {
-            return Err(IdentError::NoiseLength {
-                expected: channels,
-                found: noise.len(),
-            });
-        }
-    };
-    let mut stated = stated;
-    for j in anchored(model, dataset) {
-        stated[j] = Some(1.0);
-    }
+    let stated = stated_levels(model, dataset, likelihood)?;
     let nq = model.dims().nq;
     let computed = |c: usize| {
         c >= nq && dataset.joints[c - nq].velocity == VelocityKind::Derived && stated[c].is_none()

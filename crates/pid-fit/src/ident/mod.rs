@@ -27,6 +27,7 @@ mod noise;
 mod outcome;
 mod parameters;
 mod profile;
+mod samples;
 mod settings;
 mod shooting;
 mod spread;

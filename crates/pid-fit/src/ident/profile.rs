@@ -149,16 +149,7 @@ impl<'a> Profiler<'a> {
                 false => found.upper[parameter],
             };
             let room = (bound - value).abs();
-            let first = found.deviations[parameter].map_or_else(
-                || {
-                    0.05 * if room.is_finite() {
-                        room
-                    } else {
-                        value.abs().max(1.0)
-                    }
-                },
-                |d| QUANTILE * d,
-            );
+            let first = self.first_step(parameter, room);
             let mut from = self.base.parameters.clone();
             // Distances from the value and their costs; the cost rises with the distance.
             let (mut low, mut high) = ((0.0, 0.0), None::<(f64, f64)>);
@@ -201,6 +192,15 @@ impl<'a> Profiler<'a> {
             upper: ends[1],
             fits,
         })
+    }
+
+    /// How far the search of an end goes first, with so much room to the bound.
+    fn first_step(&self, parameter: usize, room: f64) -> f64 {
+        match self.found.deviations[parameter] {
+            Some(d) => QUANTILE * d,
+            None if room.is_finite() => 0.05 * room,
+            None => 0.05 * self.base.parameters[parameter].abs().max(1.0),
+        }
     }
 
     /// The settings of fits that hold a parameter.

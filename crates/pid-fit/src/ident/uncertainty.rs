@@ -138,6 +138,35 @@ pub(super) struct Solved<'a> {
     pub(super) scores: Option<Vec<f64>>,
 }
 
+impl Solved<'_> {
+    /// Ranges of the free parameters; their scales where a range is open.
+    fn widths(&self) -> Vec<f64> {
+        let width = |&j: &usize| match self.upper[j] - self.lower[j] {
+            w if w.is_finite() && w > 0.0 => w,
+            _ => self.scale[j],
+        };
+        self.free.iter().map(width).collect()
+    }
+
+    /// Whether each free parameter has a prior.
+    fn have_priors(&self) -> Vec<bool> {
+        let free = self.free.iter();
+        free.map(|j| self.priors.iter().any(|p| p.parameter == *j))
+            .collect()
+    }
+
+    /// What the priors add to the curvature of each free parameter divided by its range.
+    fn prior_curvature(&self, width: &[f64]) -> Vec<f64> {
+        let mut prior = vec![0.0; self.free.len()];
+        for p in self.priors {
+            if let Some(i) = self.free.iter().position(|&j| j == p.parameter) {
+                prior[i] += 2.0 * self.share * (width[i] / p.deviation).powi(2);
+            }
+        }
+        prior
+    }
+}
+
 /// Covariance `H⁺ V H⁺` with H = ∇²F of the objective and V the variance of its gradient.
 ///
 /// * From the Hessian: `V = u (H − H_p) + 2/N H_p`, `u = c/N Σρ'²/Σρ''` with c the factor for
@@ -157,8 +186,6 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
         hessian,
         free,
         scale,
-        lower,
-        upper,
         residuals,
         unknowns,
         ..
@@ -171,13 +198,7 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
     if n == 0 || count <= unknowns {
         return spread;
     }
-    let width: Vec<f64> = free
-        .iter()
-        .map(|&j| match upper[j] - lower[j] {
-            w if w.is_finite() && w > 0.0 => w,
-            _ => scale[j],
-        })
-        .collect();
+    let width = solved.widths();
     let by_range = Mat::from_fn(n, n, |i, k| {
         let unit = |i: usize| width[i] / scale[free[i]];
         hessian[(i, k)] * unit(i) * unit(k)
@@ -191,16 +212,8 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
     let unit = 2.0 * solved.share * spread.dispersion * spread.correlation_factor;
     let rounding = ROUNDING * n as f64 * largest;
     let least = (unit / SHARE_OF_RANGE.powi(2)).max(rounding);
-    let expected: Vec<bool> = free
-        .iter()
-        .map(|j| solved.priors.iter().any(|p| p.parameter == *j))
-        .collect();
-    let mut prior = vec![0.0; n];
-    for p in solved.priors {
-        if let Some(i) = free.iter().position(|&j| j == p.parameter) {
-            prior[i] += 2.0 * solved.share * (width[i] / p.deviation).powi(2);
-        }
-    }
+    let expected = solved.have_priors();
+    let prior = solved.prior_curvature(&width);
     // Priors on all the parameters of a direction determine it, even if they are wide beside the
     // ranges. They do so too where half of its curvature is theirs: a parameter without a prior that
     // moves a little with others then has a deviation.
@@ -216,39 +229,21 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
             .map(|k| u[(i, k)] * u[(j, k)] / d[k])
             .sum::<f64>()
     });
-    let certain = |i: usize, k: usize| {
-        if i == k {
-            2.0 * solved.share * prior[i]
-        } else {
-            0.0
-        }
-    };
     let clustered = clusters(solved, &width);
     spread.sandwich = clustered.is_some();
-    let middle = match clustered {
-        Some(v) => Mat::from_fn(n, n, |i, k| v[(i, k)] + certain(i, k)),
-        None => Mat::from_fn(n, n, |i, k| {
-            let data = by_range[(i, k)] - if i == k { prior[i] } else { 0.0 };
-            unit * data + certain(i, k)
-        }),
-    };
+    let data = clustered.unwrap_or_else(|| {
+        Mat::from_fn(n, n, |i, k| {
+            unit * (by_range[(i, k)] - if i == k { prior[i] } else { 0.0 })
+        })
+    });
+    let certain = |i: usize| 2.0 * solved.share * prior[i];
+    let middle = Mat::from_fn(n, n, |i, k| {
+        data[(i, k)] + if i == k { certain(i) } else { 0.0 }
+    });
     let covariance = &inverse * &middle * &inverse;
     for k in (0..n).filter(|&k| !known(k)) {
         spread.undetermined += 1;
-        let most = (0..n).fold(0.0_f64, |m, i| {
-            if u[(i, k)].abs() > m.abs() {
-                u[(i, k)]
-            } else {
-                m
-            }
-        });
-        let share = |i: usize| u[(i, k)] / most;
-        spread.open.push(
-            (0..n)
-                .filter(|&i| share(i).abs() > 0.05)
-                .map(|i| (free[i], share(i)))
-                .collect(),
-        );
+        spread.open.push(open_direction(free, |i| u[(i, k)]));
     }
     for (i, &j) in free.iter().enumerate() {
         let open = (0..n).any(|k| !known(k) && u[(i, k)] * u[(i, k)] > 1e-6);
@@ -264,6 +259,20 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
             .collect(),
     });
     spread
+}
+
+/// A direction by its parts in the free parameters; parts below a twentieth of the largest are left out.
+fn open_direction(free: &[usize], part: impl Fn(usize) -> f64) -> OpenDirection {
+    let larger = |m: f64, i: usize| match part(i).abs() > m.abs() {
+        true => part(i),
+        false => m,
+    };
+    let most = (0..free.len()).fold(0.0, larger);
+    let share = |i: usize| part(i) / most;
+    (0..free.len())
+        .filter(|&i| share(i).abs() > 0.05)
+        .map(|i| (free[i], share(i)))
+        .collect()
 }
 
 /// `½ Σρ'²/Σρ''`: with 2/N the factor between Hessian and variance of the gradient for white

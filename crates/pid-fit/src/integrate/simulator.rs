@@ -43,6 +43,15 @@ struct Run {
     not_stiff: usize,
 }
 
+/// By what the length of a step is multiplied after an error, which is 1 where it is just tolerated.
+fn step_factor(error: f64, order: f64) -> f64 {
+    if error.is_finite() {
+        (0.9 * error.max(1e-10).powf(-1.0 / order)).clamp(0.2, 6.0)
+    } else {
+        0.25
+    }
+}
+
 impl<'m> Simulator<'m> {
     /// For a model without derivatives: [`Method::Auto`] stays explicit.
     pub fn new(model: &'m dyn Dynamics, settings: Settings) -> Self {
@@ -213,25 +222,10 @@ impl<'m> Simulator<'m> {
                     (f64::INFINITY, 4.0)
                 }
             };
-            let factor = if error.is_finite() {
-                (0.9 * error.max(1e-10).powf(-1.0 / order)).clamp(0.2, 6.0)
-            } else {
-                0.25
-            };
+            let factor = step_factor(error, order);
             if error <= 1.0 {
                 fault = None;
-                let x1 = match (&self.implicit, self.run.implicit) {
-                    (Some(implicit), true) => &implicit.x1,
-                    _ => &self.explicit.x1,
-                };
-                self.x.copy_from_slice(x1);
-                self.run.stats.steps += 1;
-                if self.run.implicit {
-                    self.run.stats.implicit += 1;
-                    self.explicit.first_known = false;
-                } else {
-                    self.explicit.accept();
-                }
+                self.accept();
                 done = if last { length } else { done + h };
                 t = if last {
                     interval.t1
@@ -259,6 +253,22 @@ impl<'m> Simulator<'m> {
             }
         }
         Ok(())
+    }
+
+    /// Takes the state at the end of the step that was tried.
+    fn accept(&mut self) {
+        let x1 = match (&self.implicit, self.run.implicit) {
+            (Some(implicit), true) => &implicit.x1,
+            _ => &self.explicit.x1,
+        };
+        self.x.copy_from_slice(x1);
+        self.run.stats.steps += 1;
+        if self.run.implicit {
+            self.run.stats.implicit += 1;
+            self.explicit.first_known = false;
+        } else {
+            self.explicit.accept();
+        }
     }
 
     /// Scaled error and order of the step-size rule.

@@ -80,12 +80,27 @@ pub fn tune(
             })
             .unwrap_or(0)
     };
-    let mut choice: Vec<usize> = wide.variants().iter().map(nearest).collect();
+    let start: Vec<usize> = wide.variants().iter().map(nearest).collect();
+    let sizes: Vec<usize> = (wide.variants().iter()).map(|v| v.values.len()).collect();
+    let choice = descend(start, &sizes, cost)?;
+    for (variant, k) in wide.variants().iter().zip(choice) {
+        split.set(variant.shape, variant.values[k]);
+    }
+    Ok(())
+}
+
+/// Coordinate search: in turn each of the choices takes its best place among so many, until none
+/// changes.
+fn descend(
+    mut choice: Vec<usize>,
+    sizes: &[usize],
+    cost: impl Fn(&[usize]) -> Result<f64, RegressionError>,
+) -> Result<Vec<usize>, RegressionError> {
     let mut best = cost(&choice)?;
     for _ in 0..PASSES {
         let before = choice.clone();
-        for (place, variant) in wide.variants().iter().enumerate() {
-            for k in 0..variant.values.len() {
+        for (place, &size) in sizes.iter().enumerate() {
+            for k in 0..size {
                 let kept = choice[place];
                 if k == kept {
                     continue;
@@ -103,10 +118,7 @@ pub fn tune(
             break;
         }
     }
-    for (variant, k) in wide.variants().iter().zip(choice) {
-        split.set(variant.shape, variant.values[k]);
-    }
-    Ok(())
+    Ok(choice)
 }
 
 fn grid(info: &ParamInfo) -> Vec<f64> {

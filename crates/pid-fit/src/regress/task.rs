@@ -84,31 +84,19 @@ pub fn regress(
         &full,
         consistent.as_ref().map(|(found, ..)| found),
     );
-    let given = options
-        .judge
-        .iter()
-        .map(|(name, p)| {
-            let errors = judge::given(model, p, &train, &test, &task.rest);
-            (name.clone(), errors)
-        })
-        .collect();
+    let judged = |(name, p): &(String, Vec<f64>)| {
+        let errors = judge::given(model, p, &train, &test, &task.rest);
+        (name.clone(), errors)
+    };
     let ranges = range::of(model, &train);
     Ok(Regression {
         rows,
         linear: normal.columns(),
         parameters,
         absent: absent(&solution, &infos),
-        held: task
-            .split
-            .held()
-            .iter()
-            .map(|&j| {
-                let name = model.params()[j].name.to_string();
-                (name, task.split.held_value(j))
-            })
-            .collect(),
+        held: task.held(),
         errors: judge::fitted(&equations.counted, &equations.judged, &p),
-        given,
+        given: options.judge.iter().map(judged).collect(),
         folds: folds(normal, &equations.counted, &task.unknowns, &task.how),
         payload,
         excess: range::excess(&ranges, &test),
@@ -148,6 +136,13 @@ struct Equations {
 }
 
 impl<'a> Task<'a> {
+    /// Parameters that are not linear, and the values at which they are held.
+    fn held(&self) -> Vec<(String, f64)> {
+        let name = |j: usize| self.split.model().params()[j].name.to_string();
+        let held = self.split.held().iter();
+        held.map(|&j| (name(j), self.split.held_value(j))).collect()
+    }
+
     fn new(
         model: &'a dyn Hessian,
         dataset: &'a Dataset,

@@ -98,6 +98,37 @@ enum Kind {
     Copies(Vec<usize>),
 }
 
+/// Columns of the link that carries the payload, where the training records tell the two apart.
+fn link_columns(
+    payload: &Payload,
+    names: &[&str],
+    training: &[String],
+) -> Result<[usize; BODY], UnknownsError> {
+    let carrying = training
+        .iter()
+        .filter(|r| matches(&payload.records, r))
+        .count();
+    if carrying == 0 || carrying == training.len() {
+        return Err(UnknownsError::NotTold {
+            pattern: payload.records.clone(),
+            carrying,
+            training: training.len(),
+        });
+    }
+    let links = consistent::links(names);
+    let Some((_, columns)) = links.iter().find(|(link, _)| *link == payload.link) else {
+        return Err(UnknownsError::NoLink {
+            link: payload.link.clone(),
+            links: links
+                .iter()
+                .map(|(l, _)| l.as_str())
+                .collect::<Vec<_>>()
+                .join(", "),
+        });
+    };
+    Ok(*columns)
+}
+
 /// The unknowns of a regression.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unknowns {
@@ -158,31 +189,9 @@ impl Unknowns {
         let payload = match payload {
             None => None,
             Some(payload) => {
-                let carrying = training
-                    .iter()
-                    .filter(|r| matches(&payload.records, r))
-                    .count();
-                if carrying == 0 || carrying == training.len() {
-                    return Err(UnknownsError::NotTold {
-                        pattern: payload.records.clone(),
-                        carrying,
-                        training: training.len(),
-                    });
-                }
-                let links = consistent::links(&names);
-                let Some((_, columns)) = links.iter().find(|(link, _)| *link == payload.link)
-                else {
-                    return Err(UnknownsError::NoLink {
-                        link: payload.link.clone(),
-                        links: links
-                            .iter()
-                            .map(|(l, _)| l.as_str())
-                            .collect::<Vec<_>>()
-                            .join(", "),
-                    });
-                };
+                let columns = link_columns(payload, &names, training)?;
                 let first = infos.len();
-                for (suffix, &column) in SUFFIXES.iter().zip(columns) {
+                for (suffix, &column) in SUFFIXES.iter().zip(&columns) {
                     infos.push(ParamInfo {
                         name: Cow::Owned(format!("{PAYLOAD}_{suffix}")),
                         doc: Cow::Owned(format!("body fixed to `{}`", payload.link)),
@@ -194,7 +203,7 @@ impl Unknowns {
                 }
                 near.resize(infos.len(), 0.0);
                 let body = std::array::from_fn(|k| first + k);
-                Some((*columns, body, payload.records.clone()))
+                Some((columns, body, payload.records.clone()))
             }
         };
         Ok(Self {

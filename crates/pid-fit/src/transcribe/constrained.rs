@@ -91,6 +91,26 @@ pub struct Constraint {
     pub function: Arc<dyn PointFunction>,
 }
 
+impl Constraint {
+    /// Nodes at which it holds among so many, `None` for the parameters.
+    fn nodes(&self, nodes: usize) -> Result<Vec<Option<usize>>, ConstraintError> {
+        Ok(match self.place {
+            Place::Parameters => vec![None],
+            Place::EveryNode => (0..nodes).map(Some).collect(),
+            Place::Node(node) => match node < nodes {
+                true => vec![Some(node)],
+                false => {
+                    return Err(ConstraintError::NoSuchNode {
+                        name: self.name.clone(),
+                        node,
+                        nodes,
+                    });
+                }
+            },
+        })
+    }
+}
+
 impl fmt::Debug for Constraint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, place, sense) = (&self.name, self.place, self.sense);
@@ -194,21 +214,7 @@ impl<P: States> Constrained<P> {
                 variables.retain(|i| *i >= nx);
             }
             local.push(variables);
-            let places: Vec<Option<usize>> = match constraint.place {
-                Place::Parameters => vec![None],
-                Place::EveryNode => (0..nodes.len()).map(Some).collect(),
-                Place::Node(node) => match nodes.get(node) {
-                    Some(_) => vec![Some(node)],
-                    None => {
-                        return Err(ConstraintError::NoSuchNode {
-                            name: constraint.name.clone(),
-                            node,
-                            nodes: nodes.len(),
-                        });
-                    }
-                },
-            };
-            for node in places {
+            for node in constraint.nodes(nodes.len())? {
                 let slack = (constraint.sense == Sense::AtMost).then_some(variable);
                 variable += if slack.is_some() { size } else { 0 };
                 blocks.push(Block {

@@ -51,7 +51,7 @@ impl Indexed {
             .collect();
         (Self { map }, entries)
     }
-    fn at(&self, row: usize, col: usize) -> u32 {
+    fn at(&self, (row, col): (usize, usize)) -> u32 {
         self.map[&(row as u32, col as u32)]
     }
 }
@@ -86,6 +86,81 @@ fn sources(
     }
 }
 
+/// A contribution whose entry has a place, but no number yet.
+struct Placed {
+    source: usize,
+    /// Row and column.
+    entry: (usize, usize),
+    coefficient: f64,
+    power: i32,
+}
+
+impl Placed {
+    fn numbered(&self, entry: u32) -> Contribution {
+        Contribution {
+            source: self.source as u32,
+            entry,
+            coefficient: self.coefficient,
+            power: self.power,
+        }
+    }
+}
+
+/// Contributions of one evaluation by the places of their entries.
+struct Places {
+    jacobian: Vec<Placed>,
+    hessian: Vec<Placed>,
+}
+
+impl Places {
+    fn of(
+        model: &dyn Hessian,
+        tableau: &Tableau,
+        evaluation: usize,
+        first_p: usize,
+        scale: &[f64],
+    ) -> Self {
+        let dims = model.dims();
+        let row0 = (tableau.linear.len() + tableau.evaluations[evaluation].group) * dims.nq;
+        let of = |z: usize| sources(dims, tableau, evaluation, z, first_p, scale);
+        let mut jacobian = Vec::new();
+        let pattern = model.jacobian_pattern();
+        for (k, (&r, &z)) in pattern.rows.iter().zip(pattern.cols).enumerate() {
+            for (col, coefficient, power) in of(z as usize) {
+                jacobian.push(Placed {
+                    source: k,
+                    entry: (row0 + r as usize, col),
+                    coefficient,
+                    power,
+                });
+            }
+        }
+        let mut hessian = Vec::new();
+        let pattern = model.hessian_pattern();
+        for (k, (&z1, &z2)) in pattern.rows.iter().zip(pattern.cols).enumerate() {
+            let (s1, s2) = (of(z1 as usize), of(z2 as usize));
+            for (i, &(l1, c1, p1)) in s1.iter().enumerate() {
+                for (j, &(l2, c2, p2)) in s2.iter().enumerate() {
+                    // On the diagonal of z each unordered pair counts once; off it, a pair that meets
+                    // on one local variable stands for two symmetric terms.
+                    if z1 == z2 && j > i {
+                        continue;
+                    }
+                    let pair = z1 != z2 || i != j;
+                    let twice = if pair && l1 == l2 { 2.0 } else { 1.0 };
+                    hessian.push(Placed {
+                        source: k,
+                        entry: (l1.max(l2), l1.min(l2)),
+                        coefficient: twice * c1 * c2,
+                        power: p1 + p2,
+                    });
+                }
+            }
+        }
+        Self { jacobian, hessian }
+    }
+}
+
 impl Expansion {
     /// `scale[j]` is the model's value of a parameter per unit of the problem's variable.
     pub(super) fn new(model: &dyn Hessian, tableau: &Tableau, scale: &[f64]) -> Self {
@@ -93,119 +168,57 @@ impl Expansion {
         let nq = dims.nq;
         let ny = (2 + tableau.stages) * nq;
         let first_p = 2 * nq + ny;
-        let linear_rows = tableau.linear.len() * nq;
-
-        let mut jacobian_entries = Vec::new();
+        let short = |(row, col): (usize, usize)| (row as u32, col as u32);
+        let linear: Vec<((usize, usize), &Term)> = (tableau.linear.iter().enumerate())
+            .flat_map(|(group, terms)| (0..nq).map(move |j| (group * nq + j, j, terms)))
+            .flat_map(|(row, j, terms)| terms.iter().map(move |t| (row, j, t)))
+            .map(|(row, j, t)| ((row, tableau.position(t.block, nq) + j), t))
+            .collect();
+        let mut jacobian_entries: Vec<_> = linear.iter().map(|(entry, _)| short(*entry)).collect();
         let mut hessian_entries = Vec::new();
         let mut parameter_entries: Vec<(u32, u32)> = (0..dims.np as u32).map(|j| (j, j)).collect();
-        for (group, terms) in tableau.linear.iter().enumerate() {
-            for j in 0..nq {
-                for t in terms {
-                    let col = tableau.position(t.block, nq) + j;
-                    jacobian_entries.push(((group * nq + j) as u32, col as u32));
-                }
-            }
-        }
+        let between_parameters =
+            |(row, col): (usize, usize)| (col >= first_p).then(|| (row - first_p, col - first_p));
         // Two passes: first collect the entries, then number the contributions.
-        let mut raw = Vec::new();
-        for evaluation in 0..tableau.evaluations.len() {
-            let row0 = linear_rows + tableau.evaluations[evaluation].group * nq;
-            let of = |z: usize| sources(dims, tableau, evaluation, z, first_p, scale);
-            let mut jacobian = Vec::new();
-            let pattern = model.jacobian_pattern();
-            for (k, (&r, &z)) in pattern.rows.iter().zip(pattern.cols).enumerate() {
-                for (col, c, power) in of(z as usize) {
-                    let entry = (row0 + r as usize, col);
-                    jacobian_entries.push((entry.0 as u32, entry.1 as u32));
-                    jacobian.push((k, entry, c, power));
+        let places: Vec<Places> = (0..tableau.evaluations.len())
+            .map(|evaluation| Places::of(model, tableau, evaluation, first_p, scale))
+            .collect();
+        for place in &places {
+            jacobian_entries.extend(place.jacobian.iter().map(|c| short(c.entry)));
+            for c in &place.hessian {
+                match between_parameters(c.entry) {
+                    Some(entry) => parameter_entries.push(short(entry)),
+                    None => hessian_entries.push(short(c.entry)),
                 }
             }
-            let mut hessian = Vec::new();
-            let pattern = model.hessian_pattern();
-            for (k, (&z1, &z2)) in pattern.rows.iter().zip(pattern.cols).enumerate() {
-                let (s1, s2) = (of(z1 as usize), of(z2 as usize));
-                for (i, &(l1, c1, p1)) in s1.iter().enumerate() {
-                    for (j, &(l2, c2, p2)) in s2.iter().enumerate() {
-                        // On the diagonal of z each unordered pair counts once; off it, a pair that meets
-                        // on one local variable stands for two symmetric terms.
-                        if z1 == z2 && j > i {
-                            continue;
-                        }
-                        let pair = z1 != z2 || i != j;
-                        let twice = if pair && l1 == l2 { 2.0 } else { 1.0 };
-                        let entry = (l1.max(l2), l1.min(l2));
-                        hessian.push((k, entry, twice * c1 * c2, p1 + p2));
-                        if entry.1 >= first_p {
-                            let pair = ((entry.0 - first_p) as u32, (entry.1 - first_p) as u32);
-                            parameter_entries.push(pair);
-                        } else {
-                            hessian_entries.push((entry.0 as u32, entry.1 as u32));
-                        }
-                    }
-                }
-            }
-            raw.push((jacobian, hessian));
         }
         let (jacobian_index, step_jacobian) = Indexed::of(jacobian_entries);
         let (hessian_index, step_hessian) = Indexed::of(hessian_entries);
         let (parameter_index, parameter_hessian) = Indexed::of(parameter_entries);
-        let evaluations = raw
-            .into_iter()
-            .map(|(jacobian, hessian)| {
-                let mut map = EvaluationMap::default();
-                for (source, (row, col), coefficient, power) in jacobian {
-                    let entry = jacobian_index.at(row, col);
-                    let source = source as u32;
-                    map.jacobian.push(Contribution {
-                        source,
-                        entry,
-                        coefficient,
-                        power,
-                    });
-                }
-                for (source, (row, col), coefficient, power) in hessian {
-                    let source = source as u32;
-                    if col >= first_p {
-                        let entry = parameter_index.at(row - first_p, col - first_p);
-                        let c = Contribution {
-                            source,
-                            entry,
-                            coefficient,
-                            power,
-                        };
-                        map.parameter_hessian.push(c);
-                    } else {
-                        let entry = hessian_index.at(row, col);
-                        map.hessian.push(Contribution {
-                            source,
-                            entry,
-                            coefficient,
-                            power,
-                        });
+        let number = |place: &Places| {
+            let mut map = EvaluationMap::default();
+            let jacobian = place.jacobian.iter();
+            map.jacobian
+                .extend(jacobian.map(|c| c.numbered(jacobian_index.at(c.entry))));
+            for c in &place.hessian {
+                match between_parameters(c.entry) {
+                    Some(entry) => {
+                        let entry = parameter_index.at(entry);
+                        map.parameter_hessian.push(c.numbered(entry));
                     }
-                }
-                map
-            })
-            .collect();
-        let mut linear = Vec::new();
-        for (group, terms) in tableau.linear.iter().enumerate() {
-            for j in 0..nq {
-                for t in terms {
-                    let col = tableau.position(t.block, nq) + j;
-                    linear.push((
-                        jacobian_index.at(group * nq + j, col),
-                        t.coefficient,
-                        t.power,
-                    ));
+                    None => map.hessian.push(c.numbered(hessian_index.at(c.entry))),
                 }
             }
-        }
+            map
+        };
         Self {
+            evaluations: places.iter().map(number).collect(),
+            linear: (linear.iter())
+                .map(|(entry, t)| (jacobian_index.at(*entry), t.coefficient, t.power))
+                .collect(),
             step_jacobian,
             step_hessian,
             parameter_hessian,
-            linear,
-            evaluations,
         }
     }
 }

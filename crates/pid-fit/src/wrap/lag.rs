@@ -89,8 +89,8 @@ pub struct Lagging<'m> {
     joints: Vec<JointInfo>,
     params: Vec<ParamInfo>,
     inputs: Vec<InputInfo>,
-    jacobian: (Vec<u32>, Vec<u32>),
-    hessian: (Vec<u32>, Vec<u32>),
+    jacobian: Places,
+    hessian: Places,
 }
 
 impl<'m> Lagging<'m> {
@@ -121,31 +121,9 @@ impl<'m> Lagging<'m> {
         stated: &[Lag],
         dataset: &mut Dataset,
     ) -> Result<Self, LagError> {
-        let before = inner.dims();
-        let mut each = Vec::new();
-        for lag in stated {
-            let joint = inner.joints().iter().position(|j| j.name == lag.joint);
-            let joint = joint.ok_or_else(|| {
-                let all = inner.joints().iter().map(|j| j.name.as_ref());
-                LagError::UnknownJoint {
-                    joint: lag.joint.clone(),
-                    joints: all.collect::<Vec<_>>().join(", "),
-                }
-            })?;
-            each.push((joint, lag));
-        }
-        each.sort_by_key(|(joint, _)| *joint);
-        each.dedup_by_key(|(joint, _)| *joint);
+        let each = placed(inner.as_ref(), stated, dataset)?;
         let lags: Vec<usize> = each.iter().map(|(joint, _)| *joint).collect();
-        for &j in &lags {
-            if dataset.joints[j].velocity == VelocityKind::Absent {
-                return Err(LagError::NoVelocity {
-                    joint: dataset.joints[j].name.clone(),
-                    dataset: dataset.name.clone(),
-                });
-            }
-        }
-        let n = lags.len();
+        let (before, n) = (inner.dims(), lags.len());
         let dims = Dims {
             nq: before.nq + n,
             nu: before.nu + n,
@@ -178,60 +156,8 @@ impl<'m> Lagging<'m> {
                 },
             );
         }
-        let place = |z: usize| -> u32 {
-            let place = if z < before.v() {
-                z
-            } else if z < before.a() {
-                dims.v() + z - before.v()
-            } else if z < before.u() {
-                dims.a() + z - before.a()
-            } else if z < before.u() + before.nq {
-                dims.u() + z - before.u()
-            } else if z < before.p() {
-                dims.u() + n + z - before.u()
-            } else {
-                dims.p() + z - before.p()
-            };
-            place as u32
-        };
-        // Places keep their order, and the lags' own entries come after all others.
-        let moved =
-            |list: &[u32]| -> Vec<u32> { list.iter().map(|&z| place(z as usize)).collect() };
-        let pattern = inner.jacobian_pattern();
-        let mut jacobian = (pattern.rows.to_vec(), moved(pattern.cols));
-        let pattern = inner.hessian_pattern();
-        let mut hessian = (moved(pattern.rows), moved(pattern.cols));
-        for (k, &j) in lags.iter().enumerate() {
-            let s = before.nq + k;
-            let time = (dims.p() + before.np + k) as u32;
-            jacobian.0.extend([s as u32; 4]);
-            jacobian.1.extend([
-                (dims.v() + j) as u32,
-                (dims.v() + s) as u32,
-                (dims.a() + s) as u32,
-                time,
-            ]);
-            hessian.0.push(time);
-            hessian.1.push((dims.a() + s) as u32);
-        }
-        for experiment in &mut dataset.experiments {
-            late(experiment, &lags);
-        }
-        for &j in &lags {
-            let reading = JointChannels {
-                name: format!("reading_{}", dataset.joints[j].name),
-                input: match dataset.joints[j].prismatic {
-                    true => InputQuantity::Force,
-                    false => InputQuantity::Torque,
-                },
-                input_unit: dataset.joints[j].force_unit().to_owned(),
-                // A user who asks for a lag takes the velocity for a reading of its own.
-                velocity: VelocityKind::Measured,
-                ..dataset.joints[j].clone()
-            };
-            dataset.joints[j].velocity = VelocityKind::Absent;
-            dataset.joints.push(reading);
-        }
+        let (jacobian, hessian) = patterns(inner.as_ref(), dims, &lags);
+        read_late(dataset, &lags);
         Ok(Self {
             inner,
             sooner: each.iter().map(|(_, lag)| lag.sooner).collect(),
@@ -279,6 +205,103 @@ impl<'m> Lagging<'m> {
             .iter()
             .enumerate()
             .map(move |(k, &j)| (nq + k, j, at.p[np + k] - self.sooner[k]))
+    }
+}
+
+/// The stated lags, each once, by the joints whose velocities were recorded.
+fn placed<'l>(
+    inner: &dyn Hessian,
+    stated: &'l [Lag],
+    dataset: &Dataset,
+) -> Result<Vec<(usize, &'l Lag)>, LagError> {
+    let mut each = Vec::new();
+    for lag in stated {
+        let joint = inner.joints().iter().position(|j| j.name == lag.joint);
+        let joint = joint.ok_or_else(|| {
+            let all = inner.joints().iter().map(|j| j.name.as_ref());
+            LagError::UnknownJoint {
+                joint: lag.joint.clone(),
+                joints: all.collect::<Vec<_>>().join(", "),
+            }
+        })?;
+        each.push((joint, lag));
+    }
+    each.sort_by_key(|(joint, _)| *joint);
+    each.dedup_by_key(|(joint, _)| *joint);
+    for &(j, _) in &each {
+        if dataset.joints[j].velocity == VelocityKind::Absent {
+            return Err(LagError::NoVelocity {
+                joint: dataset.joints[j].name.clone(),
+                dataset: dataset.name.clone(),
+            });
+        }
+    }
+    Ok(each)
+}
+
+/// Rows and columns of entries.
+type Places = (Vec<u32>, Vec<u32>);
+
+/// Entries of the Jacobian and of the Hessian: those of the model within, then those of the lags.
+fn patterns(inner: &dyn Hessian, dims: Dims, lags: &[usize]) -> (Places, Places) {
+    let (before, n) = (inner.dims(), lags.len());
+    let place = |z: usize| -> u32 {
+        let place = if z < before.v() {
+            z
+        } else if z < before.a() {
+            dims.v() + z - before.v()
+        } else if z < before.u() {
+            dims.a() + z - before.a()
+        } else if z < before.u() + before.nq {
+            dims.u() + z - before.u()
+        } else if z < before.p() {
+            dims.u() + n + z - before.u()
+        } else {
+            dims.p() + z - before.p()
+        };
+        place as u32
+    };
+    // Places keep their order, and the lags' own entries come after all others.
+    let moved = |list: &[u32]| -> Vec<u32> { list.iter().map(|&z| place(z as usize)).collect() };
+    let pattern = inner.jacobian_pattern();
+    let mut jacobian = (pattern.rows.to_vec(), moved(pattern.cols));
+    let pattern = inner.hessian_pattern();
+    let mut hessian = (moved(pattern.rows), moved(pattern.cols));
+    for (k, &j) in lags.iter().enumerate() {
+        let s = before.nq + k;
+        let time = (dims.p() + before.np + k) as u32;
+        jacobian.0.extend([s as u32; 4]);
+        jacobian.1.extend([
+            (dims.v() + j) as u32,
+            (dims.v() + s) as u32,
+            (dims.a() + s) as u32,
+            time,
+        ]);
+        hessian.0.push(time);
+        hessian.1.push((dims.a() + s) as u32);
+    }
+    (jacobian, hessian)
+}
+
+/// Makes the recorded velocities of these joints readings, which are coordinates of their own.
+fn read_late(dataset: &mut Dataset, lags: &[usize]) {
+    for experiment in &mut dataset.experiments {
+        late(experiment, lags);
+    }
+    for &j in lags {
+        let reading = JointChannels {
+            name: format!("reading_{}", dataset.joints[j].name),
+            input: match dataset.joints[j].prismatic {
+                true => InputQuantity::Force,
+                false => InputQuantity::Torque,
+            },
+            input_unit: dataset.joints[j].force_unit().to_owned(),
+            // A user who asks for a lag takes the velocity for a reading of its own.
+            velocity: VelocityKind::Measured,
+            ..dataset.joints[j].clone()
+        };
+        dataset.joints[j].velocity = VelocityKind::Absent;
+        dataset.joints.push(reading);
     }
 }
 

@@ -149,21 +149,7 @@ impl<'m> PerRecord<'m> {
             .collect::<Result<_, _>>()?;
         own.sort_unstable();
         own.dedup();
-        let mut trained = 0;
-        for experiment in &mut dataset.experiments {
-            let index = match experiment.role {
-                Role::Train => trained,
-                Role::Test => records.len(),
-            };
-            trained += usize::from(experiment.role == Role::Train);
-            let nu = experiment.nu();
-            let mut u = Vec::with_capacity(experiment.len() * (nu + 1));
-            for row in experiment.u.chunks_exact(nu) {
-                u.extend_from_slice(row);
-                u.push(index as f64);
-            }
-            experiment.u = u;
-        }
+        number_records(dataset, records.len());
         let (before, copies) = (inner.dims(), records.len());
         let dims = Dims {
             nu: before.nu + 1,
@@ -187,39 +173,7 @@ impl<'m> PerRecord<'m> {
             unit: Cow::Borrowed("1"),
             joint: None,
         });
-        // Position of an inner z for a copy.
-        let map = |z: usize, copy: usize| -> u32 {
-            let place = match z.checked_sub(before.p()) {
-                None => z,
-                Some(j) => dims.p() + slot_of(&own, before.np, j, copy),
-            };
-            place as u32
-        };
-        let private = |z: u32| {
-            (z as usize)
-                .checked_sub(before.p())
-                .is_some_and(|j| own.binary_search(&j).is_ok())
-        };
-        let first = inner.jacobian_pattern();
-        let jacobian = Entries::new(
-            first.nnz(),
-            copies,
-            |e, copy| (first.rows[e], map(first.cols[e] as usize, copy)),
-            |e| private(first.cols[e]),
-        );
-        let second = inner.hessian_pattern();
-        let hessian = Entries::new(
-            second.nnz(),
-            copies,
-            |e, copy| {
-                let (a, b) = (
-                    map(second.rows[e] as usize, copy),
-                    map(second.cols[e] as usize, copy),
-                );
-                (a.max(b), a.min(b))
-            },
-            |e| private(second.rows[e]) || private(second.cols[e]),
-        );
+        let (jacobian, hessian) = patterns(inner.as_ref(), dims, &own, copies);
         Ok(Self {
             inner,
             dims,
@@ -259,6 +213,65 @@ impl<'m> PerRecord<'m> {
         SCRATCH.with(|s| s.borrow_mut().0 = p);
         out
     }
+}
+
+/// Gives every record an input that is its number among the training records; `count` for one that
+/// trains nothing.
+fn number_records(dataset: &mut Dataset, count: usize) {
+    let mut trained = 0;
+    for experiment in &mut dataset.experiments {
+        let index = match experiment.role {
+            Role::Train => trained,
+            Role::Test => count,
+        };
+        trained += usize::from(experiment.role == Role::Train);
+        let nu = experiment.nu();
+        let mut u = Vec::with_capacity(experiment.len() * (nu + 1));
+        for row in experiment.u.chunks_exact(nu) {
+            u.extend_from_slice(row);
+            u.push(index as f64);
+        }
+        experiment.u = u;
+    }
+}
+
+/// Entries of the Jacobian and of the Hessian for a number of copies of the parameters `own`.
+fn patterns(inner: &dyn Hessian, dims: Dims, own: &[usize], copies: usize) -> (Entries, Entries) {
+    let before = inner.dims();
+    // Position of an inner z for a copy.
+    let map = |z: usize, copy: usize| -> u32 {
+        let place = match z.checked_sub(before.p()) {
+            None => z,
+            Some(j) => dims.p() + slot_of(own, before.np, j, copy),
+        };
+        place as u32
+    };
+    let private = |z: u32| {
+        (z as usize)
+            .checked_sub(before.p())
+            .is_some_and(|j| own.binary_search(&j).is_ok())
+    };
+    let first = inner.jacobian_pattern();
+    let jacobian = Entries::new(
+        first.nnz(),
+        copies,
+        |e, copy| (first.rows[e], map(first.cols[e] as usize, copy)),
+        |e| private(first.cols[e]),
+    );
+    let second = inner.hessian_pattern();
+    let hessian = Entries::new(
+        second.nnz(),
+        copies,
+        |e, copy| {
+            let (a, b) = (
+                map(second.rows[e] as usize, copy),
+                map(second.cols[e] as usize, copy),
+            );
+            (a.max(b), a.min(b))
+        },
+        |e| private(second.rows[e]) || private(second.cols[e]),
+    );
+    (jacobian, hessian)
 }
 
 /// Position among the outer parameters of inner parameter j for a copy.

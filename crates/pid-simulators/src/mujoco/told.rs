@@ -32,8 +32,21 @@ pub(super) fn who(effect: &Named) -> Who {
 
 const NOTHING: &str = "nothing: MJCF has no element for it";
 
-fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
-    use Who::{Both, File, Wrapper};
+/// Who carries an effect, what MJCF says of it, and what the wrapper does.
+type Row = (Who, &'static str, &'static str);
+
+fn row(id: &str) -> Option<Row> {
+    friction(id)
+        .or_else(|| transmission(id))
+        .or_else(|| input(id))
+        .or_else(|| load(id))
+        .or_else(|| reading(id))
+        .or_else(|| composed(id))
+}
+
+/// Friction at a joint.
+fn friction(id: &str) -> Option<Row> {
+    use Who::{File, Wrapper};
     Some(match id {
         "stribeck" => (
             Wrapper,
@@ -75,6 +88,14 @@ fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
             NOTHING,
             "changes frictionloss and damping with the time since the start",
         ),
+        _ => return None,
+    })
+}
+
+/// What is between the drive and the link.
+fn transmission(id: &str) -> Option<Row> {
+    use Who::{Both, File, Wrapper};
+    Some(match id {
         "joint_elasticity" => (
             File,
             "a second joint in series with stiffness and damping; rotor, friction and actuator are on the first",
@@ -96,6 +117,14 @@ fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
             NOTHING,
             "applies the friction of the shared motor on both joints",
         ),
+        _ => return None,
+    })
+}
+
+/// What the drive makes of its input.
+fn input(id: &str) -> Option<Row> {
+    use Who::{Both, Wrapper};
+    Some(match id {
         "actuator_lag" => (
             Both,
             "dyntype filterexact of the actuator",
@@ -118,6 +147,14 @@ fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
             "adds the offset to the input, between the other laws of the input",
         ),
         "drive_dead_zone" => (Wrapper, NOTHING, "takes the dead zone off the input"),
+        _ => return None,
+    })
+}
+
+/// What the links carry and what pulls at them.
+fn load(id: &str) -> Option<Row> {
+    use Who::{File, Wrapper};
+    Some(match id {
         "payload" => (File, "mass and inertia of the last body", "nothing more"),
         "base_tilt" => (File, "option gravity, turned", "nothing more"),
         "spring" => (
@@ -130,6 +167,14 @@ fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
             NOTHING,
             "applies the force at the tool point within its time windows",
         ),
+        _ => return None,
+    })
+}
+
+/// What is between the joint and its readings.
+fn reading(id: &str) -> Option<Row> {
+    use Who::{Both, Wrapper};
+    Some(match id {
         "encoder_offset" => (
             Wrapper,
             "nothing: `ref` of the joint would move every position, not only what is read",
@@ -146,6 +191,14 @@ fn row(id: &str) -> Option<(Who, &'static str, &'static str)> {
             "delay of the joint's sensors, to a whole step of the simulation",
             "delays the readings by fractions of a step too",
         ),
+        _ => return None,
+    })
+}
+
+/// Laws that a diagnosis composes itself.
+fn composed(id: &str) -> Option<Row> {
+    use Who::Wrapper;
+    Some(match id {
         "hinge_above" | "hinge_below" | "time_wave" | "wave_of_two" | "wave_of_two_before"
         | "pull_of_two" => (Wrapper, NOTHING, "applies the law as a force"),
         "friction_above_speed" | "friction_above_load" | "friction_wave" => (

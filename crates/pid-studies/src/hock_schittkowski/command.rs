@@ -11,38 +11,63 @@ use pid_nlp::solver::{Barrier, Iteration, Oracle, Settings};
 
 use crate::Failure;
 
+/// What the words ask for.
+#[derive(Default)]
+struct Options {
+    settings: Settings,
+    /// The only problem, whose iterations are shown.
+    shown: Option<u32>,
+    sqp: bool,
+    /// Steps that an approximated Hessian remembers.
+    memory: Option<usize>,
+}
+
+impl Options {
+    fn parse(words: &[String]) -> Result<Self, Failure> {
+        let mut options = Self::default();
+        let mut args = words.iter().cloned();
+        while let Some(arg) = args.next() {
+            match arg.as_str() {
+                "--barrier" => {
+                    options.settings.barrier = match args.next().as_deref() {
+                        Some("monotone") => Barrier::Monotone,
+                        Some("loqo") => Barrier::Adaptive(Oracle::Loqo),
+                        Some("probing") => Barrier::Adaptive(Oracle::Probing),
+                        Some("quality") => Barrier::Adaptive(Oracle::Quality),
+                        _ => {
+                            return Err("--barrier takes monotone, loqo, probing or quality".into());
+                        }
+                    }
+                }
+                "--relaxation" => {
+                    options.settings.bound_relaxation =
+                        args.next().ok_or("--relaxation takes a number")?.parse()?;
+                }
+                "--sqp" => options.sqp = true,
+                "--bfgs" => options.memory = Some(usize::MAX),
+                "--log" => {
+                    options.shown = Some(args.next().ok_or("--log takes a number")?.parse::<u32>()?)
+                }
+                other => {
+                    return Err(format!("unknown option {other}; see the head of this file").into());
+                }
+            }
+        }
+        Ok(options)
+    }
+}
+
 /// Runs the command with its words.
 ///
 /// # Errors
 /// What stops it.
 pub fn run(words: &[String]) -> Result<(), Failure> {
-    let mut settings = Settings::default();
-    let mut shown = None;
-    let (mut sqp, mut memory) = (false, None);
-    let mut args = words.iter().cloned();
-    while let Some(arg) = args.next() {
-        match arg.as_str() {
-            "--barrier" => {
-                settings.barrier = match args.next().as_deref() {
-                    Some("monotone") => Barrier::Monotone,
-                    Some("loqo") => Barrier::Adaptive(Oracle::Loqo),
-                    Some("probing") => Barrier::Adaptive(Oracle::Probing),
-                    Some("quality") => Barrier::Adaptive(Oracle::Quality),
-                    _ => return Err("--barrier takes monotone, loqo, probing or quality".into()),
-                }
-            }
-            "--relaxation" => {
-                settings.bound_relaxation =
-                    args.next().ok_or("--relaxation takes a number")?.parse()?;
-            }
-            "--sqp" => sqp = true,
-            "--bfgs" => memory = Some(usize::MAX),
-            "--log" => shown = Some(args.next().ok_or("--log takes a number")?.parse::<u32>()?),
-            other => {
-                return Err(format!("unknown option {other}; see the head of this file").into());
-            }
-        }
-    }
+    let Options {
+        settings,
+        shown,
+        sqp,
+        memory,
+    } = Options::parse(words)?;
     let mut solver: Box<study::Solver<'_>> = match (sqp, memory) {
         (true, memory) => Box::new(study::sqp(memory)),
         (false, Some(memory)) => Box::new(study::quasi_newton(memory)),

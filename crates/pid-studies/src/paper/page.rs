@@ -132,6 +132,58 @@ fn best_euler(f: &Findings) -> f64 {
     euler.objectives().first().copied().unwrap_or(f64::INFINITY)
 }
 
+/// How many starts come close to the best J, by the number of nodes, in words.
+fn good_starts(f: &Findings, best: f64, full: &Group<'_>) -> String {
+    let share = |g: &Group<'_>| format!("{} of {}", g.within(best, 0.01), g.runs.len());
+    let few: Vec<String> = f
+        .plan
+        .nodes
+        .iter()
+        .map(|&m| {
+            format!(
+                "{m}: {}",
+                share(&Group::shooting(f, m, Second::Exact, false))
+            )
+        })
+        .collect();
+    format!(
+        "starts within 1 % of the best J by number of nodes, exact Hessian: {}; full discretization: {}",
+        few.join(", "),
+        share(full)
+    )
+}
+
+/// How numbers of non-zeros and relative densities change with the number of nodes, in words.
+fn growth(sizes: &[Size]) -> (String, String) {
+    let shooting: Vec<&Size> = sizes.iter().filter(|s| s.nodes.is_some()).collect();
+    let total = |s: &Size| s.nnz.iter().sum::<usize>();
+    let grows = shooting.windows(2).all(|w| total(w[0]) < total(w[1]));
+    let density = |s: &Size| s.densities().map(|d| d.unwrap_or(f64::INFINITY));
+    let falls = shooting.windows(2).all(|w| {
+        let (a, b) = (density(w[0]), density(w[1]));
+        b[1] < a[1] && b[2] < a[2]
+    });
+    let non_zeros = format!(
+        "{} over the numbers of nodes counted; {}",
+        if grows {
+            "increasing"
+        } else {
+            "not increasing everywhere"
+        },
+        shooting
+            .iter()
+            .map(|s| format!("M = {}: {}", s.nodes.unwrap_or(0), total(s)))
+            .collect::<Vec<_>>()
+            .join(", ")
+    );
+    let densities = if falls {
+        "the same".to_owned()
+    } else {
+        "not falling everywhere; see the table".to_owned()
+    };
+    (non_zeros, densities)
+}
+
 /// Rows of "paper says / we find".
 fn comparison(f: &Findings) -> Vec<Vec<String>> {
     let best = best_euler(f);
@@ -171,60 +223,21 @@ fn comparison(f: &Findings) -> Vec<Vec<String>> {
             number(best)
         ),
     );
-    let share = |g: &Group<'_>| format!("{} of {}", g.within(best, 0.01), g.runs.len());
-    let few: Vec<String> = f
-        .plan
-        .nodes
-        .iter()
-        .map(|&m| {
-            format!(
-                "{m}: {}",
-                share(&Group::shooting(f, m, Second::Exact, false))
-            )
-        })
-        .collect();
     row(
         "Figure 3",
         "more nodes make good optima more likely; single shooting and few nodes end in bad ones",
-        format!(
-            "starts within 1 % of the best J by number of nodes, exact Hessian: {}; full discretization: {}",
-            few.join(", "),
-            share(&full)
-        ),
+        good_starts(f, best, &full),
     );
-    let shooting: Vec<&Size> = f.sizes.iter().filter(|s| s.nodes.is_some()).collect();
-    let total = |s: &Size| s.nnz.iter().sum::<usize>();
-    let grows = shooting.windows(2).all(|w| total(w[0]) < total(w[1]));
-    let density = |s: &Size| s.densities().map(|d| d.unwrap_or(f64::INFINITY));
-    let falls = shooting.windows(2).all(|w| {
-        let (a, b) = (density(w[0]), density(w[1]));
-        b[1] < a[1] && b[2] < a[2]
-    });
+    let (non_zeros, densities) = growth(&f.sizes);
     row(
         "Number of non-zeros against M",
         "strictly increasing",
-        format!(
-            "{} over the numbers of nodes counted; {}",
-            if grows {
-                "increasing"
-            } else {
-                "not increasing everywhere"
-            },
-            shooting
-                .iter()
-                .map(|s| format!("M = {}: {}", s.nodes.unwrap_or(0), total(s)))
-                .collect::<Vec<_>>()
-                .join(", ")
-        ),
+        non_zeros,
     );
     row(
         "Figure 4, relative densities",
         "fall with M, most at few nodes",
-        if falls {
-            "the same".to_owned()
-        } else {
-            "not falling everywhere; see the table".to_owned()
-        },
+        densities,
     );
     if let Some(o) = full.best() {
         row(

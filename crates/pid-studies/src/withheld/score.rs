@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use pid_diagnose::circumstances::Circumstances;
-use pid_diagnose::diagnosis::{Diagnosis, Ranked, Verdict};
+use pid_diagnose::diagnosis::{Diagnosis, Magnitude, Ranked, Verdict};
 use pid_diagnose::effects;
 use pid_withheld::{Cause, Kind, Truth};
 use serde::{Deserialize, Serialize};
@@ -187,6 +187,28 @@ pub(crate) fn middle(mut x: Vec<f64>) -> Option<(f64, f64)> {
     Some((*x.get(x.len() / 2)?, *x.last()?))
 }
 
+/// Whether the verdict names the joint of a cause, or the other one of a cable between the first two.
+fn at_joint(d: &Diagnosis, c: &Cause) -> bool {
+    let other = matches!(c.kind, Kind::JointCoupling { .. }) && c.joint == 0;
+    d.verdict.joint() == Some(c.joint + 1) || (other && d.verdict.joint() == Some(2))
+}
+
+/// The estimate of the magnitude of a cause that the verdict names, and its true value.
+fn estimated<'d>(d: &'d Diagnosis, c: &Cause) -> Option<(&'d Magnitude, f64)> {
+    let (key, mut value) = c.kind.magnitude()?;
+    // One cable between the first two joints, seen from the other: K/2 (q₁ + ρ q₂)² = K
+    // ρ²/2 (q₂ + q₁/ρ)².
+    if let Kind::JointCoupling { ratio, .. } = c.kind
+        && c.joint == 0
+        && d.verdict.joint() == Some(2)
+    {
+        value *= ratio * ratio;
+    }
+    let effect = d.effects.iter().find(|e| e.effect == c.kind.id())?;
+    let estimate = effect.parameters.iter().find(|p| p.name == key)?;
+    Some((estimate, value))
+}
+
 /// Scores outcomes.
 pub fn summary(outcomes: &[Outcome]) -> Summary {
     let mut s = Summary::default();
@@ -246,32 +268,12 @@ pub fn summary(outcomes: &[Outcome]) -> Summary {
         }
         for c in o.truth.causes.iter().filter(|c| c.kind.id() == said) {
             if c.kind.has_joint() {
-                let other = matches!(c.kind, Kind::JointCoupling { .. }) && c.joint == 0;
-                s.joint.add(
-                    d.verdict.joint() == Some(c.joint + 1)
-                        || (other && d.verdict.joint() == Some(2)),
-                );
+                s.joint.add(at_joint(d, c));
             }
             if hidden.len() == 1 {
                 gaps.push(d.gap_after / d.gap_floor);
             }
-            let Some((key, mut value)) = c.kind.magnitude() else {
-                continue;
-            };
-            // One cable between the first two joints, seen from the other: K/2 (q₁ + ρ q₂)² = K
-            // ρ²/2 (q₂ + q₁/ρ)².
-            if let Kind::JointCoupling { ratio, .. } = c.kind
-                && c.joint == 0
-                && d.verdict.joint() == Some(2)
-            {
-                value *= ratio * ratio;
-            }
-            let estimate = d
-                .effects
-                .iter()
-                .find(|e| e.effect == said)
-                .and_then(|e| e.parameters.iter().find(|p| p.name == key));
-            if let Some(p) = estimate {
+            if let Some((p, value)) = estimated(d, c) {
                 errors.push((p.value / value - 1.0).abs());
                 if let Some(std) = p.std {
                     s.coverage.add((p.value - value).abs() <= 1.96 * std);

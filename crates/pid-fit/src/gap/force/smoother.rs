@@ -91,8 +91,19 @@ struct Update {
     variance: f64,
 }
 
-/// Smooths. `y` is N × 2 nq row by row, NaN where nothing was measured; one step less than samples.
-pub(super) fn smooth(steps: &[Step], y: &[f64], noise: &Variances, prior: &Prior) -> Smoothed {
+/// The filter's way through the samples.
+struct Filtered {
+    /// Predicted mean and covariance of every sample.
+    predicted: Vec<(DVector<f64>, DMatrix<f64>)>,
+    /// The updates that followed, and their gains, 3 nq each.
+    updates: Vec<Update>,
+    gains: Vec<f64>,
+    /// Number of updates up to the end of every sample.
+    ends: Vec<usize>,
+}
+
+/// The forward pass.
+fn filter(steps: &[Step], y: &[f64], noise: &Variances, prior: &Prior) -> Filtered {
     let nq = noise.drift.len();
     let (m, n) = (3 * nq, steps.len() + 1);
     let measured = |k: usize| {
@@ -102,8 +113,6 @@ pub(super) fn smooth(steps: &[Step], y: &[f64], noise: &Variances, prior: &Prior
             noise.velocity[k - nq]
         }
     };
-
-    // Forward: the predicted mean and covariance of every sample, and the updates that followed.
     let mut mean = prior.mean.clone();
     let mut p = DMatrix::from_diagonal(&prior.variance);
     let mut product = DMatrix::zeros(nq, m);
@@ -153,54 +162,103 @@ pub(super) fn smooth(steps: &[Step], y: &[f64], noise: &Variances, prior: &Prior
             symmetrise(&mut p);
         }
     }
+    Filtered {
+        predicted,
+        updates,
+        gains,
+        ends,
+    }
+}
 
-    // Backward: the adjoint of the prediction of every sample.
+/// The adjoint of a prediction and its variance.
+struct Adjoint {
+    /// λ; 3 nq × 1.
+    mean: DMatrix<f64>,
+    /// Λ; 3 nq × 3 nq.
+    spread: DMatrix<f64>,
+    /// Room for products.
+    single: DMatrix<f64>,
+    product: DMatrix<f64>,
+    columns: DVector<f64>,
+}
+
+impl Adjoint {
+    /// After the last sample, which nothing follows.
+    fn last(nq: usize) -> Self {
+        let m = 3 * nq;
+        Self {
+            mean: DMatrix::zeros(m, 1),
+            spread: DMatrix::zeros(m, m),
+            single: DMatrix::zeros(nq, 1),
+            product: DMatrix::zeros(nq, m),
+            columns: DVector::zeros(m),
+        }
+    }
+
+    /// Back over a step.
+    fn step(&mut self, step: &Step) {
+        step.apply_transposed(&mut self.mean, &mut self.single);
+        step.apply_transposed(&mut self.spread, &mut self.product);
+        self.spread.transpose_mut();
+        step.apply_transposed(&mut self.spread, &mut self.product);
+        symmetrise(&mut self.spread);
+    }
+
+    /// Back over an update with the gain `k`:
+    /// λ ← (I − k h')' λ − h e / s,   Λ ← (I − k h')' Λ (I − k h') + h h' / s
+    fn update(&mut self, update: &Update, k: &[f64]) {
+        let Update {
+            channel,
+            innovation,
+            variance,
+        } = *update;
+        let (adjoint, spread) = (&mut self.mean, &mut self.spread);
+        let along: f64 = k.iter().zip(adjoint.iter()).map(|(k, l)| k * l).sum();
+        adjoint[channel] -= along + innovation / variance;
+        for (c, x) in self.columns.iter_mut().enumerate() {
+            *x = spread.column(c).iter().zip(k).map(|(s, k)| s * k).sum();
+        }
+        let twice: f64 = self.columns.iter().zip(k).map(|(c, k)| c * k).sum();
+        for (c, x) in self.columns.iter().enumerate() {
+            spread[(channel, c)] -= x;
+            spread[(c, channel)] -= x;
+        }
+        spread[(channel, channel)] += twice + 1.0 / variance;
+    }
+}
+
+/// Smooths. `y` is N × 2 nq row by row, NaN where nothing was measured; one step less than samples.
+pub(super) fn smooth(steps: &[Step], y: &[f64], noise: &Variances, prior: &Prior) -> Smoothed {
+    let nq = noise.drift.len();
+    let (m, n) = (3 * nq, steps.len() + 1);
+    let Filtered {
+        predicted,
+        updates,
+        gains,
+        ends,
+    } = filter(steps, y, noise, prior);
     let mut out = Smoothed {
         mean: vec![0.0; n * m],
         variance: vec![0.0; n * m],
         moments: noise.clone(),
     };
     let mut sums = Sums::new(nq);
-    let mut adjoint = DMatrix::zeros(m, 1);
-    let mut spread = DMatrix::zeros(m, m);
-    let mut single = DMatrix::zeros(nq, 1);
-    let mut columns = DVector::<f64>::zeros(m);
+    let mut adjoint = Adjoint::last(nq);
     let mut product_p = DMatrix::zeros(m, m);
     for i in (0..n).rev() {
         if let Some(step) = steps.get(i) {
-            step.apply_transposed(&mut adjoint, &mut single);
-            step.apply_transposed(&mut spread, &mut product);
-            spread.transpose_mut();
-            step.apply_transposed(&mut spread, &mut product);
-            symmetrise(&mut spread);
+            adjoint.step(step);
         }
         let first = if i > 0 { ends[i - 1] } else { 0 };
         for u in (first..ends[i]).rev() {
-            let k = &gains[u * m..(u + 1) * m];
-            let Update {
-                channel,
-                innovation,
-                variance,
-            } = updates[u];
-            // λ ← (I − k h')' λ − h e / s,   Λ ← (I − k h')' Λ (I − k h') + h h' / s
-            let along: f64 = k.iter().zip(adjoint.iter()).map(|(k, l)| k * l).sum();
-            adjoint[channel] -= along + innovation / variance;
-            for (c, x) in columns.iter_mut().enumerate() {
-                *x = spread.column(c).iter().zip(k).map(|(s, k)| s * k).sum();
-            }
-            let twice: f64 = columns.iter().zip(k).map(|(c, k)| c * k).sum();
-            for c in 0..m {
-                spread[(channel, c)] -= columns[c];
-                spread[(c, channel)] -= columns[c];
-            }
-            spread[(channel, channel)] += twice + 1.0 / variance;
+            adjoint.update(&updates[u], &gains[u * m..(u + 1) * m]);
         }
         let (x, p) = &predicted[i];
-        product_p.gemm(1.0, p, &spread, 0.0);
+        product_p.gemm(1.0, p, &adjoint.spread, 0.0);
         for r in 0..m {
             let (mut shift, mut gain) = (0.0, 0.0);
             for c in 0..m {
-                shift += p[(r, c)] * adjoint[c];
+                shift += p[(r, c)] * adjoint.mean[c];
                 gain += product_p[(r, c)] * p[(r, c)];
             }
             out.mean[i * m + r] = x[r] - shift;
@@ -216,8 +274,8 @@ pub(super) fn smooth(steps: &[Step], y: &[f64], noise: &Variances, prior: &Prior
             let h = steps[i - 1].h;
             for j in 0..nq {
                 let (k, q) = (2 * nq + j, h * noise.drift[j]);
-                let n = -q * adjoint[k];
-                sums.drift(j, (n * n + q - q * q * spread[(k, k)]) / h);
+                let n = -q * adjoint.mean[k];
+                sums.drift(j, (n * n + q - q * q * adjoint.spread[(k, k)]) / h);
             }
         }
     }

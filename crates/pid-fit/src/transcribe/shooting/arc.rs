@@ -16,7 +16,7 @@ use super::super::step::{Interval, Rule};
 use super::lu;
 use super::records::Records;
 use super::stepper::{Stepper, unknowns_matrix};
-use super::stepping::Stepping;
+use super::stepping::{Adaptive, Stepping};
 
 /// A step of the integration: where it stands, and the sample at its end if there is one.
 #[derive(Debug, Clone, Copy)]
@@ -26,6 +26,16 @@ struct Piece {
     from: f64,
     share: f64,
     ends_at: Option<usize>,
+}
+
+/// The sampling interval after a sample, and what moves the state over it.
+struct Crossing<'a, 'm> {
+    rule: &'a Rule<'m>,
+    records: &'a Records,
+    p: &'a [f64],
+    sample: usize,
+    /// Length, s.
+    length: f64,
 }
 
 /// A shooting interval.
@@ -151,72 +161,91 @@ impl<'m> Arc<'m> {
             if !self.finite {
                 return;
             }
-            let length = records.t[sample + 1] - records.t[sample];
-            let whole = Interval {
-                h: length,
-                u0: records.input(sample),
-                u1: records.input(sample + 1),
-                from: 0.0,
-                share: 1.0,
+            let over = Crossing {
+                rule,
+                records,
+                p,
+                sample,
+                length: records.t[sample + 1] - records.t[sample],
             };
-            match stepping {
+            self.finite = match stepping {
                 Stepping::Fixed { substeps } => {
-                    let share = 1.0 / substeps as f64;
-                    for part in 0..substeps {
-                        let piece = Piece {
-                            h: length * share,
-                            sample,
-                            from: part as f64 * share,
-                            share,
-                            ends_at: (part + 1 == substeps).then_some(sample + 1),
-                        };
-                        let interval = Self::interval(records, &piece);
-                        if !self.stepper.advance(rule, &state, p, &interval, &mut y) {
-                            self.finite = false;
-                            return;
-                        }
-                        state.copy_from_slice(&y[self.ny - self.nx..]);
-                        self.pieces.push(piece);
-                        self.unknowns.extend_from_slice(&y);
-                        self.states.extend_from_slice(&state);
-                    }
+                    self.cross_in_parts(&over, substeps, &mut state, &mut y)
                 }
                 Stepping::Adaptive(tolerances) => {
-                    if proposal <= 0.0 || proposal > length {
-                        proposal = length;
-                    }
-                    let (pieces, unknowns, states) =
-                        (&mut self.pieces, &mut self.unknowns, &mut self.states);
-                    let nx = self.nx;
-                    let crossed = self.stepper.adapt(
-                        rule,
-                        &mut state,
-                        p,
-                        &whole,
-                        tolerances,
-                        &mut proposal,
-                        |y, step| {
-                            pieces.push(Piece {
-                                h: step.h,
-                                sample,
-                                from: step.from,
-                                share: step.share,
-                                ends_at: None,
-                            });
-                            unknowns.extend_from_slice(y);
-                            states.extend_from_slice(&y[y.len() - nx..]);
-                        },
-                    );
-                    if let Some(last) = self.pieces.last_mut() {
-                        last.ends_at = Some(sample + 1);
-                    }
-                    if !crossed {
-                        self.finite = false;
-                        return;
-                    }
+                    self.cross_adaptively(&over, tolerances, &mut state, &mut proposal)
                 }
-            }
+            };
         }
+    }
+
+    /// Steps over the interval after a sample in equal parts; `false` where a step has no solution.
+    fn cross_in_parts(
+        &mut self,
+        over: &Crossing<'_, 'm>,
+        substeps: usize,
+        state: &mut [f64],
+        y: &mut [f64],
+    ) -> bool {
+        let share = 1.0 / substeps as f64;
+        for part in 0..substeps {
+            let piece = Piece {
+                h: over.length * share,
+                sample: over.sample,
+                from: part as f64 * share,
+                share,
+                ends_at: (part + 1 == substeps).then_some(over.sample + 1),
+            };
+            let interval = Self::interval(over.records, &piece);
+            if !self.stepper.advance(over.rule, state, over.p, &interval, y) {
+                return false;
+            }
+            state.copy_from_slice(&y[self.ny - self.nx..]);
+            self.pieces.push(piece);
+            self.unknowns.extend_from_slice(y);
+            self.states.extend_from_slice(state);
+        }
+        true
+    }
+
+    /// Steps over the interval after a sample in controlled steps; `false` where they do not reach its end.
+    fn cross_adaptively(
+        &mut self,
+        over: &Crossing<'_, 'm>,
+        tolerances: Adaptive,
+        state: &mut [f64],
+        proposal: &mut f64,
+    ) -> bool {
+        let (sample, length) = (over.sample, over.length);
+        let whole = Interval {
+            h: length,
+            u0: over.records.input(sample),
+            u1: over.records.input(sample + 1),
+            from: 0.0,
+            share: 1.0,
+        };
+        if *proposal <= 0.0 || *proposal > length {
+            *proposal = length;
+        }
+        let (pieces, unknowns, states) = (&mut self.pieces, &mut self.unknowns, &mut self.states);
+        let nx = self.nx;
+        let keep = |y: &[f64], step: &Interval<'_>| {
+            pieces.push(Piece {
+                h: step.h,
+                sample,
+                from: step.from,
+                share: step.share,
+                ends_at: None,
+            });
+            unknowns.extend_from_slice(y);
+            states.extend_from_slice(&y[y.len() - nx..]);
+        };
+        let stepper = &mut self.stepper;
+        let crossed = stepper.adapt(over.rule, state, over.p, &whole, tolerances, proposal, keep);
+        if let Some(last) = self.pieces.last_mut() {
+            last.ends_at = Some(sample + 1);
+        }
+        crossed
     }
 
     /// The state before piece `k`, or at the end.

@@ -91,6 +91,87 @@ pub struct Shooting<'m> {
 /// Sampling intervals below which everything runs on the calling thread.
 const PARALLEL_INTERVALS: usize = 1500;
 
+/// What the windows come to, one after the other.
+struct Windows<'m> {
+    records: Records,
+    chains: Vec<Chain>,
+    arcs: Vec<Arc<'m>>,
+    /// States at the nodes, as the tracks guess them.
+    start: Vec<f64>,
+    /// Rows of continuity.
+    rows: usize,
+}
+
+impl<'m> Windows<'m> {
+    /// Adds a window with its nodes; there are `samples` in all windows together.
+    fn add(&mut self, rule: &Rule<'m>, fit: &mut Fit, track: &Track, nodes: usize, samples: usize) {
+        let dims = rule.model().dims();
+        let (nx, np, channels) = (2 * dims.nq, dims.np, fit.channels());
+        let first_sample = self.records.t.len();
+        let len = track.t.len();
+        assert_eq!(
+            track.measured.len(),
+            channels * len,
+            "measurements fit the times"
+        );
+        let count = nodes.min(len);
+        self.chains.push(Chain {
+            nodes: count,
+            x: self.start.len(),
+            first_sample,
+        });
+        for j in 0..count {
+            let at = j * len / count;
+            let end = if j + 1 < count {
+                (j + 1) * len / count
+            } else {
+                len - 1
+            };
+            let x = self.start.len();
+            self.start
+                .extend_from_slice(&track.guess[at * nx..(at + 1) * nx]);
+            let next = (j + 1 < count).then_some((x + nx, self.rows));
+            self.rows += if next.is_some() { nx } else { 0 };
+            let first = first_sample + at;
+            self.arcs
+                .push(Arc::new(rule, fit, np, x, next, first, end - at));
+        }
+        for k in 0..len {
+            let measured = track.measured[k * channels..(k + 1) * channels].iter();
+            let weights = (0..channels).map(|c| track.weight(k, c, channels) / samples as f64);
+            fit.push(measured.copied(), weights);
+        }
+        self.records.t.extend_from_slice(&track.t);
+        self.records.u.extend_from_slice(&track.u);
+    }
+}
+
+/// Entries of the Jacobian and of the Hessian: each arc ties its own node, the next one and the
+/// parameters, which stand from `p` on.
+fn patterns(arcs: &[Arc<'_>], nx: usize, np: usize, p: usize) -> (SparsePattern, SparsePattern) {
+    let (mut jacobian_pattern, mut hessian_pattern) =
+        (SparsePattern::default(), SparsePattern::default());
+    for arc in arcs {
+        if let Some((next, row)) = arc.next {
+            for i in 0..nx {
+                (0..nx).for_each(|j| jacobian_pattern.push(row + i, arc.x + j));
+                jacobian_pattern.push(row + i, next + i);
+                (0..np).for_each(|j| jacobian_pattern.push(row + i, p + j));
+            }
+        }
+        for i in 0..nx {
+            (0..=i).for_each(|j| hessian_pattern.push(arc.x + i, arc.x + j));
+        }
+        for i in 0..np {
+            (0..nx).for_each(|j| hessian_pattern.push(p + i, arc.x + j));
+        }
+    }
+    for i in 0..np {
+        (0..=i).for_each(|j| hessian_pattern.push(p + i, p + j));
+    }
+    (jacobian_pattern, hessian_pattern)
+}
+
 impl<'m> Shooting<'m> {
     /// Builds the program; every window gets `nodes` nodes, or as many as it has samples.
     /// `setup.substeps` counts where `stepping` is `None`.
@@ -125,74 +206,32 @@ impl<'m> Shooting<'m> {
         );
         let samples: usize = tracks.iter().map(|t| t.t.len()).sum();
         let mut fit = Fit::new(nx, np, setup.output.clone(), setup.loss, samples);
-        let channels = fit.channels();
-        let mut records = Records {
-            t: Vec::new(),
-            u: Vec::new(),
-            nu: dims.nu,
+        let mut windows = Windows {
+            records: Records {
+                t: Vec::new(),
+                u: Vec::new(),
+                nu: dims.nu,
+            },
+            chains: Vec::new(),
+            arcs: Vec::new(),
+            start: Vec::new(),
+            rows: 0,
         };
-        let (mut chains, mut arcs, mut start) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut row, mut first_sample) = (0, 0);
         for track in tracks {
-            let len = track.t.len();
-            assert_eq!(
-                track.measured.len(),
-                channels * len,
-                "measurements fit the times"
-            );
-            let count = nodes.min(len);
-            chains.push(Chain {
-                nodes: count,
-                x: start.len(),
-                first_sample,
-            });
-            for j in 0..count {
-                let at = j * len / count;
-                let end = if j + 1 < count {
-                    (j + 1) * len / count
-                } else {
-                    len - 1
-                };
-                let x = start.len();
-                start.extend_from_slice(&track.guess[at * nx..(at + 1) * nx]);
-                let next = (j + 1 < count).then_some((x + nx, row));
-                row += if next.is_some() { nx } else { 0 };
-                let first = first_sample + at;
-                arcs.push(Arc::new(&rule, &fit, np, x, next, first, end - at));
-            }
-            for k in 0..len {
-                let measured = track.measured[k * channels..(k + 1) * channels].iter();
-                let weights = (0..channels).map(|c| track.weight(k, c, channels) / samples as f64);
-                fit.push(measured.copied(), weights);
-            }
-            records.t.extend_from_slice(&track.t);
-            records.u.extend_from_slice(&track.u);
-            first_sample += len;
+            windows.add(&rule, &mut fit, track, nodes, samples);
         }
+        let Windows {
+            records,
+            chains,
+            arcs,
+            start,
+            rows,
+        } = windows;
         let p = start.len();
-        let (mut jacobian_pattern, mut hessian_pattern) =
-            (SparsePattern::default(), SparsePattern::default());
-        for arc in &arcs {
-            if let Some((next, row)) = arc.next {
-                for i in 0..nx {
-                    (0..nx).for_each(|j| jacobian_pattern.push(row + i, arc.x + j));
-                    jacobian_pattern.push(row + i, next + i);
-                    (0..np).for_each(|j| jacobian_pattern.push(row + i, p + j));
-                }
-            }
-            for i in 0..nx {
-                (0..=i).for_each(|j| hessian_pattern.push(arc.x + i, arc.x + j));
-            }
-            for i in 0..np {
-                (0..nx).for_each(|j| hessian_pattern.push(p + i, arc.x + j));
-            }
-        }
-        for i in 0..np {
-            (0..=i).for_each(|j| hessian_pattern.push(p + i, p + j));
-        }
+        let (jacobian_pattern, hessian_pattern) = patterns(&arcs, nx, np, p);
         Self {
             n: p + np,
-            m: row,
+            m: rows,
             nx,
             np,
             rule,
