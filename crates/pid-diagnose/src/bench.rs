@@ -106,6 +106,8 @@ fn simulated(
                 u: vec![u],
                 smooth_q: vec![vec![0.0; samples]],
                 smooth_v: vec![vec![0.0; samples]],
+                first_v: vec![0.0],
+                whole: None,
             }
         })
         .collect();

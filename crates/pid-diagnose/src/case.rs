@@ -44,6 +44,11 @@ pub struct Record {
     pub smooth_q: Vec<Vec<f64>>,
     /// Their derivative.
     pub smooth_v: Vec<Vec<f64>>,
+    /// Velocities at the first sample; zero where readings show none.
+    pub first_v: Vec<f64>,
+    /// Of a part of a record: standard deviations of the position and velocity readings of every joint of the
+    /// whole.
+    pub whole: Option<Vec<(f64, f64)>>,
 }
 
 impl Record {

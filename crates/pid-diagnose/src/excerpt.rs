@@ -19,6 +19,7 @@ use pid_data::Role;
 
 use crate::case::{Case, Record};
 use crate::fit::{Fit, all_gains};
+use crate::gap::deviations;
 
 /// Length of a part at least, s.
 const SHORTEST: f64 = 4.0;
@@ -126,6 +127,12 @@ fn cut(record: &Record, from: usize, to: usize) -> Record {
         u: part(&record.u),
         smooth_q: part(&record.smooth_q),
         smooth_v: part(&record.smooth_v),
+        first_v: match from {
+            0 => record.first_v.clone(),
+            _ => record.smooth_v.iter().map(|v| v[from]).collect(),
+        },
+        // A joint that hardly moves in a part is not judged by that little motion.
+        whole: Some(deviations(record, record.q.len())),
     }
 }
 
@@ -200,8 +207,27 @@ fn choose(case: &Case, parts: &[(usize, usize, usize)], allowed: f64) -> Vec<boo
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::pendulum;
+    use crate::bench::{SIZE, pendulum};
+    use crate::gap::gap;
     use crate::hypothesis::Hypothesis;
+
+    /// A part from the middle of a motion starts with its velocity, and errors are relative to the whole motion.
+    #[test]
+    fn parts_are_predicted_as_they_are_in_the_whole() {
+        let nothing = Hypothesis::default();
+        let case = pendulum(&nothing, &[], 24.0, &|_| {});
+        let cut = excerpt(&case, 20.0);
+        let tests = || cut.records.iter().filter(|r| r.role == Role::Test);
+        assert!(tests().any(|r| r.begin > 0.0 && r.first_v[0].abs() > 0.2 * case.scale[0].speed));
+        for part in tests() {
+            let mut whole = case.records.iter();
+            let whole = whole.find(|w| w.name == part.name).expect("a record");
+            assert_eq!(deviations(part, 1), deviations(whole, 1));
+        }
+        let left = |case: &Case| gap(case, &nothing, &[0.0; SIZE], &[], Role::Test).total;
+        let (parts, all) = (left(&cut), left(&case));
+        assert!(parts < 1.5 * all, "{parts} of parts, {all} of all");
+    }
 
     #[test]
     fn parts_that_move_are_kept_with_their_time() {

@@ -278,8 +278,12 @@ pub(crate) fn within(values: impl Iterator<Item = f64>) -> (f64, f64) {
     (at(0.025), at(0.975))
 }
 
-/// Standard deviations of the position and velocity readings of every joint of a record.
+/// Standard deviations of the position and velocity readings of every joint of a record, of a part those of
+/// the whole record.
 pub(crate) fn deviations(record: &Record, n: usize) -> Vec<(f64, f64)> {
+    if let Some(whole) = &record.whole {
+        return whole.clone();
+    }
     (0..n)
         .map(|j| (deviation(&record.q[j]), deviation(&record.v[j])))
         .collect()

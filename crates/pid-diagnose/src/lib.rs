@@ -69,6 +69,7 @@ pub mod declared;
 pub mod diagnosis;
 pub mod excerpt;
 pub mod extended;
+mod first;
 pub mod fit;
 pub mod free;
 pub mod gap;

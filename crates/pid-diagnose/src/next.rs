@@ -384,6 +384,8 @@ fn recorded(case: &Case, fit: &Fit, u: Vec<Vec<f64>>, first: &[f64]) -> Option<R
         u,
         smooth_q: constant(first),
         smooth_v: constant(&still),
+        first_v: still.clone(),
+        whole: None,
     };
     let plain = record.clone();
     let mut runner = Runner::<f64>::new(

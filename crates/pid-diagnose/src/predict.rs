@@ -270,7 +270,10 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         let i = (x.floor() as usize).min(r.len() - 2);
         let s = x - i as f64;
         let mix = |y: &[f64]| y[i] * (1.0 - s) + y[i + 1] * s;
-        let v = if k == 0 { 0.0 } else { mix(&r.smooth_v[j]) };
+        let v = match k {
+            0 => r.first_v[j],
+            _ => mix(&r.smooth_v[j]),
+        };
         self.unread(j, mix(&r.smooth_q[j]), v)
     }
 

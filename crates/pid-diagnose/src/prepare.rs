@@ -14,7 +14,7 @@ use crate::hypothesis::Run;
 use crate::known::Known;
 use crate::nominal::{Joint, Nominal, NominalError};
 use crate::outlier::least_deviation;
-use crate::{regular, servo};
+use crate::{first, regular, servo};
 
 /// Fewest samples of a record.
 const SHORTEST: usize = 50;
@@ -84,21 +84,31 @@ fn record(
         signal::fill_missing(t, &mut q);
         smoothed(t, q)
     });
-    let (smooth_q, smooth_v) = smooth.unzip();
+    let (smooth_q, smooth_v): (Vec<Vec<f64>>, Vec<Vec<f64>>) = smooth.unzip();
+    let h = match equal.is_some() {
+        true => t[1] - t[0],
+        false => e.sample_time(),
+    };
     Ok(Record {
         name: e.name.clone(),
         role: e.role,
-        h: match equal.is_some() {
-            true => t[1] - t[0],
-            false => e.sample_time(),
-        },
+        h,
+        first_v: first_velocities(&q, &smooth_v, h),
         begin: 0.0,
         q,
         v,
         u,
         smooth_q,
         smooth_v,
+        whole: None,
     })
+}
+
+/// Velocities of all joints at the first sample, by the readings of the positions.
+fn first_velocities(q: &[Vec<f64>], smooth_v: &[Vec<f64>], h: f64) -> Vec<f64> {
+    let speed = |v: &[f64]| v.iter().fold(0.0_f64, |largest, v| largest.max(v.abs()));
+    let each = q.iter().zip(smooth_v);
+    each.map(|(q, v)| first::velocity(q, h, speed(v))).collect()
 }
 
 /// Readings of a joint with those that are errors of the recording missing; these go to `outliers`.

@@ -14,7 +14,7 @@ pub struct Settings {
     /// Whether every candidate is refitted to its end, whatever screening says of it: what
     /// screening is measured against.
     pub refit_all: bool,
-    /// Length of the train records that is fitted, s times the number of joints, and twice that of
+    /// Length of the train records that is fitted, s times the number of joints, and half that of
     /// the test records that it is judged by; the parts that decide are taken from longer ones (see
     /// [`excerpt`](crate::excerpt)).
     pub joint_seconds: f64,
