@@ -368,6 +368,8 @@ pub trait Effect: Send + Sync {
     fn partner(&self, joint: usize) -> Option<usize>;
     /// Whether it cannot be at a joint without partner.
     fn needs_partner(&self) -> bool;
+    /// Parameters at whose zero the law is another one: each must differ from zero beside the amplitudes.
+    fn essential(&self) -> &'static [usize];
     /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its
     /// Lagrangian.
     fn needs_bodies(&self) -> bool;
@@ -418,6 +420,10 @@ pub trait Model: Send + Sync {
     /// Whether it cannot be at a joint without partner.
     fn needs_partner(&self) -> bool {
         false
+    }
+    /// Parameters at whose zero the law is another one: each must differ from zero beside the amplitudes.
+    fn essential(&self) -> &'static [usize] {
+        &[]
     }
     /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its
     /// Lagrangian.
@@ -481,6 +487,9 @@ where
     }
     fn needs_partner(&self) -> bool {
         Model::needs_partner(self)
+    }
+    fn essential(&self) -> &'static [usize] {
+        Model::essential(self)
     }
     fn needs_bodies(&self) -> bool {
         Model::needs_bodies(self)

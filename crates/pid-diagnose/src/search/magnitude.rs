@@ -154,7 +154,8 @@ pub(super) fn deviations(case: &Case, criteria: &Criteria, fit: &Fit) -> Option<
 /// How many of its own standard deviations the amplitudes of each effect of a fit reach,
 /// `√(eᵀ C⁻¹ e / m)` over its m amplitudes (A. Wald 1943), C the larger of the two [`covariances`];
 /// an effect without an absent point is judged by its first parameter. Phases, rests and edges tell
-/// where an effect is, not that there is one.
+/// where an effect is, not that there is one. No more than each parameter at whose zero the law is another one
+/// reaches by itself.
 pub(super) fn sizes(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<f64> {
     let Some((curved, blocks)) = covariances(case, criteria, fit) else {
         return vec![0.0; fit.hypothesis.terms.len()];
@@ -178,17 +179,21 @@ pub(super) fn sizes(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<f64> {
                 .copied()
                 .filter(|a| !dead[size + at + a])
                 .collect();
-            let m = own.len();
-            let e = DVector::from_fn(m, |i, _| fit.point.e[at + own[i]]);
-            [&curved, &blocks]
-                .iter()
-                .map(|c| {
-                    let place = |i: usize| size + at + own[i];
-                    let part = DMatrix::from_fn(m, m, |i, k| c[(place(i), place(k))]);
-                    part.cholesky()
-                        .map_or(0.0, |f| (e.dot(&f.solve(&e)) / m.max(1) as f64).sqrt())
-                })
-                .fold(f64::INFINITY, f64::min)
+            let reached = |own: &[usize]| {
+                let m = own.len();
+                let e = DVector::from_fn(m, |i, _| fit.point.e[at + own[i]]);
+                [&curved, &blocks]
+                    .iter()
+                    .map(|c| {
+                        let place = |i: usize| size + at + own[i];
+                        let part = DMatrix::from_fn(m, m, |i, k| c[(place(i), place(k))]);
+                        part.cholesky()
+                            .map_or(0.0, |f| (e.dot(&f.solve(&e)) / m.max(1) as f64).sqrt())
+                    })
+                    .fold(f64::INFINITY, f64::min)
+            };
+            let essential = term.effect.essential().iter();
+            essential.fold(reached(&own), |size, &one| size.min(reached(&[one])))
         })
         .collect()
 }
@@ -290,9 +295,83 @@ pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::bench::{SIZE, named, pendulum};
+    use crate::constants::Constants;
+    use crate::effect::{Class, Forces, Info, Kind, Law, Model, Site, Term, Unit, parameter};
     use crate::fit::{Effort, Point, basis, fit};
+    use crate::hypothesis::Hypothesis;
+    use crate::scalar::Scalar;
+
+    /// Drag of a joint that a spring holds: without the spring it is drag.
+    struct Held;
+
+    static HELD: Info = Info {
+        id: "held",
+        title: "Drag and a spring",
+        equation: "force −c v |v| − k q",
+        source: "this test",
+        kind: Kind::Force,
+        class: Class::Velocity,
+        has_joint: true,
+        parameters: &[
+            parameter("drag", "N*m*s^2", Unit::Drag, 0.0, 20.0),
+            parameter("stiffness", "N*m/rad", Unit::Stiffness, -5.0, 5.0),
+        ],
+        starts: &[&[0.1, 0.0]],
+        amplitudes: &[0],
+        confusions: &[],
+        regime: "all of it",
+        equals: &[],
+        mujoco: None,
+        isaac: None,
+        urdf: None,
+    };
+
+    impl Model for Held {
+        fn info(&self) -> &'static Info {
+            &HELD
+        }
+        fn essential(&self) -> &'static [usize] {
+            &[1]
+        }
+    }
+
+    impl<D: Scalar> Law<D> for Held {
+        fn force(
+            &self,
+            e: &[D],
+            at: &Site<'_, D>,
+            _memory: &[D],
+            f: &mut Forces<'_, D>,
+            _constants: &Constants<D>,
+        ) {
+            f.rate[at.joint] += e[0] * at.speed();
+            f.value[at.joint] += -(e[1] * at.q[at.joint]);
+        }
+    }
+
+    #[test]
+    fn an_effect_has_no_size_where_its_essential_parameter_is_zero() {
+        let size = |stiffness: f64| {
+            let held = Hypothesis::new(vec![Term {
+                effect: Arc::new(Held),
+                joint: 0,
+            }]);
+            let case = pendulum(&held, &[0.3, stiffness], 6.0, &|_| {});
+            let at = Point {
+                theta: vec![0.0; SIZE],
+                e: vec![0.2, 0.1],
+            };
+            let found = fit(&case, &basis(&case), &held, at, Effort::full(14));
+            assert!((found.point.e[0] - 0.3).abs() < 0.06, "{:?}", found.point.e);
+            sizes(&case, &Criteria::default(), &found)[0]
+        };
+        let (drag, both) = (size(0.0), size(1.0));
+        assert!(drag < 3.0 && both > 10.0, "{drag} {both}");
+    }
 
     #[test]
     fn a_force_that_cannot_act_across_the_plane_has_a_size_within_it() {

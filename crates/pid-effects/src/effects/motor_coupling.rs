@@ -63,6 +63,10 @@ impl Model for MotorCoupling {
     fn needs_partner(&self) -> bool {
         true
     }
+    /// Without a ratio it is friction of its own joint.
+    fn essential(&self) -> &'static [usize] {
+        &[2]
+    }
     fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<Quantity> {
         vec![
             quantity("viscous", "N*m*s/rad", e[0]),
