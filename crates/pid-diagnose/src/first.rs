@@ -9,10 +9,9 @@ use nalgebra::{DMatrix, DVector};
 const LENGTH: f64 = 0.1;
 /// Fewest readings: twice those that a cubic and its scatter need.
 const FEWEST: usize = 10;
-/// Share of the largest speed of a record below which a joint starts from rest. What is pushed at the first sample
-/// bends the cubic by up to 6 % (practice cases, which all start at rest); a pendulum that a servo lets go shows
-/// up to 12 %, and free runs from rest follow it better (`docs/experiments.md`).
-const SLOW: f64 = 0.2;
+/// Share of the largest speed of a record below which a joint starts from rest: what is pushed at the first sample
+/// bends the cubic by more than 5 % of it in one practice case, all of which start at rest.
+const SLOW: f64 = 0.1;
 /// A slope of so many of its deviations is no chance: readings are rounded and their noise is coloured, so this
 /// is more than a quantile of the normal distribution.
 const CERTAIN: f64 = 5.0;
