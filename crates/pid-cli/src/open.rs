@@ -456,17 +456,11 @@ mod tests {
             opened.write(&at("data")).expect("written");
             opened.records.dataset.input_hold
         };
-        assert_eq!(
-            held("a.csv", None),
-            InputHold::Linear,
-            "a torque is measured"
-        );
-        assert_eq!(
-            held("a.csv", Some(HoldArg::ZeroOrder)),
-            InputHold::ZeroOrder
-        );
-        assert_eq!(held("data", None), InputHold::ZeroOrder, "as written");
-        assert_eq!(held("data", Some(HoldArg::Linear)), InputHold::Linear);
+        let (kept, straight) = (InputHold::ZeroOrder, InputHold::Linear);
+        assert_eq!(held("a.csv", None), kept, "an effort may be commanded");
+        assert_eq!(held("a.csv", Some(HoldArg::Linear)), straight);
+        assert_eq!(held("data", None), straight, "as written");
+        assert_eq!(held("data", Some(HoldArg::ZeroOrder)), kept);
     }
 
     #[test]
