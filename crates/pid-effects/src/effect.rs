@@ -370,8 +370,7 @@ pub trait Effect: Send + Sync {
     fn needs_partner(&self) -> bool;
     /// Parameters at whose zero the law is another one: each must differ from zero beside the amplitudes.
     fn essential(&self) -> &'static [usize];
-    /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its
-    /// Lagrangian.
+    /// Whether it acts on the bodies of a robot: there are none where a robot is declared by its Lagrangian.
     fn needs_bodies(&self) -> bool;
     /// Whether it acts on the inputs of all joints together: it needs several, without position loops.
     fn needs_inputs(&self) -> bool;
@@ -425,8 +424,7 @@ pub trait Model: Send + Sync {
     fn essential(&self) -> &'static [usize] {
         &[]
     }
-    /// Whether it acts on the bodies of a robot: there are none where the robot is declared by its
-    /// Lagrangian.
+    /// Whether it acts on the bodies of a robot: there are none where a robot is declared by its Lagrangian.
     fn needs_bodies(&self) -> bool {
         false
     }
