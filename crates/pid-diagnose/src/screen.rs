@@ -256,13 +256,14 @@ impl Reference<'_> {
             .par_iter()
             .filter_map(|&(i, start)| {
                 let (hypothesis, at) = self.with(&terms[i].0, start);
-                let gains = all_gains(self.case, &hypothesis, &at);
-                let spread: f64 = log_dets(self.case, &gains, Role::Train).iter().sum();
+                let case = self.compared_on(&terms[i].0);
+                let gains = all_gains(case, &hypothesis, &at);
+                let spread: f64 = log_dets(case, &gains, Role::Train).iter().sum();
                 let bound = match self.beside_joint(&terms[i].0) {
                     true => f64::INFINITY,
                     false => lowest[i].lock().map_or(f64::INFINITY, |l| l.max(present)),
                 };
-                let value = value_below(bound - spread, self.case, &hypothesis, &at, &gains)?;
+                let value = value_below(bound - spread, case, &hypothesis, &at, &gains)?;
                 let evidence = value.evidence();
                 if let Ok(mut l) = lowest[i].lock() {
                     *l = l.min(evidence);
@@ -279,14 +280,22 @@ impl Reference<'_> {
                 let (hypothesis, _) = self.with(term, &[]);
                 let first = self.fit.point.e.len();
                 let effort = Effort::on_the_way(self.budget.approach);
-                let near = fit(self.case, &frozen, &hypothesis, at.clone(), effort);
+                let near = fit(
+                    self.compared_on(term),
+                    &frozen,
+                    &hypothesis,
+                    at.clone(),
+                    effort,
+                );
+                let gains = all_gains(self.case, &hypothesis, &near.point);
+                let spread: f64 = log_dets(self.case, &gains, Role::Train).iter().sum();
                 let directions: Vec<Direction<'_>> =
                     (first..near.point.e.len()).map(Direction::Effect).collect();
                 let lin = linearise(
                     self.case,
                     &hypothesis,
                     &near.point,
-                    &near.gains,
+                    &gains,
                     Role::Train,
                     &directions,
                 );
@@ -313,7 +322,7 @@ impl Reference<'_> {
                     start: own.iter().zip(&step).map(|(s, d)| s + d).collect(),
                     theta,
                     // Gains of its own: the predicted covariances count.
-                    objective: objective + near.train.spread() - self.fit.train.spread(),
+                    objective: objective + spread - self.fit.train.spread(),
                 })
             })
             .collect()
@@ -373,6 +382,14 @@ impl Reference<'_> {
                 lowest(own.par_iter().map(glance).collect(), present)
             })
             .collect()
+    }
+
+    /// The records on which the starts of a term are compared.
+    fn compared_on(&self, term: &Term) -> &Case {
+        match self.beside_joint(term) {
+            true => self.glanced,
+            false => self.case,
+        }
     }
 
     /// Whether the starts of a term are compared with the nominal parameters of its joint free.

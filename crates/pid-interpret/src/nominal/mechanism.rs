@@ -14,8 +14,12 @@ use super::error::NominalError;
 use super::provenance::{Inertials, Provenance};
 use super::{Channel, EncoderSide, Measurement, Nominal, Role, Velocity, general, measured};
 
-/// Friction as a share of the largest torque: that of a geared drive in good order.
-const FRICTION: f64 = 0.03;
+/// Coulomb friction as a share of the largest torque: that of a geared drive in good order.
+const COULOMB: f64 = 0.03;
+/// Viscous friction at the largest velocity as a share of the largest torque. Harmonic drives have 0.13 to 0.22 (UR10e
+/// of S. Mamedov, S. Mikhel, Frontiers in Robotics and AI 2020, with the limits of its data sheet), direct ones hardly
+/// any: zero to five times this start value holds both.
+const VISCOUS: f64 = 0.1;
 /// Rotor inertia at the joint per largest torque, s²/rad. Geared drives have 0.004 to 0.011 (UR10e of S. Mamedov,
 /// S. Mikhel, Frontiers in Robotics and AI 2020; XL-330 and STS3215 of BAM), direct ones less: zero to five times this
 /// start value holds twice as much.
@@ -185,10 +189,10 @@ impl Scales {
         };
         let (rotor_inertia, coulomb, viscous) = (
             unknown(body.rotor, ROTOR * torque, "rotor inertia", unit[0]),
-            unknown(body.coulomb, FRICTION * torque, "Coulomb friction", unit[1]),
+            unknown(body.coulomb, COULOMB * torque, "Coulomb friction", unit[1]),
             unknown(
                 body.viscous,
-                FRICTION * torque / speed,
+                VISCOUS * torque / speed,
                 "viscous friction",
                 unit[2],
             ),

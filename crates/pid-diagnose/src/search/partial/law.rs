@@ -5,6 +5,8 @@
 //! never fitted, and free runs that shrink beyond their scatter. Their sum is the law. Where effects imitate
 //! what has no name, effects and terms are taken together.
 
+use std::collections::BTreeSet;
+
 use pid_data::Role;
 
 use super::finish::ended;
@@ -82,7 +84,7 @@ fn beside(
     named: &[String],
 ) -> Evidence {
     let criteria = &settings.criteria;
-    let rounds = taken(&mut now, &evidence.rivals, settings, sensors, named);
+    let rounds = taken(&mut now, &evidence, settings, sensors, named);
     evidence.refits += rounds.iter().map(|r| r.candidates.len()).sum::<usize>();
     evidence.rounds.extend(rounds);
     if now.fit.hypothesis.terms.iter().all(|t| !is_term(t)) {
@@ -143,10 +145,11 @@ fn labels(now: &Stand) -> Vec<String> {
     now.fit.hypothesis.terms.iter().map(Term::label).collect()
 }
 
-/// Takes terms until none pays; the effects that are `named` stay. Where none is, effects are taken too.
+/// Takes terms until none pays; the effects that are `named` stay. Where none is, effects are taken too, of
+/// those that were among the best of a round of the evidence.
 fn taken(
     now: &mut Stand,
-    rivals: &[Fit],
+    evidence: &Evidence,
     settings: &Settings,
     sensors: &[(f64, f64)],
     named: &[String],
@@ -159,6 +162,8 @@ fn taken(
         effects,
         ..settings.clone()
     };
+    let tried = evidence.rounds.iter().flat_map(|r| &r.candidates);
+    let tried: BTreeSet<&str> = tried.map(|c| c.label.as_str()).collect();
     let mut rounds: Vec<Round> = Vec::new();
     for _ in 0..settings.budget.terms {
         if settings.watch.stopped() {
@@ -166,10 +171,10 @@ fn taken(
         }
         let missing = Missing::new(&now.case, &now.fit);
         let asked = Asked {
-            only: &|_| true,
+            only: &|term| is_term(term) || tried.contains(term.label().as_str()),
             starts: &|term| match is_term(term) {
                 true => missing.starts(term),
-                false => last_of(rivals, term),
+                false => last_of(&evidence.rivals, term),
             },
             shown: false,
         };

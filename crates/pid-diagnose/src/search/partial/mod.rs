@@ -120,7 +120,7 @@ struct Asked<'a> {
     /// Which terms.
     only: &'a dyn Fn(&Term) -> bool,
     /// Where else the parameters of a term start.
-    starts: &'a dyn Fn(&Term) -> Vec<Vec<f64>>,
+    starts: &'a (dyn Fn(&Term) -> Vec<Vec<f64>> + Sync),
     /// Whether a signal shows them by itself.
     shown: bool,
 }
@@ -136,9 +136,8 @@ fn round(
 ) -> (Vec<Refit>, Round, Option<(usize, Stand)>) {
     let mut list = listed(&now.case, &now.directions, settings, &now.fit);
     list.retain(|(term, _)| (asked.only)(term));
-    for (term, starts) in &mut list {
-        starts.extend((asked.starts)(term));
-    }
+    list.par_iter_mut()
+        .for_each(|(term, starts)| starts.extend((asked.starts)(term)));
     let many = Settings {
         budget: Budget {
             refits: settings.budget.partial_refits,

@@ -10,7 +10,7 @@
 //!
 //! with the force Φ per unit of each amplitude. The best points of the grid are starts.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{PI, SQRT_2, TAU};
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use pid_data::Role;
@@ -23,6 +23,11 @@ use crate::locate::{Residual, residuals};
 
 /// Samples of the missing force that are looked at, at most.
 const SAMPLES: usize = 3000;
+/// One of so many of them is looked at first where a grid is large.
+const FEWER: usize = 8;
+/// Points of a grid that are looked at with all samples: chance alone gives a point about 2/375 of what is missing
+/// there, so one of a few hundredths is among these.
+const POINTS: usize = 200;
 /// Starts of a term.
 const STARTS: usize = 3;
 /// Values of a place: quantiles of what the records pass through.
@@ -38,6 +43,13 @@ const FREQUENCIES: usize = 1500;
 
 /// The missing force of all train records and the motion beside it, thinned.
 pub(super) struct Missing<'a> {
+    all: Samples<'a>,
+    /// A part of them.
+    fewer: Samples<'a>,
+}
+
+/// Some samples of the missing force.
+struct Samples<'a> {
     case: &'a Case,
     /// Time of each sample since the start of its record, s.
     t: Vec<f64>,
@@ -86,10 +98,51 @@ impl<'a> Missing<'a> {
         let records: Vec<Residual> = residuals(case, fit, Role::Train);
         let count: usize = records.iter().map(|r| r.t.len()).sum();
         let every = count.div_ceil(SAMPLES).max(1);
+        let all: Vec<usize> = (0..count).step_by(every).collect();
+        // Unequal steps: equal ones would show a wave as slower ones alike.
+        let step = |k: usize| (k as f64 * SQRT_2).fract() * FEWER as f64;
+        let fewer: Vec<usize> = all
+            .chunks(FEWER)
+            .enumerate()
+            .map(|(k, chunk)| chunk[(step(k) as usize).min(chunk.len() - 1)])
+            .collect();
+        Missing {
+            all: Samples::new(case, &records, &all),
+            fewer: Samples::new(case, &records, &fewer),
+        }
+    }
+
+    /// Starts of a term: the best points of the grid of what it is not linear in, with the amplitudes
+    /// that the regression gives.
+    pub(super) fn starts(&self, term: &Term) -> Vec<Vec<f64>> {
+        let Some(over) = term.effect.read_off() else {
+            return Vec::new();
+        };
+        if self.all.t.len() < 2 * self.all.background[0].ncols() {
+            return Vec::new();
+        }
+        if let ReadOff::BaseWave { wave } = over {
+            return self.all.shared_lines(term, wave);
+        }
+        let grid = self.all.grid(term.joint, over);
+        let mut points: Vec<usize> = (0..grid.len()).collect();
+        if points.len() > POINTS && self.fewer.t.len() > POINTS {
+            points = self.fewer.best(term, &grid, POINTS);
+        }
+        let tried = points
+            .into_iter()
+            .filter_map(|i| self.all.tried(term, &grid[i]).map(|(gain, e)| (i, gain, e)));
+        apart(tried.collect())
+    }
+}
+
+impl<'a> Samples<'a> {
+    /// The samples at some places of the records, one after the other.
+    fn new(case: &'a Case, records: &[Residual], places: &[usize]) -> Self {
         let n = case.n();
         let gather = |of: &dyn Fn(&Residual) -> &[f64]| -> Vec<f64> {
-            let all = records.iter().flat_map(|r| of(r).iter().copied());
-            all.step_by(every).collect()
+            let all: Vec<f64> = records.iter().flat_map(|r| of(r).iter().copied()).collect();
+            places.iter().map(|&k| all[k]).collect()
         };
         let joints = |of: &dyn Fn(&Residual, usize) -> &[f64]| -> Vec<Vec<f64>> {
             (0..n).map(|j| gather(&|r| of(r, j))).collect()
@@ -99,7 +152,7 @@ impl<'a> Missing<'a> {
         let w = joints(&|r, j| &r.joints[j].force);
         let background: Vec<DMatrix<f64>> =
             (0..n).map(|j| background(case, j, &q[j], &v[j])).collect();
-        let mut missing = Missing {
+        let mut samples = Samples {
             case,
             t: gather(&|r| &r.t),
             load: joints(&|r, j| &r.joints[j].load),
@@ -108,12 +161,21 @@ impl<'a> Missing<'a> {
             force: Vec::new(),
             background,
         };
-        missing.force = w
+        samples.force = w
             .into_iter()
             .enumerate()
-            .map(|(j, w)| missing.projected(j, DVector::from_vec(w)))
+            .map(|(j, w)| samples.projected(j, DVector::from_vec(w)))
             .collect();
-        missing
+        samples
+    }
+
+    /// The points of a grid at which a term gains most, as many as are asked for.
+    fn best(&self, term: &Term, grid: &[Vec<(usize, f64)>], many: usize) -> Vec<usize> {
+        let gain = |i: usize| self.tried(term, &grid[i]).map(|(gain, _)| (i, gain));
+        let mut gains: Vec<(usize, f64)> = (0..grid.len()).filter_map(gain).collect();
+        gains.sort_by(|a, b| b.1.total_cmp(&a.1));
+        gains.truncate(many);
+        gains.into_iter().map(|(i, _)| i).collect()
     }
 
     /// A force on a joint without what its background takes.
@@ -122,26 +184,6 @@ impl<'a> Missing<'a> {
         let along = b.tr_mul(&x);
         x.gemv(-1.0, b, &along, 1.0);
         x
-    }
-
-    /// Starts of a term: the best points of the grid of what it is not linear in, with the amplitudes
-    /// that the regression gives.
-    pub(super) fn starts(&self, term: &Term) -> Vec<Vec<f64>> {
-        let Some(over) = term.effect.read_off() else {
-            return Vec::new();
-        };
-        if self.t.len() < 2 * self.background[0].ncols() {
-            return Vec::new();
-        }
-        if let ReadOff::BaseWave { wave } = over {
-            return self.shared_lines(term, wave);
-        }
-        let grid = self.grid(term.joint, over);
-        let tried = grid
-            .iter()
-            .enumerate()
-            .filter_map(|(i, at)| self.tried(term, at).map(|(gain, e)| (i, gain, e)));
-        apart(tried.collect())
     }
 
     /// Gain of a term with all but its amplitudes given, and its parameters.
