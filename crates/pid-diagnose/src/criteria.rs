@@ -30,9 +30,6 @@ pub struct Criteria {
     /// still mentioned, a decrease of the gap from window to window. 0.05 by convention.
     pub chance: f64,
 
-    /// Gain that an effect must reach beyond its penalties. 12: not derived. Half of it is asked of
-    /// a hypothesis that replaces another.
-    pub margin: f64,
     /// Gain on the test records, in margins, that makes an effect certain although the gap does not
     /// shrink enough; twice as many keep it for the next round where noise levels are not stated.
     /// 10: training seeds.
@@ -50,7 +47,8 @@ pub struct Criteria {
     /// Share by which a first effect must shrink the gap on the test records; a second one twice,
     /// one that explains a part half of it. 0.06: training seeds.
     pub least_shrink: f64,
-    /// Share by which a second effect must shrink the gap if free runs alone show it. 0.3: not derived.
+    /// Share by which a second effect must shrink the gap if free runs alone show it, and one among several if
+    /// they show it beside a gain of `replaces`. 0.3: not derived.
     pub drift_shrink: f64,
 
     /// Mean squared innovation up to which a model follows the records: nothing further is looked
@@ -138,7 +136,6 @@ impl Default for Criteria {
         Criteria {
             rare: 0.0027,
             chance: 0.05,
-            margin: 12.0,
             beyond_doubt: 10.0,
             sure_in_part: 3.0,
             least_decrease: 0.002,
@@ -176,9 +173,16 @@ impl Default for Criteria {
 }
 
 impl Criteria {
-    /// Gain with which one hypothesis replaces another.
+    /// Gain that an effect must reach beyond its penalties: twice the logarithm of the odds with which it is
+    /// there (R. E. Kass, A. E. Raftery, JASA 90, 1995), were chance as likely as `rare`. 11.8.
+    pub fn margin(&self) -> f64 {
+        odds(self.rare)
+    }
+
+    /// Gain with which one hypothesis replaces another, and with which an effect is there that free runs show
+    /// too: the same for `chance`. 5.9.
     pub fn replaces(&self) -> f64 {
-        0.5 * self.margin
+        odds(self.chance)
     }
 
     /// Size that an effect must reach, in its own standard deviations (A. Wald 1943): an observer
@@ -234,6 +238,11 @@ fn mean_of_squares(number: f64, probability: f64) -> f64 {
     ChiSquared::new(number).map_or(f64::INFINITY, |chi| {
         chi.inverse_cdf(1.0 - probability) / number
     })
+}
+
+/// Twice the logarithm of the odds against a probability.
+fn odds(probability: f64) -> f64 {
+    2.0 * ((1.0 - probability) / probability).ln()
 }
 
 /// Quantile of the standard normal distribution; `share` between 0 and 1.

@@ -1,5 +1,7 @@
 //! Readings that are errors of the recording.
 
+use std::f64::consts::SQRT_2;
+
 use crate::nominal::Joint;
 
 /// A channel of a joint.
@@ -31,14 +33,22 @@ pub struct Outlier {
 const LEAST_INPUT: f64 = 0.01;
 
 /// Deviation of a channel below which no reading is noticed: a step of the encoder or the stated
-/// noise of the reading.
-pub(crate) fn least_deviation(channel: Channel, joint: &Joint, x: &[f64]) -> f64 {
+/// noise of the reading; of a velocity that is derived from positions in steps of so many s (`derived`) what
+/// two of these make of it.
+pub(crate) fn least_deviation(
+    channel: Channel,
+    joint: &Joint,
+    x: &[f64],
+    derived: Option<f64>,
+) -> f64 {
+    let resolution = joint.resolution.unwrap_or(0.0);
+    let position = resolution.max(joint.position_noise.unwrap_or(0.0));
     match channel {
-        Channel::Position => joint
-            .resolution
-            .unwrap_or(0.0)
-            .max(joint.position_noise.unwrap_or(0.0)),
-        Channel::Velocity => joint.velocity_noise.unwrap_or(0.0),
+        Channel::Position => position,
+        Channel::Velocity => {
+            let derived = derived.map_or(0.0, |step| SQRT_2 * position / step);
+            derived.max(joint.velocity_noise.unwrap_or(0.0))
+        }
         Channel::Input => {
             let largest = x.iter().filter(|x| x.is_finite());
             LEAST_INPUT * largest.fold(0.0, |m: f64, x| m.max(x.abs()))

@@ -56,16 +56,17 @@ fn record(
     };
     let mut gated = |channel: Channel, j: usize, x: Vec<f64>| {
         let joint = &nominal.joints[j];
-        without_outliers(e, (joint, channel), x, outliers)
+        let step = (channel == Channel::Velocity && velocity[j] == Velocity::Derived)
+            .then(|| e.sample_time());
+        let least = least_deviation(channel, joint, &x, step);
+        without_outliers(e, (joint, channel), (x, least), outliers)
     };
     let q: Vec<Vec<f64>> = (0..n)
         .map(|j| reading(gated(Channel::Position, j, column(&e.q, j))))
         .collect();
     let v = (0..n)
         .map(|j| match e.v.as_deref().map(|v| column(v, j)) {
-            // A derived velocity repeats the error of its position.
-            Some(v) if velocity[j] == Velocity::Measured => reading(gated(Channel::Velocity, j, v)),
-            Some(v) => reading(v),
+            Some(v) => reading(gated(Channel::Velocity, j, v)),
             None => vec![f64::NAN; t.len()],
         })
         .collect();
@@ -115,10 +116,9 @@ fn first_velocities(q: &[Vec<f64>], smooth_v: &[Vec<f64>], h: f64) -> Vec<f64> {
 fn without_outliers(
     e: &Experiment,
     (joint, channel): (&Joint, Channel),
-    mut x: Vec<f64>,
+    (mut x, least): (Vec<f64>, f64),
     outliers: &mut Vec<Outlier>,
 ) -> Vec<f64> {
-    let least = least_deviation(channel, joint, &x);
     for k in signal::outliers(&e.t, &x, least) {
         x[k] = f64::NAN;
         outliers.push(Outlier {

@@ -44,7 +44,7 @@ pub(super) fn superfluous(
     let cost = |without: &Fit| whole.gain(&Reached::new(case, without), scale, number);
     (0..without.len())
         .map(|i| (i, cost(&without[i])))
-        .filter(|(_, cost)| *cost < settings.criteria.margin)
+        .filter(|(_, cost)| *cost < settings.criteria.margin())
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .map(|(i, _)| i)
 }

@@ -217,13 +217,13 @@ impl<'a> Forward<'a> {
         // what the other does: there the score decides.
         let open = self.case.noise.iter().any(|n| !n.stated);
         let large = relative > criteria.large_decrease;
-        let strong = large || (open && first.score > 2.0 * criteria.beyond_doubt * criteria.margin);
+        let strong = large || (open && first.score > 2.0 * criteria.beyond_doubt * criteria.margin());
         let provisional = strong && round + 1 < self.settings.budget.most;
         // Free runs scatter; predictions of motions never fitted are then beyond doubt.
         let beyond_doubt = large
-            && held_out > criteria.beyond_doubt * criteria.margin
+            && held_out > criteria.beyond_doubt * criteria.margin()
             && after.total < self.gap.total;
-        first.score > criteria.margin
+        first.score > criteria.margin()
             && held_out > 0.0
             && enough
             && (shrinks || provisional || beyond_doubt)
@@ -520,7 +520,7 @@ fn sketch(
     let tried = refit(case, basis, &few, base, (&best, &slopes), list.len());
     let first = tried.into_iter().next();
     let better = first
-        .filter(|f| f.score > settings.criteria.margin)
+        .filter(|f| f.score > settings.criteria.margin())
         .map(|f| f.fit);
     (better, short)
 }

@@ -51,7 +51,7 @@ fn statistics(criteria: &Criteria) -> Vec<Statistic> {
         }),
         statistic(
             "gain of the best candidate (margin)",
-            criteria.margin,
+            criteria.margin(),
             |d| d.ranking.first().map_or(f64::NAN, |r| r.score),
         ),
     ]

@@ -86,6 +86,9 @@ pub(super) fn judge(
     held_out
 }
 
+/// Growth of the squared error that counts where windows are too few for a scatter: that of a gap that grows by 5 %.
+const GROWS: f64 = 0.1;
+
 /// Mean decrease of the logarithm of the squared error from window to window, in its standard
 /// errors: each window counts alike, however lively its motion.
 fn certainty(before: &[f64], after: &[f64]) -> f64 {
@@ -99,7 +102,11 @@ fn certainty(before: &[f64], after: &[f64]) -> f64 {
     let mean = d.iter().sum::<f64>() / n.max(1.0);
     if d.len() < FEW_WINDOWS {
         // Too few windows for a scatter: the gap itself decides.
-        return if mean > 0.0 { f64::INFINITY } else { 0.0 };
+        return match mean {
+            mean if mean > 0.0 => f64::INFINITY,
+            mean if mean < -GROWS => f64::NEG_INFINITY,
+            _ => 0.0,
+        };
     }
     let variance = d.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
     mean / (variance / n).sqrt().max(1e-300)
@@ -131,9 +138,10 @@ pub(super) fn shrinks(criteria: &Criteria, term: &Term, before: &Gap, after: &Ga
         .iter()
         .all(|&j| decreases(&before.joint_windows[j], &after.joint_windows[j]));
     let others = (0..before.joints.len()).filter(|j| !own.contains(j));
+    // Few windows of one joint tell nothing.
     let mut grow = others
         .map(|j| certainty(&before.joint_windows[j], &after.joint_windows[j]))
-        .filter(|c| *c < -criteria.decrease());
+        .filter(|c| c.is_finite() && *c < -criteria.decrease());
     sum(after) < least * sum(before) && shrink && grow.next().is_none()
 }
 

@@ -72,6 +72,8 @@ struct Grown {
     /// The refits they were taken as, in the order of [`Stand::fit`], each with its probability among
     /// those of its round.
     taken: Vec<(Refit, f64)>,
+    /// Where it began, without any.
+    first: Stand,
     /// Candidates of the first round that were not taken, best first, alike.
     others: Vec<(Refit, f64)>,
     rounds: Vec<Round>,
@@ -238,13 +240,20 @@ fn refused(
     // What few windows or another effect that is missing hide: the slow predictions of motions never
     // fitted are beyond doubt.
     let beyond_doubt =
-        held_out > criteria.sure_in_part * criteria.margin && !grows(criteria, before, after);
-    let least = if shown { 0.0 } else { criteria.margin };
+        held_out > criteria.sure_in_part * criteria.margin() && !grows(criteria, before, after);
+    let shrunk = shrinks(criteria, term, before, after);
+    // Two witnesses that each may err with the probability of chance: rare together.
+    let seen = shrunk && after.total < (1.0 - criteria.drift_shrink) * before.total;
+    let least = match (shown, seen) {
+        (true, _) => 0.0,
+        (false, true) => criteria.replaces(),
+        (false, false) => criteria.margin(),
+    };
     if score <= least {
         Some("its score is that of chance")
     } else if held_out <= 0.0 {
         Some("it does not predict records never fitted better")
-    } else if !(shown || shrinks(criteria, term, before, after) || beyond_doubt) {
+    } else if !(shown || shrunk || beyond_doubt) {
         Some("free runs do not shrink beyond their scatter")
     } else {
         None
@@ -364,6 +373,11 @@ fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Sett
     };
     if !grown.taken.is_empty() {
         grown.now = ended(&evidence.case, part, grown.now, settings, sensors);
+        // What leaves more than nothing does explains nothing.
+        if grown.now.gap.total >= grown.before.total {
+            grown.others.splice(0..0, grown.taken.drain(..));
+            grown.now = grown.first.clone();
+        }
     }
     in_shares(grown, sought, evidence.floor, settings)
 }
@@ -381,6 +395,7 @@ fn grown(
     if now.gap.total < before.total {
         (base, before) = (now.fit.clone(), now.gap.clone());
     }
+    let first = now.clone();
     let shown = shown(&now.case, &base.point.theta, settings);
     let (mut taken, mut rounds) = (Vec::new(), Vec::new());
     let (mut refits, mut others) = (0, None);
@@ -436,6 +451,7 @@ fn grown(
         before,
         now,
         taken,
+        first,
         others: others.unwrap_or_default(),
         rounds,
         refits,
@@ -494,6 +510,7 @@ pub(super) fn add_part(
         others,
         rounds,
         refits,
+        ..
     } = grown;
     let Stand {
         case,
