@@ -12,6 +12,7 @@ mod next;
 mod noise;
 mod oracle;
 mod practice;
+mod readings;
 mod real;
 mod servo;
 mod simulated;

@@ -217,7 +217,8 @@ impl<'a> Forward<'a> {
         // what the other does: there the score decides.
         let open = self.case.noise.iter().any(|n| !n.stated);
         let large = relative > criteria.large_decrease;
-        let strong = large || (open && first.score > 2.0 * criteria.beyond_doubt * criteria.margin());
+        let strong =
+            large || (open && first.score > 2.0 * criteria.beyond_doubt * criteria.margin());
         let provisional = strong && round + 1 < self.settings.budget.most;
         // Free runs scatter; predictions of motions never fitted are then beyond doubt.
         let beyond_doubt = large

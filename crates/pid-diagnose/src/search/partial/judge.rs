@@ -173,6 +173,38 @@ pub(super) fn grows(criteria: &Criteria, before: &Gap, after: &Gap) -> bool {
     after.total > before.total && certainty(&before.windows, &after.windows) < -criteria.decrease()
 }
 
+/// The rule that refuses a term with its score and its gain on records never fitted, if one does;
+/// `before` and `after` are the gaps without and with it, `shown` whether a signal shows it by itself.
+pub(super) fn refused(
+    criteria: &Criteria,
+    before: &Gap,
+    (term, score, held_out): (&Term, f64, f64),
+    after: &Gap,
+    shown: bool,
+) -> Option<&'static str> {
+    // What few windows or another effect that is missing hide: the slow predictions of motions never
+    // fitted are beyond doubt.
+    let beyond_doubt =
+        held_out > criteria.sure_in_part * criteria.margin() && !grows(criteria, before, after);
+    let shrunk = shrinks(criteria, term, before, after);
+    // Two witnesses that each may err with the probability of chance: rare together.
+    let seen = shrunk && after.total < (1.0 - criteria.drift_shrink) * before.total;
+    let least = match (shown, seen) {
+        (true, _) => 0.0,
+        (false, true) => criteria.replaces(),
+        (false, false) => criteria.margin(),
+    };
+    if score <= least {
+        Some("its score is that of chance")
+    } else if held_out <= 0.0 {
+        Some("it does not predict records never fitted better")
+    } else if !(shown || shrunk || beyond_doubt) {
+        Some("free runs do not shrink beyond their scatter")
+    } else {
+        None
+    }
+}
+
 /// Whether an amplitude of the last effect, or its number of periods, ended at the end of its
 /// range: the effect then stands for something else.
 pub(super) fn at_an_end(case: &Case, fit: &Fit) -> bool {
@@ -269,6 +301,43 @@ mod tests {
             &without,
             &gap(&[scattered, shaking])
         ));
+    }
+
+    #[test]
+    fn free_runs_and_a_score_that_chance_hardly_gives_are_two_witnesses() {
+        let spring = &named(&["spring"]).terms[0];
+        let criteria = Criteria::default();
+        let before = gap(&[about(1e-2)]);
+        let rule = |score: f64, held_out: f64, square: f64| {
+            let judged = (spring, score, held_out);
+            refused(&criteria, &before, judged, &gap(&[about(square)]), false)
+        };
+        // Odds of 19 beside half the gap, of 370 beside a tenth of it.
+        assert_eq!(rule(6.0, 1.0, 2.5e-3), None);
+        assert_eq!(rule(12.0, 1.0, 8e-3), None);
+        assert_eq!(rule(6.0, 1.0, 8e-3), Some("its score is that of chance"));
+        assert_eq!(rule(5.0, 1.0, 2.5e-3), Some("its score is that of chance"));
+        // What predicts nothing better is none, however little free runs leave.
+        assert!(rule(6.0, -1.0, 2.5e-3).is_some());
+        // A gap that one window rules is no witness.
+        let mut one = about(1e-2);
+        one[3] = 1.0;
+        let ruled = gap(&[one]);
+        let judged = (spring, 6.0, 1.0);
+        assert!(refused(&criteria, &ruled, judged, &before, false).is_some());
+    }
+
+    #[test]
+    fn few_windows_grow_by_what_the_gap_does() {
+        let criteria = Criteria::default();
+        let few = |square: f64| {
+            let mut gap = gap(&[about(square)]);
+            gap.windows.truncate(3);
+            gap
+        };
+        assert!(grows(&criteria, &few(1e-2), &few(1.3e-2)));
+        assert!(!grows(&criteria, &few(1e-2), &few(1.05e-2)));
+        assert!(!grows(&criteria, &few(1e-2), &few(0.7e-2)));
     }
 
     #[test]

@@ -48,7 +48,7 @@ use crate::noise;
 use crate::screen::screen;
 use exchange::exchange;
 use finish::{ended, in_shares};
-use judge::{at_an_end, gained, grows, judge, shrinks, sums_of};
+use judge::{at_an_end, gained, grows, judge, refused, sums_of};
 pub(super) use law::with_law;
 use shown::{shown, stays, take_shown};
 
@@ -172,7 +172,7 @@ fn round(
             Some(LATER.to_owned())
         } else {
             let judged = (&r.term, r.score, held_out[i]);
-            let rule = refused(settings, &now.gap, judged, &gaps[i], asked.shown)
+            let rule = refused(&settings.criteria, &now.gap, judged, &gaps[i], asked.shown)
                 .map_or_else(|| led_to(settings, now, r, sensors), Err);
             match rule {
                 Ok(next) => {
@@ -226,39 +226,6 @@ const LATER: &str = "another one came first";
 
 /// What is said of a candidate beside which another effect is hardly there.
 const SMALLER: &str = "beside it an effect is smaller than its deviation";
-
-/// The rule that refuses a term with its score and its gain on records never fitted, if one does;
-/// `before` and `after` are the gaps without and with it, `shown` whether a signal shows it by itself.
-fn refused(
-    settings: &Settings,
-    before: &Gap,
-    (term, score, held_out): (&Term, f64, f64),
-    after: &Gap,
-    shown: bool,
-) -> Option<&'static str> {
-    let criteria = &settings.criteria;
-    // What few windows or another effect that is missing hide: the slow predictions of motions never
-    // fitted are beyond doubt.
-    let beyond_doubt =
-        held_out > criteria.sure_in_part * criteria.margin() && !grows(criteria, before, after);
-    let shrunk = shrinks(criteria, term, before, after);
-    // Two witnesses that each may err with the probability of chance: rare together.
-    let seen = shrunk && after.total < (1.0 - criteria.drift_shrink) * before.total;
-    let least = match (shown, seen) {
-        (true, _) => 0.0,
-        (false, true) => criteria.replaces(),
-        (false, false) => criteria.margin(),
-    };
-    if score <= least {
-        Some("its score is that of chance")
-    } else if held_out <= 0.0 {
-        Some("it does not predict records never fitted better")
-    } else if !(shown || shrunk || beyond_doubt) {
-        Some("free runs do not shrink beyond their scatter")
-    } else {
-        None
-    }
-}
 
 /// Where a candidate leads under the levels that it leaves.
 fn led_to(
