@@ -74,6 +74,8 @@ struct Grown {
     taken: Vec<(Refit, f64)>,
     /// Where it began, without any.
     first: Stand,
+    /// Whether effects were taken that left more than none does.
+    given_up: bool,
     /// Candidates of the first round that were not taken, best first, alike.
     others: Vec<(Refit, f64)>,
     rounds: Vec<Round>,
@@ -310,6 +312,7 @@ fn over(first: f64, then: Option<f64>, evidence: &Evidence, settings: &Settings)
     let left = |found: &Partial| found.grown.now.gap.total;
     let explained = share(found.grown.before.total, left(&found), evidence.floor);
     let little = left(&found) >= noise && explained < settings.criteria.majority;
+    let little = little || found.grown.given_up;
     let further = then.filter(|_| little && !settings.watch.stopped());
     if let Some(part) = further {
         let mut other = partial(evidence, part, &nominal, settings);
@@ -344,6 +347,7 @@ fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Sett
         if grown.now.gap.total >= grown.before.total {
             grown.others.splice(0..0, grown.taken.drain(..));
             grown.now = grown.first.clone();
+            grown.given_up = true;
         }
     }
     in_shares(grown, sought, evidence.floor, settings)
@@ -419,6 +423,7 @@ fn grown(
         now,
         taken,
         first,
+        given_up: false,
         others: others.unwrap_or_default(),
         rounds,
         refits,
