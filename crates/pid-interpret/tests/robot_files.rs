@@ -172,18 +172,18 @@ fn what_the_file_states_of_drives_is_the_start() {
         nominal,
         assumptions,
     } = described(&read(TREE).mechanism(GRAVITY), Provenance::Cad);
-    // j1 states both frictions; its range reaches zero and four times the start beyond it. Of 40 N m
-    // the default is 1.2 N m, and 0.4 N m s/rad at 3 rad/s.
+    // j1 states both frictions; its range reaches zero and four times the start beyond it, or four times the
+    // default. Of 40 N m that is 1.2 N m, and 4 N m at 3 rad/s.
     assert_eq!(width(&nominal, "coulomb_j1"), (1.5, 6.0));
-    assert_eq!(width(&nominal, "viscous_j1"), (0.7, 2.8));
+    assert_eq!(width(&nominal, "viscous_j1"), (0.7, 4.0 * 0.1 * 40.0 / 3.0));
     assert_eq!(width(&nominal, "rotor_j1"), (0.2, 0.8));
     let (coulomb, viscous) = (
         width(&nominal, "coulomb_slide"),
         width(&nominal, "viscous_slide"),
     );
     // 100 N, 0.4 m/s.
-    assert!((coulomb.0 - 3.0).abs() < 1e-12 && (viscous.0 - 7.5).abs() < 1e-12);
-    assert!((coulomb.1 - 12.0).abs() < 1e-12 && (viscous.1 - 30.0).abs() < 1e-12);
+    assert!((coulomb.0 - 3.0).abs() < 1e-12 && (viscous.0 - 25.0).abs() < 1e-12);
+    assert!((coulomb.1 - 12.0).abs() < 1e-12 && (viscous.1 - 100.0).abs() < 1e-12);
     // The wheel states nothing: its weight of 0.6 kg at its radius about the axis.
     let felt = 0.003 + 0.6 * 0.003 * 0.003;
     let torque = 9.81 * (0.6_f64 * felt).sqrt();
@@ -196,7 +196,7 @@ fn what_the_file_states_of_drives_is_the_start() {
             vec![
                 "rotor inertia (0.5 kg)",
                 "Coulomb friction (3 N)",
-                "viscous friction (7.5 N·s/m)",
+                "viscous friction (25 N·s/m)",
             ],
         ),
         (
@@ -316,7 +316,7 @@ fn drives_of_mjcf_are_the_start() {
     let nominal = described(&read.mechanism, Provenance::DataSheet).nominal;
     assert_eq!(width(&nominal, "rotor_swing"), (0.02, 0.08));
     assert_eq!(width(&nominal, "coulomb_swing"), (0.1, 0.4));
-    assert_eq!(width(&nominal, "viscous_x"), (3.0, 4.0 * 0.03 * 80.0 / 0.5));
+    assert_eq!(width(&nominal, "viscous_x"), (3.0, 4.0 * 0.1 * 80.0 / 0.5));
     assert_eq!(nominal.measurement().channels[0].torque_peak, Some(80.0));
     let again = Nominal::parse("", &nominal.to_toml().expect("a chain")).unwrap();
     assert_eq!(again, nominal);
