@@ -4,6 +4,7 @@
 //! effects taken since, each earlier one meets those it is confused with at its joint once more,
 //! from the parameters of all the others as they are.
 
+use super::judge::takes_the_place;
 use super::shown::{Shown, stays};
 use super::{Asked, last_of, round};
 use crate::diagnosis::Round;
@@ -13,8 +14,8 @@ use crate::search::settings::Settings;
 use crate::search::shares::taken_out;
 use crate::search::stand::Stand;
 
-/// Exchanges effects for others that they are confused with where these leave a smaller gap; the
-/// rounds in which that happened. `taken` are the effects of the fit at hand, in its order; those that
+/// Exchanges effects for others that they are confused with where these leave a smaller gap, or predict
+/// better beyond doubt and leave no larger one beyond its scatter; the rounds in which that happened. `taken` are the effects of the fit at hand, in its order; those that
 /// signals show stay.
 pub(super) fn exchange(
     now: &mut Stand,
@@ -48,6 +49,7 @@ fn exchange_one(
     settings: &Settings,
     sensors: &[(f64, f64)],
 ) -> Option<(usize, Refit, Stand, Round)> {
+    let criteria = &settings.criteria;
     let old = &now.fit.hypothesis.terms[i];
     // Fitted again without it, the others would leave the place where the next one is looked for.
     let less = taken_out(&now.case, &now.directions, &now.fit, i);
@@ -71,7 +73,10 @@ fn exchange_one(
         },
     );
     let (best, next) = taken?;
-    let better = tried[best].term.label() != old.label() && next.gap.total < now.gap.total;
+    let other = tried[best].term.label() != old.label();
+    let again = tried.iter().find(|r| r.term.label() == old.label());
+    let gain = again.map_or(0.0, |again| tried[best].score - again.score);
     own.exchange = true;
+    let better = other && takes_the_place(criteria, gain, &now.gap, &next.gap);
     better.then(|| (i, tried.swap_remove(best), next, own))
 }

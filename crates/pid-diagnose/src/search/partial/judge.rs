@@ -205,6 +205,13 @@ pub(super) fn refused(
     }
 }
 
+/// Whether an effect with a score that is so much higher takes the place of one that it is confused with: where
+/// free runs prefer it, or do not tell the two apart and predictions do.
+pub(super) fn takes_the_place(criteria: &Criteria, gain: f64, before: &Gap, after: &Gap) -> bool {
+    let clearer = gain > criteria.margin() && !grows(criteria, before, after);
+    after.total < before.total || clearer
+}
+
 /// Whether an amplitude of the last effect, or its number of periods, ended at the end of its
 /// range: the effect then stands for something else.
 pub(super) fn at_an_end(case: &Case, fit: &Fit) -> bool {
@@ -325,6 +332,21 @@ mod tests {
         let ruled = gap(&[one]);
         let judged = (spring, 6.0, 1.0);
         assert!(refused(&criteria, &ruled, judged, &before, false).is_some());
+    }
+
+    #[test]
+    fn of_two_that_free_runs_do_not_tell_apart_the_better_prediction_stays() {
+        let criteria = Criteria::default();
+        let before = gap(&[about(1e-2)]);
+        let mut nearly = about(1e-2);
+        nearly[4] *= 1.1;
+        let rule =
+            |gain: f64, after: [f64; 6]| takes_the_place(&criteria, gain, &before, &gap(&[after]));
+        assert!(rule(200.0, nearly));
+        assert!(!rule(10.0, nearly));
+        // Smaller in every window, larger in every window.
+        assert!(rule(0.0, about(0.9e-2)));
+        assert!(!rule(200.0, about(1.2e-2)));
     }
 
     #[test]
