@@ -287,7 +287,11 @@ impl Reference<'_> {
                     at.clone(),
                     effort,
                 );
-                let gains = all_gains(self.case, &hypothesis, &near.point);
+                // Gains of a part of the records are not those of all.
+                let gains = match self.beside_joint(term) {
+                    true => all_gains(self.case, &hypothesis, &near.point),
+                    false => near.gains,
+                };
                 let spread: f64 = log_dets(self.case, &gains, Role::Train).iter().sum();
                 let directions: Vec<Direction<'_>> =
                     (first..near.point.e.len()).map(Direction::Effect).collect();

@@ -14,9 +14,9 @@ use crate::search::settings::Settings;
 use crate::search::shares::taken_out;
 use crate::search::stand::Stand;
 
-/// Exchanges effects for others that they are confused with where these leave a smaller gap, or predict
-/// better beyond doubt and leave no larger one beyond its scatter; the rounds in which that happened. `taken` are the effects of the fit at hand, in its order; those that
-/// signals show stay.
+/// Exchanges effects for others that they are confused with where these leave a smaller gap, or predict better
+/// beyond doubt and leave no larger one beyond its scatter; the rounds in which that happened. `taken` are the
+/// effects of the fit at hand, in its order; those that signals show stay.
 pub(super) fn exchange(
     now: &mut Stand,
     taken: &mut Vec<(Refit, f64)>,
