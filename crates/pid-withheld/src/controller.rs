@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::motion::{Motion, reference};
 use crate::plant::{PER_JOINT, Plant};
-use crate::robot::Robot;
+use crate::robot::{Joint, Robot};
 use crate::setup::Setup;
 
 /// Largest natural frequency of the closed loop, rad/s.
@@ -14,6 +14,13 @@ const FREQUENCY: f64 = 18.0;
 const PER_RATE: f64 = 0.2;
 /// Damping ratio of the closed loop.
 const DAMPING: f64 = 0.8;
+/// Largest command, in largest usual torques.
+const LIMIT: f64 = 2.0;
+
+/// Largest command of a joint's controller.
+pub(crate) fn limit(joint: &Joint) -> f64 {
+    LIMIT * joint.torque / joint.gain
+}
 
 /// The controller with its reference motion.
 pub(crate) struct Controller<'a> {
@@ -82,8 +89,9 @@ impl<'a> Controller<'a> {
             let w = self.frequency;
             torque += self.weights[j]
                 * (w * w * (position[j] - q[j]) + 2.0 * DAMPING * w * (rates[j] - derived[j]));
-            let limit = 2.0 * self.robot.joints[j].torque;
-            u[j] = torque.clamp(-limit, limit) / self.robot.joints[j].gain;
+            let joint = &self.robot.joints[j];
+            let limit = limit(joint);
+            u[j] = (torque / joint.gain).clamp(-limit, limit);
         }
         u
     }

@@ -97,6 +97,11 @@ impl Gaps {
         }
     }
 
+    /// Whether the controller holds the robot.
+    pub(crate) fn held(&self) -> bool {
+        self.none < LARGEST * LARGEST
+    }
+
     /// The least share; 1 where nothing is missing.
     pub(crate) fn least(&self) -> f64 {
         let shares = self.parts.iter().map(|p| p.share);

@@ -75,15 +75,19 @@ impl Like<'_> {
                 }
             }
         }
-        // Those that are left; one cause has all of the gap.
-        while drawn.len() > 1 {
+        // Those that are left; one cause has all of the gap, and is weakened until the robot is held.
+        loop {
             let found = gaps(&self.causes(&drawn));
-            if found.least() >= LEAST {
-                break;
+            let (one, faint) = (drawn.len() == 1, drawn[0].strength <= STRENGTH.0);
+            if found.held() && (one || found.least() >= LEAST) || one && faint {
+                return self.causes(&drawn);
             }
-            drawn.remove(weakest(&found));
+            if one {
+                resize(&mut drawn, &found, goal);
+            } else {
+                drawn.remove(weakest(&found));
+            }
         }
-        self.causes(&drawn)
     }
 
     fn candidate(&self, outside: bool, others: &[Candidate], random: &mut ChaCha8Rng) -> Candidate {

@@ -7,18 +7,22 @@ use std::ops::Range;
 use rand_chacha::ChaCha8Rng;
 
 use crate::causes::{Cause, Kind};
-use crate::controller::Controller;
+use crate::controller::{Controller, limit};
 use crate::mess::Current;
 use crate::motion::Motion;
 use crate::plant::{PER_JOINT, Plant};
 use crate::position_loop::{Loop, Running};
-use crate::robot::Robot;
+use crate::robot::{Joint, Robot};
 use crate::sensors::{Colour, Sensors, Track, normal, prompt};
 use crate::setup::{Row, Setup};
 use crate::world::{Moment, STEP, World};
 
 /// Time at rest before a record, s.
 const HOLDING: f64 = 0.6;
+
+/// Changes per second from one limit of the command to the other from which on a loop counts as one
+/// that swings by itself: motions turn at most 4.4 times a second, loops that swing 55 times and more.
+const SWINGING: f64 = 10.0;
 
 /// When samples are taken, counted from the start of the rest before a record.
 #[derive(Debug, Clone)]
@@ -132,13 +136,29 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Whether the controller holds the robot: no joint leaves its room by more than its size.
+    /// Whether the controller holds the robot: no joint leaves its room by more than its size, and no
+    /// command goes from limit to limit.
     pub(crate) fn held(&self, robot: &Robot) -> bool {
-        self.rows.iter().all(|row| {
+        let roomy = self.rows.iter().all(|row| {
             let mut joints = row.q.iter().zip(&robot.joints);
             joints.all(|(q, j)| (q - j.room.centre).abs() <= 2.0 * j.room.amplitude)
-        })
+        });
+        let most = SWINGING * self.sent.len() as f64 / robot.rate;
+        let swings = |(j, joint): (usize, &Joint)| {
+            let limit = 0.999 * limit(joint);
+            let commands = self.sent.iter().map(|u| u[j]);
+            swings(commands, limit) as f64 > most
+        };
+        roomy && !robot.joints.iter().enumerate().any(swings)
     }
+}
+
+/// How often a command goes from one limit to the other.
+fn swings(command: impl Iterator<Item = f64>, limit: f64) -> usize {
+    let at_limit: Vec<bool> = (command.filter(|u| u.abs() >= limit))
+        .map(|u| u > 0.0)
+        .collect();
+    at_limit.windows(2).filter(|w| w[0] != w[1]).count()
 }
 
 /// The loops of all joints at work, with what the drives know of the robot.
@@ -323,4 +343,17 @@ pub(crate) fn text(rows: &[Row], velocity: &str, input: &str) -> String {
         text.push('\n');
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::swings;
+
+    #[test]
+    fn a_command_swings_where_it_goes_from_limit_to_limit() {
+        // At one limit for long, on the way between them, beyond them by rounding.
+        assert_eq!(swings([1.0, 1.0, 1.0, 0.2, 1.0].into_iter(), 1.0), 0);
+        assert_eq!(swings([1.0, 0.0, -1.0, -1.0, 0.3, 1.0].into_iter(), 1.0), 2);
+        assert_eq!(swings([0.9, -0.9, 0.9].into_iter(), 1.0), 0);
+    }
 }
