@@ -28,11 +28,11 @@ fn freely(now: Stand, criteria: &Criteria) -> Stand {
 }
 
 /// Where a list of effects leads whose parameters are all fitted over the whole horizon, if that leaves
-/// less, and then to free runs.
+/// less, and then to free runs, unless more than `most` is left only then.
 pub(super) fn ended(
     case: &Case,
     part: f64,
-    mut now: Stand,
+    (mut now, most): (Stand, f64),
     settings: &Settings,
     sensors: &[(f64, f64)],
 ) -> Stand {
@@ -49,7 +49,11 @@ pub(super) fn ended(
     }
     let step = "shares of the gap: all parameters to free runs";
     settings.watch.step(step);
-    freely(now, &settings.criteria)
+    let free = freely(now.clone(), &settings.criteria);
+    match free.gap.total >= most && now.gap.total < most {
+        true => now,
+        false => free,
+    }
 }
 
 /// The list with the share of each effect, and the free law that describes the records better in place

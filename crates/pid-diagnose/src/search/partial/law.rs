@@ -90,9 +90,9 @@ fn beside(
     if now.fit.hypothesis.terms.iter().all(|t| !is_term(t)) {
         return evidence;
     }
-    let now = ended(case, SHORT, now, settings, sensors);
     // As a second effect has to.
     let least = (1.0 - 2.0 * criteria.least_shrink) * evidence.after.total;
+    let now = ended(case, SHORT, (now, least), settings, sensors);
     if now.gap.total > least || grows(criteria, &evidence.after, &now.gap) {
         return evidence;
     }

@@ -342,7 +342,8 @@ fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Sett
         sensors: sensors.clone(),
     };
     if !grown.taken.is_empty() {
-        grown.now = ended(&evidence.case, part, grown.now, settings, sensors);
+        let before = grown.before.total;
+        grown.now = ended(&evidence.case, part, (grown.now, before), settings, sensors);
         // What leaves more than nothing does explains nothing.
         if grown.now.gap.total >= grown.before.total {
             grown.others.splice(0..0, grown.taken.drain(..));
@@ -482,6 +483,7 @@ pub(super) fn add_part(
         others,
         rounds,
         refits,
+        given_up,
         ..
     } = grown;
     let Stand {
@@ -492,9 +494,9 @@ pub(super) fn add_part(
     } = now;
     let floor = evidence.floor.min(after.total);
     let criteria = &settings.criteria;
-    // A hum is no noise, however little it moves the robot.
+    // A hum is no noise, however little it moves the robot; nor is what an effect predicts.
     let lines = criteria.allowance * criteria.line(evidence.residue.of.frequencies);
-    let quiet = taken.is_empty() && evidence.residue.hum < lines;
+    let quiet = taken.is_empty() && !given_up && evidence.residue.hum < lines;
     let nothing_left = |floor: f64| before.total < criteria.near * floor;
     let enough = match quiet {
         true if nothing_left(floor) => Some(floor),
