@@ -100,6 +100,7 @@ fn simulated(
                 name: format!("r{i}"),
                 role,
                 h,
+                uneven: false,
                 begin: 0.0,
                 q: vec![vec![0.0; samples]],
                 v: vec![vec![0.0; samples]],

@@ -31,6 +31,8 @@ pub struct Record {
     pub role: Role,
     /// Sample time, s.
     pub h: f64,
+    /// Whether the stamps had unequal steps: the clock that wrote them need not be that of the loop.
+    pub uneven: bool,
     /// Time of the first sample since the start of what was recorded, s; zero unless it is a part
     /// of a record.
     pub begin: f64,

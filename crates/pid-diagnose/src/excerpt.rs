@@ -114,6 +114,11 @@ pub fn restore_tests<'a>(
     true
 }
 
+/// The first samples of a record, `number` of them if there are as many.
+pub(crate) fn beginning(record: &Record, number: usize) -> Record {
+    cut(record, 0, number.min(record.len()))
+}
+
 /// Samples `from..to` of a record.
 fn cut(record: &Record, from: usize, to: usize) -> Record {
     let part = |x: &Vec<Vec<f64>>| x.iter().map(|x| x[from..to].to_vec()).collect();
@@ -121,6 +126,7 @@ fn cut(record: &Record, from: usize, to: usize) -> Record {
         name: record.name.clone(),
         role: record.role,
         h: record.h,
+        uneven: record.uneven,
         begin: record.begin + from as f64 * record.h,
         q: part(&record.q),
         v: part(&record.v),

@@ -378,6 +378,7 @@ fn recorded(case: &Case, fit: &Fit, u: Vec<Vec<f64>>, first: &[f64]) -> Option<R
         name: "next".to_owned(),
         role: Role::Train,
         h,
+        uneven: false,
         begin: 0.0,
         q: constant(first),
         v: constant(&still),

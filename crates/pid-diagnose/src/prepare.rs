@@ -94,6 +94,7 @@ fn record(
         name: e.name.clone(),
         role: e.role,
         h,
+        uneven: equal.is_some(),
         first_v: first_velocities(&q, &smooth_v, h),
         begin: 0.0,
         q,

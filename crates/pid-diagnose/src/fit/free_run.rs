@@ -11,6 +11,8 @@
 //! friction, so they serve from a point near the optimum. States at the starts of windows are those of
 //! the predictor at the point; derivatives hold them.
 
+use std::ops::Range;
+
 use pid_data::Role;
 use rayon::prelude::*;
 
@@ -295,7 +297,32 @@ pub(crate) fn fit_free_runs(case: &Case, basis: &Basis, from: &Fit) -> Option<Fi
         }
     }
     let (_, point) = best?;
-    Some(fit(case, basis, hypothesis, point, Effort::full(0)))
+    Some(Fit {
+        to_free_runs: true,
+        ..fit(case, basis, hypothesis, point, Effort::full(0))
+    })
+}
+
+/// Weighted errors of free runs at the point of a fit, their derivatives along a basis and then in the effects'
+/// parameters, and the rows of each window.
+pub(crate) fn free_runs(case: &Case, basis: &Basis, at: &Fit) -> (Linear, Vec<Range<usize>>) {
+    let (hypothesis, point) = (&at.hypothesis, &at.point);
+    let starts = Starts::new(case, hypothesis, point);
+    let errors = errors(case, hypothesis, point, &starts);
+    let weights = Weights::new(case, &errors);
+    let columns = basis.directions();
+    let directions = columns.iter().map(|c| Direction::Theta(c));
+    let effects = (0..point.e.len()).map(Direction::Effect);
+    let directions: Vec<Direction<'_>> = directions.chain(effects).collect();
+    let lin = linearise(case, hypothesis, point, (&starts, &weights), &directions);
+    let mut from = 0;
+    let windows = errors.iter().map(|w| {
+        let start = from;
+        from += w.iter().filter(|x| !x.is_nan()).count();
+        start..from
+    });
+    let windows = windows.collect();
+    (lin, windows)
 }
 
 #[cfg(test)]

@@ -25,7 +25,7 @@ use crate::hypothesis::Hypothesis;
 use crate::observer::Gain;
 pub use crate::point::Point;
 use crate::predict::Runner;
-pub(crate) use free_run::fit_free_runs;
+pub(crate) use free_run::{fit_free_runs, free_runs};
 pub(crate) use linear::basis_as_run;
 pub use linear::{Basis, Direction, Linear, basis, basis_beside, linearise};
 pub use products::Slopes;
@@ -70,6 +70,8 @@ pub struct Fit {
     pub steps: usize,
     /// Trial points of the steps that are no minimiser of their quadratic model; see [`Quadratic::minimise`].
     pub unsettled: usize,
+    /// Whether the point is that of free runs, and not of predictions.
+    pub to_free_runs: bool,
 }
 
 /// How much a fit may cost.
@@ -224,6 +226,7 @@ pub fn fit(
         quadratic,
         steps,
         unsettled: path.unsettled,
+        to_free_runs: false,
     }
 }
 

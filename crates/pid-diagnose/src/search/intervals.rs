@@ -1,6 +1,7 @@
 //! Intervals of the parameters of named effects.
 
-use super::magnitude::{covariances, curvature};
+use super::magnitude::curvature;
+use super::spread::Spread;
 use crate::case::Case;
 use crate::criteria::Criteria;
 use crate::described::range;
@@ -14,7 +15,7 @@ const SIDES: f64 = 1.96;
 pub(crate) fn intervals(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Option<(f64, f64)>> {
     let size = fit.point.theta.len();
     let (_, dead) = curvature(fit);
-    let both = covariances(case, criteria, fit);
+    let spread = Spread::new(case, criteria, fit);
     let parameters = fit.hypothesis.terms.iter();
     let parameters = parameters.flat_map(|t| t.effect.info().parameters);
     (fit.point.e.iter().zip(parameters).enumerate())
@@ -24,8 +25,7 @@ pub(crate) fn intervals(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Opti
             if *dead.get(k)? {
                 return None;
             }
-            let (curved, blocks) = both.as_ref()?;
-            let std = curved[(k, k)].max(blocks[(k, k)]).sqrt();
+            let std = spread.as_ref()?.deviation(k);
             let (low, high) = range(p);
             let ends = (
                 (x - SIDES * std).max(low).min(x),

@@ -2,7 +2,7 @@
 
 use pid_interpret::nominal::{Gain, Role as Part, Servo};
 
-use super::magnitude::covariances;
+use super::spread::Spread;
 use crate::case::Case;
 use crate::criteria::Criteria;
 use crate::fit::{Fit, PRIOR};
@@ -28,7 +28,7 @@ pub(super) fn loop_gains(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Loo
     if !case.nominal.description.has_servos() {
         return Vec::new();
     }
-    let both = covariances(case, criteria, fit);
+    let spread = Spread::new(case, criteria, fit);
     let mut out = Vec::new();
     for joint in 0..case.n() {
         let Some(servo) = case.nominal.description.servo(joint) else {
@@ -44,12 +44,8 @@ pub(super) fn loop_gains(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Loo
             }
             let deviation = fit.point.theta[place];
             let value = own.nominal + own.half_width * deviation;
-            let variance = both
-                .as_ref()
-                .map(|(a, b)| a[(place, place)].max(b[(place, place)]));
-            let std = variance
-                .filter(|v| v.is_finite() && *v >= 0.0)
-                .map(f64::sqrt);
+            let std = spread.as_ref().map(|s| s.deviation(place));
+            let std = std.filter(|std| std.is_finite());
             let told = match std {
                 _ if deviation.abs() > HELD => Told::AtItsTolerance,
                 Some(std) if SIDES * std * own.half_width <= DETERMINED * value.abs() => {
@@ -58,9 +54,9 @@ pub(super) fn loop_gains(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Loo
                 Some(std) if std < OPEN * PRIOR => Told::Roughly,
                 _ => Told::Open,
             };
-            let partners = match (told, &both) {
+            let partners = match (told, &spread) {
                 (Told::Determined, _) | (_, None) => Vec::new(),
-                (_, Some((curved, _))) => partners(case, fit, curved, place),
+                (_, Some(spread)) => partners(case, fit, &spread.curved, place),
             };
             let stated = servo.gain(gain);
             out.push(LoopGain {

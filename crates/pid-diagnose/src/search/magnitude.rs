@@ -1,15 +1,14 @@
 //! Physical magnitudes of fitted effects with their standard deviations.
 
 use nalgebra::{DMatrix, DVector};
-use pid_data::Role;
 
 use super::measure::misfit;
-use crate::case::{Case, Velocity};
+use super::spread::Spread;
+use crate::case::Case;
 use crate::criteria::Criteria;
 use crate::described::unit_at;
 use crate::diagnosis::{Magnitude, Named};
-use crate::fit::{Basis, Fit, PRIOR, Quadratic};
-use crate::predict::rows;
+use crate::fit::Fit;
 use pid_interpret::nominal::Role as Part;
 
 /// Curvature of a fit with 1 where a parameter has no influence, and which these are.
@@ -61,103 +60,20 @@ pub(super) fn size_in_deviations(criteria: &Criteria, fit: &Fit) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// All deviations that have a tolerance.
-fn every_direction(case: &Case) -> Basis {
-    let free: Vec<usize> = (0..case.nominal.size())
-        .filter(|&i| case.nominal.values[i].half_width > 0.0)
-        .collect();
-    let mut columns = DMatrix::zeros(case.nominal.size(), free.len());
-    for (c, &i) in free.iter().enumerate() {
-        columns[(i, c)] = 1.0;
-    }
-    Basis { columns }
-}
-
-/// Covariances of (θ, e) at a fit, with derivatives of its own: from the curvature, widened where
-/// the misfit is larger than the noise, and from the scores of blocks of time ("sandwich": P. J.
-/// Huber, 5th Berkeley Symposium, 1967; blocks of dependent rows: K.-Y. Liang, S. L. Zeger,
-/// Biometrika 73, 1986),
-///
-/// ```text
-/// H⁻¹ (Σ_b (s_b − s̄)(s_b − s̄)ᵀ + P) H⁻¹,   s_b = Σ_{k∈b} J_kᵀ ε_k,   P the curvature of the prior
-/// ```
-///
-/// Borrowed derivatives would make parameters that only a tolerance separates look well determined;
-/// so would the directions of the fit, which leave out what the nominal structure does not show: a
-/// common scale of all forces is nothing to see without the effect, and beside it all that
-/// tolerances leave of its size.
-pub(super) fn covariances(
-    case: &Case,
-    criteria: &Criteria,
-    fit: &Fit,
-) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
-    let basis = &every_direction(case);
-    let (size, rank) = basis.columns.shape();
-    let ne = fit.point.e.len();
-    let lin = fit.linearised(case, basis);
-    let quadratic = Quadratic::new(basis, &lin, &fit.point);
-    let mut h = quadratic.h;
-    for i in 0..size + ne {
-        if h[(i, i)] <= 0.0 {
-            h[(i, i)] = 1.0;
-        }
-    }
-    let inverse = h.cholesky()?.inverse();
-    let mut scores: Vec<DVector<f64>> = Vec::new();
-    let mut at = 0;
-    let channels: usize = (0..case.n())
-        .map(|j| 1 + usize::from(case.velocity[j] == Velocity::Measured))
-        .sum();
-    for record in case.records.iter().filter(|r| r.role == Role::Train) {
-        let end = at + rows(record) * channels;
-        let block = ((criteria.block / record.h) as usize).max(1) * channels;
-        while at < end.min(lin.r.len()) {
-            let m = block.min(end - at);
-            scores.push(lin.j.rows(at, m).transpose() * lin.r.rows(at, m));
-            at += m;
-        }
-    }
-    let count = scores.len() as f64;
-    let mean = scores.iter().fold(DVector::zeros(rank + ne), |a, s| a + s) / count.max(1.0);
-    let mut meat = DMatrix::zeros(rank + ne, rank + ne);
-    for s in &scores {
-        let d = s - &mean;
-        meat.ger(1.0, &d, &d, 1.0);
-    }
-    meat *= count / (count - 1.0).max(1.0);
-    let mut wide = DMatrix::zeros(size + ne, rank + ne);
-    wide.view_mut((0, 0), (size, rank))
-        .copy_from(&basis.columns);
-    for i in 0..ne {
-        wide[(size + i, rank + i)] = 1.0;
-    }
-    let mut middle = &wide * meat * wide.transpose();
-    for i in 0..size {
-        middle[(i, i)] += 1.0 / (PRIOR * PRIOR);
-    }
-    let scale = misfit(fit).max(1.0);
-    let sandwich = &inverse * middle * &inverse;
-    Some((inverse * (scale * criteria.shared), sandwich))
-}
-
-/// Standard deviations of the deviations θ, in tolerances, the larger of the two that [`covariances`] gives.
+/// Standard deviations of the deviations θ, in tolerances.
 pub(super) fn deviations(case: &Case, criteria: &Criteria, fit: &Fit) -> Option<Vec<f64>> {
-    let (curved, blocks) = covariances(case, criteria, fit)?;
-    let variance = |i: usize| curved[(i, i)].max(blocks[(i, i)]).max(0.0);
-    Some(
-        (0..fit.point.theta.len())
-            .map(|i| variance(i).sqrt())
-            .collect(),
-    )
+    let spread = Spread::new(case, criteria, fit)?;
+    let own = 0..fit.point.theta.len();
+    Some(own.map(|i| spread.deviation(i)).collect())
 }
 
 /// How many of its own standard deviations the amplitudes of each effect of a fit reach,
-/// `√(eᵀ C⁻¹ e / m)` over its m amplitudes (A. Wald 1943), C the larger of the two [`covariances`];
-/// an effect without an absent point is judged by its first parameter. Phases, rests and edges tell
+/// `√(eᵀ C⁻¹ e / m)` over its m amplitudes (A. Wald 1943), C the larger of those from the curvature
+/// and from blocks of time; an effect without an absent point is judged by its first parameter. Phases, rests and edges tell
 /// where an effect is, not that there is one. No more than each parameter at whose zero the law is another one
 /// reaches by itself.
 pub(super) fn sizes(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<f64> {
-    let Some((curved, blocks)) = covariances(case, criteria, fit) else {
+    let Some(spread) = Spread::new(case, criteria, fit) else {
         return vec![0.0; fit.hypothesis.terms.len()];
     };
     let size = fit.point.theta.len();
@@ -182,7 +98,7 @@ pub(super) fn sizes(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<f64> {
             let reached = |own: &[usize]| {
                 let m = own.len();
                 let e = DVector::from_fn(m, |i, _| fit.point.e[at + own[i]]);
-                [&curved, &blocks]
+                [&spread.curved, &spread.blocks]
                     .iter()
                     .map(|c| {
                         let place = |i: usize| size + at + own[i];
@@ -198,13 +114,12 @@ pub(super) fn sizes(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<f64> {
         .collect()
 }
 
-/// The effects of a fit with their magnitudes and standard deviations, the larger of the two that
-/// [`covariances`] gives.
+/// The effects of a fit with their magnitudes and standard deviations.
 pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
     let size = fit.point.theta.len();
     // A parameter without any influence is not determined; the others are.
     let (_, dead) = curvature(fit);
-    let both = covariances(case, criteria, fit);
+    let spread = Spread::new(case, criteria, fit);
     let robot = &case.nominal.description;
     let mut at = 0;
     fit.hypothesis
@@ -226,9 +141,6 @@ pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
             let places: Vec<usize> = (size + at..size + at + k)
                 .chain(std::iter::once(at_gain))
                 .collect();
-            let part =
-                |c: &DMatrix<f64>| DMatrix::from_fn(k + 1, k + 1, |a, b| c[(places[a], places[b])]);
-            let own = both.as_ref().map(|(c, s)| (part(c), part(s)));
             at += k;
             let mut slopes: Vec<Vec<f64>> = (0..k)
                 .map(|i| {
@@ -258,16 +170,14 @@ pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
                 .enumerate()
                 .map(|(s, quantity)| {
                     let lost = (0..k).any(|a| own_dead[a] && slopes[a][s] != 0.0);
-                    let spread = |c: &DMatrix<f64>| {
+                    let along = |c: &DMatrix<f64>| {
                         (0..=k)
                             .flat_map(|a| (0..=k).map(move |b| (a, b)))
-                            .map(|(a, b)| slopes[a][s] * c[(a, b)] * slopes[b][s])
+                            .map(|(a, b)| slopes[a][s] * c[(places[a], places[b])] * slopes[b][s])
                             .sum::<f64>()
                     };
-                    let variance = own
-                        .as_ref()
-                        .filter(|_| !lost)
-                        .map(|(curved, blocks)| spread(curved).max(spread(blocks)));
+                    let known = spread.as_ref().filter(|_| !lost);
+                    let variance = known.map(|spread| spread.variance(along));
                     Magnitude {
                         name: quantity.name.to_owned(),
                         value: quantity.value,

@@ -24,6 +24,7 @@ mod partial;
 mod refit;
 mod settings;
 mod shares;
+mod spread;
 mod stand;
 mod tolerance;
 mod watch;
@@ -36,6 +37,7 @@ use pid_data::Role;
 use crate::case::Case;
 use crate::diagnosis::Diagnosis;
 use crate::excerpt::{excerpt, restore_tests};
+use crate::first;
 use crate::fit::{Fit, value};
 use crate::levels::{SHORT, WHOLE};
 pub(crate) use candidates::directions;
@@ -55,6 +57,11 @@ pub fn diagnose(case: &Case, settings: &Settings) -> Diagnosis {
 pub fn search(case: &Case, settings: &Settings) -> Evidence {
     // Of long records the parts that decide.
     let short = excerpt(case, settings.joint_seconds);
+    let begun = first::by_free_runs(case, &short);
+    let (case, short) = match &begun {
+        Some(begun) => (begun, excerpt(begun, settings.joint_seconds)),
+        None => (case, short),
+    };
     let evidence = explain(&short, settings);
     let mut evidence = with_a_test_record(&short, settings, evidence);
     evidence.stopped = settings.watch.stopped();
