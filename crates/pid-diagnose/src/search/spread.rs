@@ -61,13 +61,22 @@ impl Spread {
         let (blocks, size) = (blocks(case, criteria, own.r.len()), case.nominal.size());
         let wide = widened(basis, fit.point.e.len());
         let moved = &inverse * &wide * own.j.tr_mul(&clocks);
+        let (starts, _) = fit.hypothesis.offsets();
+        let mut clock = &moved * moved.transpose();
+        // What takes a late reading of the velocity up takes up its moment too, whole.
+        for (term, at) in fit.hypothesis.terms.iter().zip(starts) {
+            let own = &fit.point.e[at..];
+            if term.effect.plain().velocity_lag(own).is_some() {
+                clock[(size + at, size + at)] += 1.0;
+            }
+        }
         let train = case.records.iter().filter(|r| r.role == Role::Train);
         let open = |r: &Record| if r.uneven { r.h } else { 0.0 };
         let h = train.map(open).fold(0.0, f64::max);
         Some(Self {
             blocks: sandwich(&inverse, (&wide, size), &own, &blocks),
             free: free_run_spread(case, basis, fit),
-            clock: &moved * moved.transpose() * (h * h / 12.0),
+            clock: clock * (h * h / 12.0),
             curved: inverse * (misfit(fit).max(1.0) * criteria.shared),
         })
     }
@@ -244,6 +253,8 @@ mod tests {
         assert!((part..1.2 * part).contains(&own), "{own} of {part}");
         let (_, own) = deviation("input_delay", &[0.006], (false, false));
         assert!(own < 0.2 * part, "{own} of {part}");
+        let (_, own) = deviation("velocity_filter_lag", &[0.01], (true, false));
+        assert!((part..1.2 * part).contains(&own), "{own} of {part}");
         // A late reading of the only joint is the same as a late command.
         let (_, own) = deviation("sensor_delay", &[0.006], (true, false));
         assert!((0.8 * part..1.5 * part).contains(&own), "{own} of {part}");
