@@ -275,61 +275,46 @@ impl Reference<'_> {
         let frozen = self.basis.frozen();
         followed
             .par_iter()
-            .filter_map(|(i, at)| {
-                let term = &terms[*i].0;
-                let (hypothesis, _) = self.with(term, &[]);
-                let first = self.fit.point.e.len();
-                let effort = Effort::on_the_way(self.budget.approach);
-                let near = fit(
-                    self.compared_on(term),
-                    &frozen,
-                    &hypothesis,
-                    at.clone(),
-                    effort,
-                );
-                // Gains of a part of the records are not those of all.
-                let gains = match self.beside_joint(term) {
-                    true => all_gains(self.case, &hypothesis, &near.point),
-                    false => near.gains,
-                };
-                let spread: f64 = log_dets(self.case, &gains, Role::Train).iter().sum();
-                let directions: Vec<Direction<'_>> =
-                    (first..near.point.e.len()).map(Direction::Effect).collect();
-                let lin = linearise(
-                    self.case,
-                    &hypothesis,
-                    &near.point,
-                    &gains,
-                    Role::Train,
-                    &directions,
-                );
-                if lin.r.len() != self.lin.r.len() {
-                    return None;
-                }
-                let pull = self.lin.j.tr_mul(&lin.r);
-                let alone = Hypothesis::new(vec![term.clone()]);
-                let own = &near.point.e[first..];
-                let limits: Vec<(f64, f64)> = ranges(self.case, &alone)
-                    .iter()
-                    .zip(own)
-                    .map(|((low, high), s)| {
-                        (
-                            (low - s).max(-0.7 * s.abs()).min(0.0),
-                            (high - s).min(1.5 * s.abs()).max(0.0),
-                        )
-                    })
-                    .collect();
-                let (objective, theta, step) =
-                    self.minimise(&near.point.theta, (&lin.r, &pull), &lin.j, &limits);
-                Some(Candidate {
-                    term: term.clone(),
-                    start: own.iter().zip(&step).map(|(s, d)| s + d).collect(),
-                    theta,
-                    // Gains of its own: the predicted covariances count.
-                    objective: objective + spread - self.fit.train.spread(),
-                })
-            })
+            .filter_map(|(i, at)| self.approached(&terms[*i].0, at.clone(), &frozen))
             .collect()
+    }
+
+    /// A candidate some steps in its own parameters from a start, then as the quadratic model has it.
+    fn approached(&self, term: &Term, start: Point, frozen: &Basis) -> Option<Candidate> {
+        let (hypothesis, _) = self.with(term, &[]);
+        let effort = Effort::on_the_way(self.budget.approach);
+        let near = fit(self.compared_on(term), frozen, &hypothesis, start, effort);
+        // Gains of a part of the records are not those of all.
+        let gains = match self.beside_joint(term) {
+            true => all_gains(self.case, &hypothesis, &near.point),
+            false => near.gains,
+        };
+        let spread: f64 = log_dets(self.case, &gains, Role::Train).iter().sum();
+        let (first, at) = (self.fit.point.e.len(), &near.point);
+        let own: Vec<Direction<'_>> = (first..at.e.len()).map(Direction::Effect).collect();
+        let lin = linearise(self.case, &hypothesis, at, &gains, Role::Train, &own);
+        if lin.r.len() != self.lin.r.len() {
+            return None;
+        }
+        let pull = self.lin.j.tr_mul(&lin.r);
+        let alone = Hypothesis::new(vec![term.clone()]);
+        let own = &at.e[first..];
+        let ranges = ranges(self.case, &alone);
+        // As far as the model holds.
+        let limits: Vec<(f64, f64)> = (ranges.iter().zip(own))
+            .map(|((low, high), s)| {
+                let down = (low - s).max(-0.7 * s.abs()).min(0.0);
+                (down, (high - s).min(1.5 * s.abs()).max(0.0))
+            })
+            .collect();
+        let (objective, theta, step) = self.minimise(&at.theta, (&lin.r, &pull), &lin.j, &limits);
+        Some(Candidate {
+            term: term.clone(),
+            start: own.iter().zip(&step).map(|(s, d)| s + d).collect(),
+            theta,
+            // Gains of its own: the predicted covariances count.
+            objective: objective + spread - self.fit.train.spread(),
+        })
     }
 
     /// Of every term the lowest start; where several gain already, or starts are compared beside the

@@ -8,6 +8,7 @@ use crate::case::Case;
 use crate::criteria::Criteria;
 use crate::described::unit_at;
 use crate::diagnosis::{Magnitude, Named};
+use crate::effect::{Quantity, Term};
 use crate::fit::Fit;
 use pid_interpret::nominal::Role as Part;
 
@@ -116,91 +117,104 @@ pub(super) fn sizes(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<f64> {
 
 /// The effects of a fit with their magnitudes and standard deviations.
 pub(super) fn name(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<Named> {
-    let size = fit.point.theta.len();
     // A parameter without any influence is not determined; the others are.
     let (_, dead) = curvature(fit);
     let spread = Spread::new(case, criteria, fit);
-    let robot = &case.nominal.description;
-    let mut at = 0;
-    fit.hypothesis
-        .terms
-        .iter()
-        .map(|term| {
-            let info = term.effect.info();
-            let k = info.parameters.len();
-            let e = &fit.point.e[at..at + k];
-            // What is shown in torque rests on the motor gain, which is fitted within its tolerance.
-            let stated = case.nominal.gain(term.joint);
-            let place = case.nominal.place(term.joint, Part::Gain);
-            let gain_slope = place.map_or(0.0, |i| case.nominal.values[i].half_width);
-            let at_gain = place.unwrap_or(0);
-            let gain = stated + gain_slope * fit.point.theta[at_gain];
-            let rated = case.scale[term.joint].torque / stated.abs();
-            let shown = term.effect.shown(e, gain, rated);
-            let own_dead: Vec<bool> = dead[size + at..size + at + k].to_vec();
-            let places: Vec<usize> = (size + at..size + at + k)
-                .chain(std::iter::once(at_gain))
-                .collect();
-            at += k;
-            let mut slopes: Vec<Vec<f64>> = (0..k)
-                .map(|i| {
-                    let step =
-                        1e-6 * (e[i].abs() + 1e-3 * case.unit(info.parameters[i].unit, term.joint));
-                    let mut moved = e.to_vec();
-                    moved[i] += step;
-                    term.effect
-                        .shown(&moved, gain, rated)
-                        .iter()
-                        .zip(&shown)
-                        .map(|(a, b)| (a.value - b.value) / step)
-                        .collect()
-                })
-                .collect();
-            let step = 1e-6 * gain;
-            slopes.push(
-                term.effect
-                    .shown(e, gain + step, rated)
-                    .iter()
-                    .zip(&shown)
-                    .map(|(a, b)| (a.value - b.value) / step * gain_slope)
-                    .collect(),
-            );
-            let parameters = shown
-                .iter()
-                .enumerate()
-                .map(|(s, quantity)| {
-                    let lost = (0..k).any(|a| own_dead[a] && slopes[a][s] != 0.0);
-                    let along = |c: &DMatrix<f64>| {
-                        (0..=k)
-                            .flat_map(|a| (0..=k).map(move |b| (a, b)))
-                            .map(|(a, b)| slopes[a][s] * c[(places[a], places[b])] * slopes[b][s])
-                            .sum::<f64>()
-                    };
-                    let known = spread.as_ref().filter(|_| !lost);
-                    let variance = known.map(|spread| spread.variance(along));
-                    Magnitude {
-                        name: quantity.name.to_owned(),
-                        value: quantity.value,
-                        unit: unit_at(robot, term.joint, quantity.si),
-                        std: variance
-                            .filter(|v| *v >= 0.0 && v.is_finite())
-                            .map(f64::sqrt),
-                    }
-                })
-                // With zero stiffness the rest position is 0/0: a magnitude that is not finite is
-                // dropped.
-                .filter(|m| m.value.is_finite())
-                .collect();
-            Named {
-                effect: info.id.to_owned(),
-                joint: term.shown_joint(),
-                parameters,
-                regime: info.regime.to_owned(),
-                share: None,
-                share_interval: None,
-            }
+    let (starts, _) = fit.hypothesis.offsets();
+    let terms = fit.hypothesis.terms.iter().zip(starts);
+    terms
+        .map(|(term, at)| Named {
+            effect: term.effect.info().id.to_owned(),
+            joint: term.shown_joint(),
+            parameters: magnitudes(case, fit, (term, at), (&dead, spread.as_ref())),
+            regime: term.effect.info().regime.to_owned(),
+            share: None,
+            share_interval: None,
         })
         .collect()
+}
+
+/// What is shown of an effect whose parameters begin at `at`.
+fn magnitudes(
+    case: &Case,
+    fit: &Fit,
+    (term, at): (&Term, usize),
+    (dead, spread): (&[bool], Option<&Spread>),
+) -> Vec<Magnitude> {
+    let size = fit.point.theta.len();
+    let k = term.effect.info().parameters.len();
+    let own_dead = &dead[size + at..size + at + k];
+    let Shown {
+        quantities,
+        slopes,
+        gain_place,
+    } = Shown::new(case, fit, (term, at));
+    let places: Vec<usize> = (size + at..size + at + k).chain([gain_place]).collect();
+    let shown = quantities.into_iter().enumerate().map(|(s, quantity)| {
+        let lost = (0..k).any(|a| own_dead[a] && slopes[a][s] != 0.0);
+        let along = |c: &DMatrix<f64>| {
+            (0..=k)
+                .flat_map(|a| (0..=k).map(move |b| (a, b)))
+                .map(|(a, b)| slopes[a][s] * c[(places[a], places[b])] * slopes[b][s])
+                .sum::<f64>()
+        };
+        let variance = spread.filter(|_| !lost).map(|known| known.variance(along));
+        Magnitude {
+            name: quantity.name.to_owned(),
+            value: quantity.value,
+            unit: unit_at(&case.nominal.description, term.joint, quantity.si),
+            std: variance
+                .filter(|v| *v >= 0.0 && v.is_finite())
+                .map(f64::sqrt),
+        }
+    });
+    // With zero stiffness the rest position is 0/0: a magnitude that is not finite is dropped.
+    shown.filter(|m| m.value.is_finite()).collect()
+}
+
+/// Quantities that are shown of an effect.
+struct Shown {
+    quantities: Vec<Quantity>,
+    /// Their slopes in the effect's parameters, then in the deviation of the motor gain.
+    slopes: Vec<Vec<f64>>,
+    /// Place of that deviation.
+    gain_place: usize,
+}
+
+impl Shown {
+    fn new(case: &Case, fit: &Fit, (term, at): (&Term, usize)) -> Self {
+        let parameters = term.effect.info().parameters;
+        let e = &fit.point.e[at..at + parameters.len()];
+        // What is shown in torque rests on the motor gain, which is fitted within its tolerance.
+        let stated = case.nominal.gain(term.joint);
+        let place = case.nominal.place(term.joint, Part::Gain);
+        let gain_slope = place.map_or(0.0, |i| case.nominal.values[i].half_width);
+        let gain_place = place.unwrap_or(0);
+        let gain = stated + gain_slope * fit.point.theta[gain_place];
+        let rated = case.scale[term.joint].torque / stated.abs();
+        let quantities = term.effect.shown(e, gain, rated);
+        let slope = |moved: &[f64], gain: f64, step: f64| -> Vec<f64> {
+            let there = term.effect.shown(moved, gain, rated);
+            let pairs = there.iter().zip(&quantities);
+            pairs.map(|(a, b)| (a.value - b.value) / step).collect()
+        };
+        let mut slopes: Vec<Vec<f64>> = (parameters.iter().enumerate())
+            .map(|(i, p)| {
+                let step = 1e-6 * (e[i].abs() + 1e-3 * case.unit(p.unit, term.joint));
+                let mut moved = e.to_vec();
+                moved[i] += step;
+                slope(&moved, gain, step)
+            })
+            .collect();
+        let step = 1e-6 * gain;
+        let of_gain = slope(e, gain + step, step).into_iter();
+        slopes.push(of_gain.map(|s| s * gain_slope).collect());
+        Self {
+            quantities,
+            slopes,
+            gain_place,
+        }
+    }
 }
 
 #[cfg(test)]

@@ -442,6 +442,20 @@ fn floor_of_records(evidence: &Evidence) -> f64 {
     noise_alone(&case, &evidence.base).typical
 }
 
+/// The floor under which nothing but noise is left of the gap `before`, if one is near enough: that of noise
+/// alone, or that of the records. A hum is no noise, however little it moves the robot.
+fn floor_of_nothing(evidence: &Evidence, before: &Gap, floor: f64) -> Option<f64> {
+    let criteria = &evidence.criteria;
+    let lines = criteria.allowance * criteria.line(evidence.residue.of.frequencies);
+    if evidence.residue.hum >= lines {
+        return None;
+    }
+    let near = |floor: &f64| before.total < criteria.near * floor;
+    Some(floor)
+        .filter(near)
+        .or_else(|| Some(floor_of_records(evidence)).filter(near))
+}
+
 /// Levels of the readings, the least there can be.
 fn readings(case: &Case) -> Vec<(f64, f64)> {
     case.noise.iter().map(|n| (n.q, n.v)).collect()
@@ -494,13 +508,9 @@ pub(super) fn add_part(
     } = now;
     let floor = evidence.floor.min(after.total);
     let criteria = &settings.criteria;
-    // A hum is no noise, however little it moves the robot; nor is what an effect predicts.
-    let lines = criteria.allowance * criteria.line(evidence.residue.of.frequencies);
-    let quiet = taken.is_empty() && !given_up && evidence.residue.hum < lines;
-    let nothing_left = |floor: f64| before.total < criteria.near * floor;
-    let enough = match quiet {
-        true if nothing_left(floor) => Some(floor),
-        true => Some(floor_of_records(&evidence)).filter(|&own| nothing_left(own)),
+    // What an effect predicts is no noise.
+    let enough = match taken.is_empty() && !given_up {
+        true => floor_of_nothing(&evidence, &before, floor),
         false => None,
     };
     let coloured = enough.is_some();
