@@ -63,9 +63,10 @@ pub(crate) fn velocity(q: &[f64], h: f64, largest: f64) -> f64 {
     }
 }
 
-/// Share of a window of free runs that decides.
+/// Share of a window of free runs that decides: what a drive lets go of is over after a tenth of it, and what the
+/// model lacks shows later.
 const SHARE: f64 = 0.25;
-/// Steps of the nominal structure's fit, and of the velocities.
+/// Steps of the nominal structure's fit, and of the velocities; on the drops of a servo 14 and 6 give the same digits.
 const STEPS: (usize, usize) = (4, 4);
 /// Step of a difference, in largest speeds.
 const DIFFERENCE: f64 = 0.01;

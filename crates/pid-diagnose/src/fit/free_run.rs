@@ -20,7 +20,7 @@ use super::linear::{Basis, Direction, Linear, gathered, lifted};
 use super::quadratic::Quadratic;
 use super::step::Damping;
 use super::value::PRIOR;
-use super::{Effort, Fit, Point, fit, ranges};
+use super::{Effort, Fit, Point, directions, fit, ranges};
 use crate::case::{Case, Velocity};
 use crate::effect::{FEW, LANES, Pick};
 use crate::gap::{Windows, deviations, free_run, gap, windows};
@@ -254,9 +254,7 @@ where
 pub(crate) fn fit_free_runs(case: &Case, basis: &Basis, from: &Fit) -> Option<Fit> {
     let hypothesis = &from.hypothesis;
     let columns = basis.directions();
-    let directions = columns.iter().map(|c| Direction::Theta(c));
-    let effects = (0..from.point.e.len()).map(Direction::Effect);
-    let directions: Vec<Direction<'_>> = directions.chain(effects).collect();
+    let directions = directions(&columns, from.point.e.len());
     if directions.is_empty() {
         return None;
     }
@@ -311,9 +309,7 @@ pub(crate) fn free_runs(case: &Case, basis: &Basis, at: &Fit) -> (Linear, Vec<Ra
     let errors = errors(case, hypothesis, point, &starts);
     let weights = Weights::new(case, &errors);
     let columns = basis.directions();
-    let directions = columns.iter().map(|c| Direction::Theta(c));
-    let effects = (0..point.e.len()).map(Direction::Effect);
-    let directions: Vec<Direction<'_>> = directions.chain(effects).collect();
+    let directions = directions(&columns, point.e.len());
     let lin = linearise(case, hypothesis, point, (&starts, &weights), &directions);
     let mut from = 0;
     let windows = errors.iter().map(|w| {

@@ -137,6 +137,12 @@ const TRUSTED: f64 = 0.5;
 /// What the damping adds to the curvature of a deviation: about that of the prior.
 const OF_THETA: f64 = 4.0;
 
+/// Directions along the columns, then of so many parameters of the effects.
+fn directions(columns: &[Vec<f64>], effects: usize) -> Vec<Direction<'_>> {
+    let basis = columns.iter().map(|c| Direction::Theta(c));
+    basis.chain((0..effects).map(Direction::Effect)).collect()
+}
+
 /// Innovations with their derivatives along the columns, then in the effects' parameters.
 fn differentiated(
     case: &Case,
@@ -145,9 +151,7 @@ fn differentiated(
     gains: &[Vec<Gain>],
     columns: &[Vec<f64>],
 ) -> Linear {
-    let basis = columns.iter().map(|c| Direction::Theta(c));
-    let effects = (0..at.e.len()).map(Direction::Effect);
-    let directions: Vec<Direction<'_>> = basis.chain(effects).collect();
+    let directions = directions(columns, at.e.len());
     linearise(case, hypothesis, at, gains, Role::Train, &directions)
 }
 

@@ -70,11 +70,11 @@ pub(super) fn deviations(case: &Case, criteria: &Criteria, fit: &Fit) -> Option<
 
 /// How many of its own standard deviations the amplitudes of each effect of a fit reach,
 /// `√(eᵀ C⁻¹ e / m)` over its m amplitudes (A. Wald 1943), C the larger of those from the curvature
-/// and from blocks of time; an effect without an absent point is judged by its first parameter. Phases, rests and edges tell
-/// where an effect is, not that there is one. No more than each parameter at whose zero the law is another one
-/// reaches by itself.
+/// and from blocks of time; an effect without an absent point is judged by its first parameter.
+/// Phases, rests and edges tell where an effect is, not that there is one. No more than each
+/// parameter at whose zero the law is another one reaches by itself.
 pub(super) fn sizes(case: &Case, criteria: &Criteria, fit: &Fit) -> Vec<f64> {
-    let Some(spread) = Spread::new(case, criteria, fit) else {
+    let Some(spread) = Spread::of_predictions(case, criteria, fit) else {
         return vec![0.0; fit.hypothesis.terms.len()];
     };
     let size = fit.point.theta.len();

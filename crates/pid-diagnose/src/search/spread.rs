@@ -34,34 +34,29 @@ pub(super) struct Spread {
 impl Spread {
     /// Covariances at a fit, with derivatives of its own.
     ///
-    /// Scores of blocks ("sandwich": P. J. Huber, 5th Berkeley Symposium, 1967; blocks of dependent
-    /// rows: K.-Y. Liang, S. L. Zeger, Biometrika 73, 1986):
-    ///
-    /// ```text
-    /// H⁻¹ (Σ_b (s_b − s̄)(s_b − s̄)ᵀ + P) H⁻¹,   s_b = Σ_{k∈b} J_kᵀ ε_k,   P the curvature of the prior
-    /// ```
-    ///
     /// A log with uneven stamps has not the clock of the loop: it does not say when within its period
     /// a command acts, nor when a reading was taken. The lateness δ of each joint's commands has the
-    /// deviation h/√12 of a moment anywhere within a period h; parameters follow it ("consider" covariance: S. F. Schmidt, Advances in Control
-    /// Systems 3, 1966):
+    /// deviation h/√12 of a moment anywhere within a period h; parameters follow it ("consider"
+    /// covariance: S. F. Schmidt, Advances in Control Systems 3, 1966):
     ///
     /// ```text
     /// K (h²/12) Kᵀ,   K = H⁻¹ Jᵀ ∂ε/∂δ
     /// ```
-    ///
-    /// Borrowed derivatives would make parameters that only a tolerance separates look well
-    /// determined; so would the directions of the fit, which leave out what the nominal structure
-    /// does not show: a common scale of all forces is nothing to see without the effect, and beside
-    /// it all that tolerances leave of its size.
     pub(super) fn new(case: &Case, criteria: &Criteria, fit: &Fit) -> Option<Self> {
         let basis = &every_direction(case);
+        let train = case.records.iter().filter(|r| r.role == Role::Train);
+        let open = |r: &Record| if r.uneven { r.h } else { 0.0 };
+        let h = train.map(open).fold(0.0, f64::max);
+        let free = free_run_spread(case, basis, fit);
+        if h == 0.0 {
+            let own = fit.linearised(case, basis);
+            let (predicted, _) = Self::predicted(case, criteria, fit, (basis, &own))?;
+            return Some(Self { free, ..predicted });
+        }
         let (own, clocks) = linearised(case, basis, fit);
-        let inverse = inverse(Quadratic::new(basis, &own, &fit.point).h)?;
-        let (blocks, size) = (blocks(case, criteria, own.r.len()), case.nominal.size());
-        let wide = widened(basis, fit.point.e.len());
-        let moved = &inverse * &wide * own.j.tr_mul(&clocks);
-        let (starts, _) = fit.hypothesis.offsets();
+        let (predicted, inverse) = Self::predicted(case, criteria, fit, (basis, &own))?;
+        let moved = inverse * widened(basis, fit.point.e.len()) * own.j.tr_mul(&clocks);
+        let (size, (starts, _)) = (case.nominal.size(), fit.hypothesis.offsets());
         let mut clock = &moved * moved.transpose();
         // What takes a late reading of the velocity up takes up its moment too, whole.
         for (term, at) in fit.hypothesis.terms.iter().zip(starts) {
@@ -70,15 +65,42 @@ impl Spread {
                 clock[(size + at, size + at)] += 1.0;
             }
         }
-        let train = case.records.iter().filter(|r| r.role == Role::Train);
-        let open = |r: &Record| if r.uneven { r.h } else { 0.0 };
-        let h = train.map(open).fold(0.0, f64::max);
         Some(Self {
-            blocks: sandwich(&inverse, (&wide, size), &own, &blocks),
-            free: free_run_spread(case, basis, fit),
+            free,
             clock: clock * (h * h / 12.0),
-            curved: inverse * (misfit(fit).max(1.0) * criteria.shared),
+            ..predicted
         })
+    }
+
+    /// What the scatter of predictions alone leaves.
+    ///
+    /// Borrowed derivatives would make parameters that only a tolerance separates look well
+    /// determined; so would the directions of the fit, which leave out what the nominal structure
+    /// does not show: a common scale of all forces is nothing to see without the effect, and beside
+    /// it all that tolerances leave of its size.
+    pub(super) fn of_predictions(case: &Case, criteria: &Criteria, fit: &Fit) -> Option<Self> {
+        let basis = &every_direction(case);
+        let own = fit.linearised(case, basis);
+        Self::predicted(case, criteria, fit, (basis, &own)).map(|(predicted, _)| predicted)
+    }
+
+    /// The same with innovations and their derivatives along a basis; and the inverse curvature.
+    fn predicted(
+        case: &Case,
+        criteria: &Criteria,
+        fit: &Fit,
+        (basis, own): (&Basis, &Linear),
+    ) -> Option<(Self, DMatrix<f64>)> {
+        let inverse = inverse(Quadratic::new(basis, own, &fit.point).h)?;
+        let (blocks, size) = (blocks(case, criteria, own.r.len()), case.nominal.size());
+        let wide = widened(basis, fit.point.e.len());
+        let predicted = Self {
+            blocks: sandwich(&inverse, (&wide, size), own, &blocks),
+            curved: &inverse * (misfit(fit).max(1.0) * criteria.shared),
+            free: None,
+            clock: DMatrix::zeros(inverse.nrows(), inverse.ncols()),
+        };
+        Some((predicted, inverse))
     }
 
     /// A variance: the largest of those of readings, and that of the clock.
@@ -179,7 +201,14 @@ fn blocks(case: &Case, criteria: &Criteria, all: usize) -> Vec<Range<usize>> {
     out
 }
 
-/// Covariance from the scores of blocks of rows.
+/// Covariance from the scores of blocks of rows ("sandwich": P. J. Huber, 5th Berkeley Symposium, 1967; blocks of
+/// dependent rows: K.-Y. Liang, S. L. Zeger, Biometrika 73, 1986),
+///
+/// ```text
+/// H⁻¹ (Σ_b (s_b − s̄)(s_b − s̄)ᵀ + P) H⁻¹
+/// ```
+///
+/// with `s_b = Σ_{k∈b} J_kᵀ ε_k` and P the curvature of the prior.
 fn sandwich(
     inverse: &DMatrix<f64>,
     (wide, size): (&DMatrix<f64>, usize),
