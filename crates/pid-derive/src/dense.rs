@@ -110,99 +110,122 @@ const FLOOR: f64 = 1e-16;
 /// pivots have their widest gap, below a share of 1e-8 of the largest. Columns of zeros are
 /// directions lost.
 pub fn rank(a: &Matrix) -> Rank {
-    let (m, n) = (a.rows(), a.cols());
+    let n = a.cols();
     let scale: Vec<f64> = (0..n).map(|j| norm(a.col(j))).collect();
-    let mut r = a.clone();
+    let mut scaled = a.clone();
     for j in 0..n {
         if scale[j] > 0.0 {
-            r.col_mut(j).iter_mut().for_each(|x| *x /= scale[j]);
+            scaled.col_mut(j).iter_mut().for_each(|x| *x /= scale[j]);
         }
     }
-    let mut order: Vec<usize> = (0..n).collect();
-    let steps = m.min(n);
-    let mut pivots = vec![0.0; n];
-    for k in 0..steps {
-        let (best, length) =
-            (k..n)
-                .map(|j| (j, norm(&r.col(j)[k..])))
-                .fold(
-                    (k, -1.0),
-                    |best, next| {
-                        if next.1 > best.1 { next } else { best }
-                    },
-                );
-        r.swap(k, best);
-        order.swap(k, best);
-        pivots[k] = length;
-        if length == 0.0 {
-            break;
-        }
-        // The reflection that takes the column to −sign(x₀) ‖x‖ e₀.
-        let head = r[(k, k)];
-        let alpha = if head > 0.0 { -length } else { length };
-        r[(k, k)] = head - alpha;
-        let square = 2.0 * (length * length - alpha * head);
-        for j in k + 1..n {
-            let (v, x) = r.two(k, j);
-            let (v, x) = (&v[k..], &mut x[k..]);
-            let dot: f64 = v.iter().zip(x.iter()).map(|(v, x)| v * x).sum();
-            let factor = 2.0 * dot / square;
-            for (x, v) in x.iter_mut().zip(v) {
-                *x -= factor * v;
+    let factors = Factors::of(scaled);
+    let (rank, gap) = factors.widest_gap();
+    let null = (rank..n).map(|dropped| factors.null(rank, dropped, &scale));
+    Rank {
+        rank,
+        gap,
+        null: null.collect(),
+    }
+}
+
+/// R of a factorization with pivoting, its pivots, and which column of the matrix each of its columns is.
+struct Factors {
+    r: Matrix,
+    pivots: Vec<f64>,
+    order: Vec<usize>,
+}
+
+impl Factors {
+    /// Factors `r` in its own place.
+    fn of(mut r: Matrix) -> Self {
+        let (m, n) = (r.rows(), r.cols());
+        let mut order: Vec<usize> = (0..n).collect();
+        let mut pivots = vec![0.0; n];
+        for (k, pivot) in pivots.iter_mut().enumerate().take(m.min(n)) {
+            let lengths = (k..n).map(|j| (j, norm(&r.col(j)[k..])));
+            let longer = |best: (usize, f64), next: (usize, f64)| match next.1 > best.1 {
+                true => next,
+                false => best,
+            };
+            let (best, length) = lengths.fold((k, -1.0), longer);
+            r.swap(k, best);
+            order.swap(k, best);
+            *pivot = length;
+            if length == 0.0 {
+                break;
             }
+            // The reflection that takes the column to −sign(x₀) ‖x‖ e₀.
+            let head = r[(k, k)];
+            let alpha = if head > 0.0 { -length } else { length };
+            r[(k, k)] = head - alpha;
+            let square = 2.0 * (length * length - alpha * head);
+            for j in k + 1..n {
+                let (v, x) = r.two(k, j);
+                let (v, x) = (&v[k..], &mut x[k..]);
+                let dot: f64 = v.iter().zip(x.iter()).map(|(v, x)| v * x).sum();
+                let factor = 2.0 * dot / square;
+                for (x, v) in x.iter_mut().zip(v) {
+                    *x -= factor * v;
+                }
+            }
+            r[(k, k)] = alpha;
         }
-        r[(k, k)] = alpha;
+        Factors { r, pivots, order }
     }
 
-    let largest = pivots.first().copied().unwrap_or(0.0);
-    let relative = |k: usize| -> f64 {
-        if largest > 0.0 {
-            pivots[k] / largest
-        } else {
-            0.0
+    /// A pivot relative to the largest.
+    fn relative(&self, k: usize) -> f64 {
+        let largest = self.pivots.first().copied().unwrap_or(0.0);
+        match largest > 0.0 {
+            true => self.pivots[k] / largest,
+            false => 0.0,
         }
-    };
-    // The widest gap among those with a small lower edge. Full rank needs no gap.
-    let mut rank = n;
-    if largest == 0.0 {
-        rank = 0;
-    } else if (0..n).any(|k| relative(k) <= SMALL) {
-        let mut widest = 0.0;
-        for k in 1..n {
-            if relative(k) <= SMALL {
-                let ratio = relative(k - 1).max(FLOOR) / relative(k).max(FLOOR);
-                if ratio > widest {
-                    (widest, rank) = (ratio, k);
+    }
+
+    /// The rank, by the widest gap among those with a small lower edge, and the pivots beside that gap. Full
+    /// rank needs no gap.
+    fn widest_gap(&self) -> (usize, (f64, f64)) {
+        let n = self.pivots.len();
+        let relative = |k: usize| self.relative(k);
+        let mut rank = n;
+        if n > 0 && self.pivots[0] == 0.0 {
+            rank = 0;
+        } else if (0..n).any(|k| relative(k) <= SMALL) {
+            let mut widest = 0.0;
+            for k in 1..n {
+                if relative(k) <= SMALL {
+                    let ratio = relative(k - 1).max(FLOOR) / relative(k).max(FLOOR);
+                    if ratio > widest {
+                        (widest, rank) = (ratio, k);
+                    }
                 }
             }
         }
+        let kept = if rank > 0 { relative(rank - 1) } else { 1.0 };
+        let lost = if rank < n { relative(rank) } else { 0.0 };
+        (rank, (kept, lost))
     }
-    let gap = (
-        if rank > 0 { relative(rank - 1) } else { 1.0 },
-        if rank < n { relative(rank) } else { 0.0 },
-    );
 
-    // R₁₁ x = −R₁₂ e for every dropped column.
-    let null = (rank..n)
-        .map(|dropped| {
-            let mut x = vec![0.0; rank];
-            for i in (0..rank).rev() {
-                let mut sum = -r[(i, dropped)];
-                for j in i + 1..rank {
-                    sum -= r[(i, j)] * x[j];
-                }
-                x[i] = sum / r[(i, i)];
+    /// The null vector of a dropped column, by the columns of the matrix: R₁₁ x = −R₁₂ e.
+    fn null(&self, rank: usize, dropped: usize, scale: &[f64]) -> Vec<f64> {
+        let r = &self.r;
+        let mut x = vec![0.0; rank];
+        for i in (0..rank).rev() {
+            let mut sum = -r[(i, dropped)];
+            for j in i + 1..rank {
+                sum -= r[(i, j)] * x[j];
             }
-            let mut vector = vec![0.0; n];
-            let unscaled = |j: usize, x: f64| if scale[j] > 0.0 { x / scale[j] } else { x };
-            for (i, x) in x.into_iter().enumerate() {
-                vector[order[i]] = unscaled(order[i], x);
-            }
-            vector[order[dropped]] = unscaled(order[dropped], 1.0);
-            vector
-        })
-        .collect();
-    Rank { rank, gap, null }
+            x[i] = sum / r[(i, i)];
+        }
+        let mut vector = vec![0.0; scale.len()];
+        let unscaled = |j: usize, x: f64| if scale[j] > 0.0 { x / scale[j] } else { x };
+        for (at, x) in self.order.iter().zip(x) {
+            vector[*at] = unscaled(*at, x);
+        }
+        let own = self.order[dropped];
+        vector[own] = unscaled(own, 1.0);
+        vector
+    }
 }
 
 /// Columns taken in their order, each kept if it is independent of those kept before it.

@@ -13,7 +13,7 @@
 
 use pid_symbolic::{Graph, Id};
 
-use super::kinematics::{Motion, Tree};
+use super::kinematics::{Body, Motion, Tree};
 use super::vector::{self, Vector};
 
 /// Inputs of the recursion. They are expressions, so that it also gives columns of M (unit
@@ -30,26 +30,48 @@ pub struct Motions {
 
 /// Joint forces, by coordinate.
 pub fn equations(g: &mut Graph, tree: &Tree, motions: &Motions) -> Vec<Id> {
-    struct State {
-        w: Vector,
-        dw: Vector,
-        acceleration: Vector,
-    }
     let mut states: Vec<State> = Vec::with_capacity(tree.bodies.len());
     let mut wrenches = Vec::with_capacity(tree.bodies.len());
-    let lifted = vector::neg(g, motions.gravity);
+    let base = State {
+        w: vector::zero(g),
+        dw: vector::zero(g),
+        acceleration: vector::neg(g, motions.gravity),
+    };
     for body in &tree.bodies {
-        let (w_p, dw_p, a_p) = match body.parent {
-            Some(parent) => {
-                let state = &states[parent];
-                (state.w, state.dw, state.acceleration)
-            }
-            None => (vector::zero(g), vector::zero(g), lifted),
-        };
-        let at_origin = accelerated(g, w_p, dw_p, a_p, body.frame.origin);
-        let mut acceleration = vector::apply_transposed(g, &body.frame.rotation, at_origin);
-        let mut w = vector::apply_transposed(g, &body.frame.rotation, w_p);
-        let mut dw = vector::apply_transposed(g, &body.frame.rotation, dw_p);
+        let parent = body.parent.map_or(&base, |parent| &states[parent]);
+        let state = State::of(g, body, parent, motions);
+        wrenches.push(state.wrench(g, body));
+        states.push(state);
+    }
+    let mut forces = felt(g, tree, motions, wrenches);
+    for rotor in &tree.rotors {
+        let acceleration = rotor.rates.of(g, &motions.a);
+        let felt = g.mul(rotor.armature, acceleration);
+        rotor.rates.add_force(g, felt, &mut forces);
+    }
+    forces
+}
+
+/// Angular velocity, its rate and the acceleration of the origin of a body, in its frame; that of the base is
+/// minus gravity.
+struct State {
+    w: Vector,
+    dw: Vector,
+    acceleration: Vector,
+}
+
+impl State {
+    /// Outward: of a body from that of its parent.
+    fn of(g: &mut Graph, body: &Body, parent: &State, motions: &Motions) -> Self {
+        let turned = |g: &mut Graph, x| vector::apply_transposed(g, &body.frame.rotation, x);
+        let State {
+            w,
+            dw,
+            acceleration,
+        } = *parent;
+        let at_origin = accelerated(g, w, dw, acceleration, body.frame.origin);
+        let mut acceleration = turned(g, at_origin);
+        let (mut w, mut dw) = (turned(g, w), turned(g, dw));
         let (rate, rate_of_rate) = (body.rates.of(g, &motions.v), body.rates.of(g, &motions.a));
         match body.motion {
             Motion::Revolute(axis) => {
@@ -70,28 +92,37 @@ pub fn equations(g: &mut Graph, tree: &Tree, motions: &Motions) -> Vec<Id> {
                 acceleration = vector::add(g, acceleration, coriolis);
             }
         }
-
-        let (m, h) = (body.inertia.mass, body.inertia.moment);
-        let translation = vector::scale(g, m, acceleration);
-        let force = accelerated(g, w, dw, translation, h);
-        let angular = vector::apply(g, &body.inertia.tensor, w);
-        let gyroscopic = vector::cross(g, w, angular);
-        let mut moment = vector::apply(g, &body.inertia.tensor, dw);
-        moment = vector::add(g, moment, gyroscopic);
-        let lever = vector::cross(g, h, acceleration);
-        moment = vector::add(g, moment, lever);
-        states.push(State {
+        State {
             w,
             dw,
             acceleration,
-        });
-        wrenches.push((force, moment));
+        }
     }
 
+    /// Force and moment that move a body, about its origin.
+    fn wrench(&self, g: &mut Graph, body: &Body) -> (Vector, Vector) {
+        let (m, h) = (body.inertia.mass, body.inertia.moment);
+        let translation = vector::scale(g, m, self.acceleration);
+        let force = accelerated(g, self.w, self.dw, translation, h);
+        let angular = vector::apply(g, &body.inertia.tensor, self.w);
+        let gyroscopic = vector::cross(g, self.w, angular);
+        let mut moment = vector::apply(g, &body.inertia.tensor, self.dw);
+        moment = vector::add(g, moment, gyroscopic);
+        let lever = vector::cross(g, h, self.acceleration);
+        (force, vector::add(g, moment, lever))
+    }
+}
+
+/// Inward: what the joints feel of the wrenches of the bodies.
+fn felt(
+    g: &mut Graph,
+    tree: &Tree,
+    motions: &Motions,
+    mut wrenches: Vec<(Vector, Vector)>,
+) -> Vec<Id> {
     let zero = g.zero();
     let mut forces = vec![zero; motions.v.len()];
-    for index in (0..tree.bodies.len()).rev() {
-        let body = &tree.bodies[index];
+    for (index, body) in tree.bodies.iter().enumerate().rev() {
         let (force, moment) = wrenches[index];
         let mut felt = match body.motion {
             Motion::Revolute(axis) => vector::dot(g, axis, moment),
@@ -114,11 +145,6 @@ pub fn equations(g: &mut Graph, tree: &Tree, motions: &Motions) -> Vec<Id> {
                 vector::add(g, at_parent_n, moment),
             );
         }
-    }
-    for rotor in &tree.rotors {
-        let acceleration = rotor.rates.of(g, &motions.a);
-        let felt = g.mul(rotor.armature, acceleration);
-        rotor.rates.add_force(g, felt, &mut forces);
     }
     forces
 }

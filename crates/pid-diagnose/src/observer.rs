@@ -51,7 +51,7 @@ pub struct Gain {
     pub whiten: [[f64; 2]; 2],
     /// How far the states that no sensor reads are from rest at the start: position and velocity of
     /// the side of the gear without encoder, memory of a bristle, part of the integral of a position
-    /// loop. Zero unless they were looked for.
+    /// loop in what dry friction holds. Zero unless they were looked for.
     pub hidden: [f64; 4],
     /// Whether the covariance it rests on has settled; it does not where the sensors do not see a state.
     pub settled: bool,
@@ -109,15 +109,15 @@ fn steady_covariance(
     (h, false)
 }
 
-/// Gain from the steady state of the Riccati recursion.
-pub(crate) fn gain(d: &Design) -> Gain {
+/// Rates of the states, before readings lag, and where among them the state stands that the encoder reads.
+fn rates(d: &Design) -> (DMatrix<f64>, usize) {
     let size = if d.gear.is_some() { 4 } else { 2 };
     let mut a = DMatrix::<f64>::zeros(size, size);
     a[(0, 1)] = 1.0;
     a[(1, 1)] = -d.viscous / d.inertia;
-    let mut link_side = false;
+    let mut read = 0;
     if let Some((link, k, c, on_link)) = d.gear {
-        link_side = on_link;
+        read = if on_link { 2 } else { 0 };
         a[(1, 0)] = -k / d.inertia;
         a[(1, 2)] = k / d.inertia;
         a[(1, 1)] -= c / d.inertia;
@@ -128,50 +128,68 @@ pub(crate) fn gain(d: &Design) -> Gain {
         a[(3, 1)] = c / link;
         a[(3, 3)] = -c / link;
     }
-    let read = if link_side { 2 } else { 0 };
     a[(1, read)] -= d.servo.0 / d.inertia;
     a[(1, read + 1)] -= d.servo.1 / d.inertia;
-    let step = (a * d.h).exp();
+    (a, read)
+}
+
+/// Covariance that the noise of the torques adds in a sample.
+fn disturbances(d: &Design) -> DMatrix<f64> {
+    let size = if d.gear.is_some() { 4 } else { 2 };
     let mut q = DMatrix::<f64>::zeros(size, size);
-    let noise = |inertia: f64, torque: f64| {
+    let mut put = |at: usize, inertia: f64, torque: f64| {
         let v = d.h * torque / inertia;
         let p = 0.5 * d.h * v;
-        (p * p, p * v, v * v)
-    };
-    let mut put = |at: usize, (pp, pv, vv): (f64, f64, f64)| {
-        q[(at, at)] += pp;
-        q[(at, at + 1)] += pv;
-        q[(at + 1, at)] += pv;
-        q[(at + 1, at + 1)] += vv;
+        q[(at, at)] += p * p;
+        q[(at, at + 1)] += p * v;
+        q[(at + 1, at)] += p * v;
+        q[(at + 1, at + 1)] += v * v;
     };
     if let Some((link, ..)) = d.gear {
-        put(0, noise(d.inertia, d.torque));
-        put(2, noise(link, (0.5 * d.torque).hypot(d.passed)));
+        put(0, d.inertia, d.torque);
+        put(2, link, (0.5 * d.torque).hypot(d.passed));
     } else {
-        put(0, noise(d.inertia, d.torque.hypot(d.passed)));
+        put(0, d.inertia, d.torque.hypot(d.passed));
     }
-    let at = if link_side { 2 } else { 0 };
+    q
+}
+
+/// A step and its disturbances with one more state: the velocity at `from` as a lagging reading shows it, of
+/// which the share `fade` is left after a sample.
+fn lagging(
+    step: &DMatrix<f64>,
+    q: &DMatrix<f64>,
+    from: usize,
+    fade: f64,
+) -> (DMatrix<f64>, DMatrix<f64>) {
+    let size = step.nrows();
+    let widened = |x: &DMatrix<f64>| x.clone().resize(size + 1, size + 1, 0.0);
+    let mut wide = DMatrix::identity(size + 1, size + 1);
+    wide[(size, from)] = 1.0 - fade;
+    wide[(size, size)] = fade;
+    // First the motion, then the reading that follows it.
+    let mut step = &wide * widened(step);
+    step[(size, size)] = fade;
+    wide[(size, size)] = 0.0;
+    (step, &wide * widened(q) * wide.transpose())
+}
+
+/// Gain from the steady state of the Riccati recursion.
+pub(crate) fn gain(d: &Design) -> Gain {
+    let (a, at) = rates(d);
+    let (mut step, mut q) = ((a * d.h).exp(), disturbances(d));
+    let time = d.lag.filter(|t| *t > 0.0 && d.v.is_some());
+    if let Some(time) = time {
+        (step, q) = lagging(&step, &q, at + 1, (-d.h / time).exp());
+    }
+    let size = step.nrows();
     let outputs = if d.v.is_some() { 2 } else { 1 };
-    let (mut step, mut size) = (step, size);
-    let lagging = d.lag.filter(|t| *t > 0.0 && d.v.is_some());
-    if let Some(time) = lagging {
-        let fade = (-d.h / time).exp();
-        let mut wide = DMatrix::identity(size + 1, size + 1);
-        wide[(size, at + 1)] = 1.0 - fade;
-        wide[(size, size)] = fade;
-        // First the motion, then the reading that follows it.
-        step = &wide * step.resize(size + 1, size + 1, 0.0);
-        step[(size, size)] = fade;
-        wide[(size, size)] = 0.0;
-        q = &wide * q.resize(size + 1, size + 1, 0.0) * wide.transpose();
-        size += 1;
-    }
     let mut c = DMatrix::<f64>::zeros(outputs, size);
     c[(0, at)] = 1.0;
     let mut r = DMatrix::<f64>::zeros(outputs, outputs);
     r[(0, 0)] = d.q * d.q;
     if let Some(v) = d.v {
-        c[(1, if lagging.is_some() { size - 1 } else { at + 1 })] = 1.0;
+        c[(1, if time.is_some() { size - 1 } else { at + 1 })] = 1.0;
         r[(1, 1)] = v * v;
     }
     let (p, settled) = steady_covariance(&step, &c, &q, &r);
@@ -184,29 +202,31 @@ pub(crate) fn gain(d: &Design) -> Gain {
     };
     let mut rows = [[0.0; 2]; 5];
     for i in 0..size {
-        let row = if lagging.is_some() && i + 1 == size {
-            4
-        } else {
-            i
-        };
+        let last = time.is_some() && i + 1 == size;
+        let row = if last { 4 } else { i };
         for o in 0..outputs {
             rows[row][o] = k[(i, o)];
         }
     }
-    let full = if outputs == 2 {
-        Matrix2::new(s[(0, 0)], s[(0, 1)], s[(1, 0)], s[(1, 1)])
-    } else {
-        Matrix2::new(s[(0, 0)], 0.0, 0.0, 1.0)
+    Gain {
+        rows,
+        whiten: whitening(&s),
+        hidden: [0.0; 4],
+        settled,
+    }
+}
+
+/// Inverse of the lower Cholesky factor of the covariance of the innovations; the second is one where there
+/// is no velocity.
+fn whitening(s: &DMatrix<f64>) -> [[f64; 2]; 2] {
+    let full = match s.nrows() {
+        2 => Matrix2::new(s[(0, 0)], s[(0, 1)], s[(1, 0)], s[(1, 1)]),
+        _ => Matrix2::new(s[(0, 0)], 0.0, 0.0, 1.0),
     };
     let l00 = full[(0, 0)].sqrt();
     let l10 = full[(1, 0)] / l00;
     let l11 = (full[(1, 1)] - l10 * l10).max(1e-300).sqrt();
-    Gain {
-        rows,
-        whiten: [[1.0 / l00, 0.0], [-l10 / (l00 * l11), 1.0 / l11]],
-        hidden: [0.0; 4],
-        settled,
-    }
+    [[1.0 / l00, 0.0], [-l10 / (l00 * l11), 1.0 / l11]]
 }
 
 #[cfg(test)]

@@ -156,6 +156,18 @@ fn earlier<D: Scalar>(history: &[(D, D)], delay: D, h: f64) -> (D, D) {
     )
 }
 
+/// What the sensors of all joints remember while a predictor follows them.
+struct Shown<D> {
+    /// By how much readings are late.
+    delays: Vec<Option<D>>,
+    /// Share of a lagging velocity that is left after a sample.
+    lags: Vec<Option<D>>,
+    /// Positions and velocities up to now, of joints whose readings are late.
+    history: Vec<Vec<(D, D)>>,
+    /// Velocities as lagging sensors show them.
+    lagged: Vec<D>,
+}
+
 /// The machine over one record.
 pub struct Runner<'a, 'h, D: Pick> {
     pub(crate) case: &'a Case,
@@ -251,7 +263,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
             }
         }
         for j in self.machine.integrating() {
-            state.loops[j].integral += D::constant(gains[j].hidden[3]);
+            state.loops[j].integral += self.machine.holds(j) * gains[j].hidden[3];
         }
         for (cell, joint, most) in self.machine.unknown_cells() {
             let moved = state.memory[cell] + gains[joint].hidden[2];
@@ -348,45 +360,17 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         seen: &mut dyn FnMut(usize, &State<D>) -> ControlFlow<()>,
     ) {
         let n = self.case.n();
-        let r = self.record;
         let mut state = self.start(0);
         self.unrest(&mut state, gains);
         let mut commands = Vec::with_capacity(n);
-        let delays: Vec<Option<D>> = (0..n).map(|j| self.machine.reading_delay(j)).collect();
-        let lags: Vec<Option<D>> = (0..n)
-            .map(|j| {
-                velocity_lag(self.case, &self.machine, j)
-                    .map(|t| (-(t.inverse() * r.h)).exponential())
-            })
-            .collect();
-        let mut history: Vec<Vec<(D, D)>> = delays
-            .iter()
-            .map(|d| Vec::with_capacity(if d.is_some() { r.len() } else { 0 }))
-            .collect();
-        let mut lagged: Vec<D> = (0..n).map(|j| self.encoder(&state, j).1).collect();
+        let mut shown = self.shown(&state);
         for k in 0..counted.end {
             if seen(k, &state).is_break() {
                 return;
             }
-            for j in 0..n {
-                let (mut q, mut v) = self.encoder(&state, j);
-                if let Some(delay) = delays[j] {
-                    history[j].push((q, v));
-                    (q, v) = earlier(&history[j], delay / r.h, r.h);
-                }
-                let (rq, mut rv) = self.machine.sense(j, q, v);
-                if let Some(a) = lags[j] {
-                    lagged[j] = lagged[j] * a + rv * (-a + 1.0);
-                    rv = lagged[j];
-                }
-                let take = |x: &[f64]| x[k].is_finite().then(|| D::constant(x[k]));
-                // A missing reading tells nothing and corrects nothing.
-                let eq = take(&r.q[j]).map_or(D::nil(), |y| y - rq);
-                let g = &gains[j];
-                let mut ev = D::nil();
-                if self.case.velocity[j] == Velocity::Measured {
-                    ev = take(&r.v[j]).map_or(D::nil(), |y| y - rv);
-                }
+            for (j, g) in gains.iter().enumerate().take(n) {
+                let read = self.read(&mut shown, &state, j);
+                let [eq, ev] = self.innovation(j, k, read);
                 if k >= counted.start {
                     sink(k, j, 0, eq * g.whiten[0][0]);
                     if self.case.velocity[j] == Velocity::Measured {
@@ -394,45 +378,96 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                     }
                 }
                 let fix = |row: usize| eq * g.rows[row][0] + ev * g.rows[row][1];
-                if lags[j].is_some() {
-                    lagged[j] += fix(4);
-                }
-                // What a late reading corrects is the state it shows; from there the correction
-                // moves on with its velocity.
-                let late = delays[j].map_or(D::nil(), |d| {
-                    (d / r.h).limit(D::nil(), D::constant(k as f64))
-                });
-                let moved = |row: usize, samples: D| fix(row) + fix(row + 1) * samples * r.h;
-                if self.machine.gears[j].is_some() {
-                    state.drive_q[j] += moved(0, late);
-                    state.drive_v[j] += fix(1);
-                    state.q[j] += moved(2, late);
-                    state.v[j] += fix(3);
-                } else {
-                    state.q[j] += moved(0, late);
-                    state.v[j] += fix(1);
-                    state.drive_q[j] = state.q[j];
-                    state.drive_v[j] = state.v[j];
-                }
-                let row = if self.machine.gears[j].is_some()
-                    && self.case.nominal.encoder_side == EncoderSide::Joint
-                {
-                    2
-                } else {
-                    0
-                };
-                for (back, entry) in history[j].iter_mut().rev().enumerate() {
-                    let since = late - back as f64;
-                    if back > 0 && since.value() <= 0.0 {
-                        break;
-                    }
-                    entry.0 += moved(row, since);
-                    entry.1 += fix(row + 1);
-                }
+                self.correct(&mut state, &mut shown, (j, k), &fix);
             }
             if k + 1 < counted.end {
                 self.sample(&mut state, k, &mut commands);
             }
+        }
+    }
+
+    /// Memories of the sensors at the start of a prediction.
+    fn shown(&self, state: &State<D>) -> Shown<D> {
+        let (n, h) = (self.case.n(), self.record.h);
+        let delays: Vec<Option<D>> = (0..n).map(|j| self.machine.reading_delay(j)).collect();
+        let fade = |t: D| (-(t.inverse() * h)).exponential();
+        let lag = |j| velocity_lag(self.case, &self.machine, j).map(fade);
+        let room = |d: &Option<D>| if d.is_some() { self.record.len() } else { 0 };
+        Shown {
+            history: delays.iter().map(|d| Vec::with_capacity(room(d))).collect(),
+            lags: (0..n).map(lag).collect(),
+            lagged: (0..n).map(|j| self.encoder(state, j).1).collect(),
+            delays,
+        }
+    }
+
+    /// Position and velocity of joint `j` as its sensors show them.
+    fn read(&self, shown: &mut Shown<D>, state: &State<D>, j: usize) -> (D, D) {
+        let h = self.record.h;
+        let (mut q, mut v) = self.encoder(state, j);
+        if let Some(delay) = shown.delays[j] {
+            shown.history[j].push((q, v));
+            (q, v) = earlier(&shown.history[j], delay / h, h);
+        }
+        let (q, mut v) = self.machine.sense(j, q, v);
+        if let Some(a) = shown.lags[j] {
+            shown.lagged[j] = shown.lagged[j] * a + v * (-a + 1.0);
+            v = shown.lagged[j];
+        }
+        (q, v)
+    }
+
+    /// Recorded minus predicted position and velocity of joint `j` at sample `k`. A missing reading tells
+    /// nothing and corrects nothing.
+    fn innovation(&self, j: usize, k: usize, (q, v): (D, D)) -> [D; 2] {
+        let less = |x: f64, y: D| match x.is_finite() {
+            true => D::constant(x) - y,
+            false => D::nil(),
+        };
+        let ev = match self.case.velocity[j] {
+            Velocity::Measured => less(self.record.v[j][k], v),
+            _ => D::nil(),
+        };
+        [less(self.record.q[j][k], q), ev]
+    }
+
+    /// Corrects joint `j` at sample `k`: what a late reading corrects is the state it shows; from there the
+    /// correction moves on with its velocity. `fix` gives the correction by rows of [`Gain::rows`].
+    fn correct(
+        &self,
+        state: &mut State<D>,
+        shown: &mut Shown<D>,
+        (j, k): (usize, usize),
+        fix: &impl Fn(usize) -> D,
+    ) {
+        let h = self.record.h;
+        if shown.lags[j].is_some() {
+            shown.lagged[j] += fix(4);
+        }
+        let late =
+            shown.delays[j].map_or(D::nil(), |d| (d / h).limit(D::nil(), D::constant(k as f64)));
+        let moved = |row: usize, samples: D| fix(row) + fix(row + 1) * samples * h;
+        let geared = self.machine.gears[j].is_some();
+        if geared {
+            state.drive_q[j] += moved(0, late);
+            state.drive_v[j] += fix(1);
+            state.q[j] += moved(2, late);
+            state.v[j] += fix(3);
+        } else {
+            state.q[j] += moved(0, late);
+            state.v[j] += fix(1);
+            state.drive_q[j] = state.q[j];
+            state.drive_v[j] = state.v[j];
+        }
+        let on_link = geared && self.case.nominal.encoder_side == EncoderSide::Joint;
+        let row = if on_link { 2 } else { 0 };
+        for (back, entry) in shown.history[j].iter_mut().rev().enumerate() {
+            let since = late - back as f64;
+            if back > 0 && since.value() <= 0.0 {
+                break;
+            }
+            entry.0 += moved(row, since);
+            entry.1 += fix(row + 1);
         }
     }
 

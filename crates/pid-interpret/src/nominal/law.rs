@@ -61,7 +61,6 @@ impl Drive<'_> {
     /// # Errors
     /// In which way it differs.
     pub(super) fn check(&self, law: Law) -> Result<f64, String> {
-        let j = self.joint;
         if ![law.gain, law.viscous, law.coulomb]
             .iter()
             .all(|x| x.is_finite())
@@ -77,8 +76,7 @@ impl Drive<'_> {
                 law.coulomb, law.viscous
             ));
         }
-        let force = |at: &At| (self.force)(at);
-        let rest = force(&At::default());
+        let rest = (self.force)(&At::default());
         let size = law.gain.abs() + law.coulomb + law.viscous + rest.abs();
         let differs = |x: f64, y: f64| {
             let off = (x - y).abs();
@@ -87,25 +85,42 @@ impl Drive<'_> {
         if differs(rest, 0.0) {
             return Err(format!("it is {rest:.4} at rest without input"));
         }
-        for k in 0..self.joints.len() {
+        self.depends_on_its_own(&differs)?;
+        self.is_linear_in_inputs(law, &differs)?;
+        self.rises_to_coulomb(law, &differs)?;
+        Ok(self.sharpness(law))
+    }
+
+    /// No position and no velocity of another joint acts on it.
+    fn depends_on_its_own(&self, differs: &dyn Fn(f64, f64) -> bool) -> Result<(), String> {
+        for (k, name) in self.joints.iter().enumerate() {
             for (at, what) in [
                 (At::default().position(k, 0.7), "position"),
                 (At::default().speed(k, 0.7), "velocity"),
             ] {
-                if (k != j || what == "position") && differs(force(&at), 0.0) {
-                    return Err(format!("depends on the {what} of `{}`", self.joints[k]));
+                let may = k == self.joint && what == "velocity";
+                if !may && differs((self.force)(&at), 0.0) {
+                    return Err(format!("depends on the {what} of `{name}`"));
                 }
             }
         }
-        for k in 0..self.inputs.len() {
+        Ok(())
+    }
+
+    /// Its own input acts by the gain at every speed, the others do not act.
+    fn is_linear_in_inputs(
+        &self,
+        law: Law,
+        differs: &dyn Fn(f64, f64) -> bool,
+    ) -> Result<(), String> {
+        for (k, name) in self.inputs.iter().enumerate() {
             let own = self.input == Some(k);
             for u in [-3.0, 0.3, 10.0] {
                 for v in [0.0, 0.5, -20.0] {
-                    let with = force(&At::default().speed(self.joint, v).input(k, u));
-                    let without = force(&At::default().speed(self.joint, v));
+                    let at = || At::default().speed(self.joint, v);
+                    let by_input = (self.force)(&at().input(k, u)) - (self.force)(&at());
                     let gain = if own { law.gain } else { 0.0 };
-                    if differs(with - without, gain * u) {
-                        let name = self.inputs[k];
+                    if differs(by_input, gain * u) {
                         return Err(format!(
                             "is not a constant times `{name}` and a function of the velocity"
                         ));
@@ -113,53 +128,61 @@ impl Drive<'_> {
                 }
             }
         }
-        // The transition: odd, from 0 to 1, rising.
-        let share =
-            |v: f64| (-force(&At::default().speed(self.joint, v)) - law.viscous * v) / law.coulomb;
+        Ok(())
+    }
+
+    /// Friction at a velocity of the joint.
+    fn friction(&self, v: f64) -> f64 {
+        -(self.force)(&At::default().speed(self.joint, v))
+    }
+
+    /// Share of the Coulomb friction that acts at a velocity.
+    fn share(&self, law: Law, v: f64) -> f64 {
+        (self.friction(v) - law.viscous * v) / law.coulomb
+    }
+
+    /// The friction is odd, and what is not viscous rises from 0 to the Coulomb friction.
+    fn rises_to_coulomb(&self, law: Law, differs: &dyn Fn(f64, f64) -> bool) -> Result<(), String> {
         let mut last = 0.0;
-        for decade in SPEEDS {
-            for step in [1.0, 2.0, 5.0] {
-                let v = step * 10f64.powi(decade);
-                let (ahead, back) = (
-                    -force(&At::default().speed(self.joint, v)),
-                    force(&At::default().speed(j, -v)),
-                );
-                if differs(ahead, back) {
-                    return Err(format!("its friction at {v} and −{v} differs"));
-                }
-                if law.coulomb == 0.0 {
-                    if differs(ahead, law.viscous * v) {
-                        return Err("its friction is not viscous".to_owned());
-                    }
-                    continue;
-                }
-                let now = share(v);
-                let slack = AGREE * (1.0 + law.viscous * v / law.coulomb);
-                if now < last - slack || now > 1.0 + slack {
-                    return Err(format!(
-                        "its friction is not Coulomb and viscous: {ahead:.4} at a speed of {v}"
-                    ));
-                }
-                last = now;
+        let decades = SPEEDS.flat_map(|decade| [1.0, 2.0, 5.0].map(|x| x * 10f64.powi(decade)));
+        for v in decades {
+            let ahead = self.friction(v);
+            if differs(ahead, -self.friction(-v)) {
+                return Err(format!("its friction at {v} and −{v} differs"));
             }
+            if law.coulomb == 0.0 {
+                if differs(ahead, law.viscous * v) {
+                    return Err("its friction is not viscous".to_owned());
+                }
+                continue;
+            }
+            let now = self.share(law, v);
+            let slack = AGREE * (1.0 + law.viscous * v / law.coulomb);
+            if now < last - slack || now > 1.0 + slack {
+                return Err(format!(
+                    "its friction is not Coulomb and viscous: {ahead:.4} at a speed of {v}"
+                ));
+            }
+            last = now;
         }
-        if law.coulomb == 0.0 {
-            return Ok(f64::INFINITY);
-        }
-        // tanh(1) = 0.76: the speed at which the transition has come that far, by bisection.
+        Ok(())
+    }
+
+    /// Inverse of the speed at which the transition has come to tanh(1) = 0.76, by bisection.
+    fn sharpness(&self, law: Law) -> f64 {
         let (mut low, mut high) = (1e-9_f64, 1e6_f64);
-        if share(low) > 1.0_f64.tanh() {
-            return Ok(f64::INFINITY);
+        if law.coulomb == 0.0 || self.share(law, low) > 1.0_f64.tanh() {
+            return f64::INFINITY;
         }
         for _ in 0..200 {
             let middle = (low * high).sqrt();
-            if share(middle) < 1.0_f64.tanh() {
+            if self.share(law, middle) < 1.0_f64.tanh() {
                 low = middle;
             } else {
                 high = middle;
             }
         }
-        Ok(1.0 / low)
+        1.0 / low
     }
 }
 

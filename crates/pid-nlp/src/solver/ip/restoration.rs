@@ -1,6 +1,8 @@
 //! Restoration: soft steps that reduce the optimality error, then the feasibility problem by the same method.
 
+use super::bounds::Bounds;
 use super::feasibility::{Feasibility, FeasibilityKkt, RHO};
+use super::filter::Filter;
 use super::line_search::{Accepted, UNSEEN_REDUCTION};
 use super::projection::REDUCTION;
 use super::{Iterate, Solver, Status};
@@ -25,6 +27,64 @@ enum Restored {
     Accepted,
     /// The constraints hold there, but the filter does not accept it.
     Feasible,
+}
+
+/// What a feasibility problem is solved for: a point that the filter of the iteration accepts.
+struct Goal<'a> {
+    filter: &'a Filter,
+    bounds: &'a Bounds,
+    /// Barrier parameter of the iteration.
+    mu: f64,
+    /// Violation where the iteration leaves.
+    theta: f64,
+    /// A row counts as held within this.
+    tolerance: f64,
+}
+
+impl Goal<'_> {
+    /// Iterates until the filter accepts the x of the feasibility problem, which then stands in `probe`.
+    fn reach(&self, inner: &mut Solver<'_>, probe: &mut Iterate) -> Result<Restored, Status> {
+        inner.start()?;
+        loop {
+            let errors = inner.errors(0.0);
+            if let Some(status) = inner.stop_requested() {
+                return Err(status);
+            }
+            let x = std::mem::take(&mut inner.current.x);
+            inner.problem.probe(&x, probe);
+            inner.counts.functions += 1;
+            inner.current.x = x;
+            if probe.is_finite() && probe.theta <= REDUCTION * self.theta {
+                let phi = self.bounds.barrier(probe.f, &probe.x, self.mu);
+                if self.filter.accepts(probe.theta, phi) {
+                    return Ok(Restored::Accepted);
+                }
+            }
+            let solved = errors.total <= inner.settings.tol;
+            if solved || inner.iteration >= inner.settings.max_iterations {
+                return self.end(probe, errors.total);
+            }
+            inner.iteration += 1;
+            if let Err(status) = inner.iterate() {
+                return match status.is_limit() {
+                    true => Err(status),
+                    false => self.end(probe, errors.total),
+                };
+            }
+        }
+    }
+
+    /// How a feasibility problem ended that goes no further, with an optimality error of `error`.
+    fn end(&self, probe: &Iterate, error: f64) -> Result<Restored, Status> {
+        let largest = probe.c.iter().fold(0.0_f64, |a, c| a.max(c.abs()));
+        if largest <= self.tolerance {
+            Ok(Restored::Feasible)
+        } else if error <= STATIONARY {
+            Err(Status::LocallyInfeasible)
+        } else {
+            Err(Status::RestorationFailed)
+        }
+    }
 }
 
 impl Solver<'_> {
@@ -277,70 +337,16 @@ impl Solver<'_> {
         let mut problem = Feasibility::new(&mut *self.problem, &entering.x, mu);
         let mut kkt = FeasibilityKkt::new(system, &problem);
         let mut inner = Solver::new(&mut problem, &mut kkt, &settings, self.started);
-        inner.nested = true;
-        inner.mu = mu;
-        inner.warm = true;
-        inner.current.x[..self.n].copy_from_slice(&entering.x);
-        for i in 0..self.m {
-            let (p, n) = Feasibility::split(entering.c[i], mu);
-            (
-                inner.current.x[self.n + i],
-                inner.current.x[self.n + self.m + i],
-            ) = (p, n);
-        }
-        for j in 0..self.n {
-            inner.z_lower[j] = self.z_lower[j].min(RHO);
-            inner.z_upper[j] = self.z_upper[j].min(RHO);
-        }
-        for j in self.n..inner.n {
-            inner.z_lower[j] = mu / inner.current.x[j];
-        }
+        inner.enter_feasibility(entering, mu, (&self.z_lower, &self.z_upper));
+        let goal = Goal {
+            filter: &self.filter,
+            bounds: &self.bounds,
+            mu: self.mu,
+            theta: entering.theta,
+            tolerance: self.settings.constraint_tol,
+        };
         let mut probe = Iterate::new(self.n, self.m);
-        let (filter, bounds, mu) = (&self.filter, &self.bounds, self.mu);
-        let tolerance = self.settings.constraint_tol;
-        let outcome = (|| {
-            inner.start()?;
-            loop {
-                let errors = inner.errors(0.0);
-                if let Some(status) = inner.stop_requested() {
-                    return Err(status);
-                }
-                let x = std::mem::take(&mut inner.current.x);
-                inner.problem.probe(&x, &mut probe);
-                inner.counts.functions += 1;
-                inner.current.x = x;
-                if probe.is_finite() && probe.theta <= REDUCTION * entering.theta {
-                    let phi = bounds.barrier(probe.f, &probe.x, mu);
-                    if filter.accepts(probe.theta, phi) {
-                        return Ok(Restored::Accepted);
-                    }
-                }
-                let solved = errors.total <= settings.tol;
-                if solved || inner.iteration >= settings.max_iterations {
-                    let largest = probe.c.iter().fold(0.0_f64, |a, c| a.max(c.abs()));
-                    return if largest <= tolerance {
-                        Ok(Restored::Feasible)
-                    } else if errors.total <= STATIONARY {
-                        Err(Status::LocallyInfeasible)
-                    } else {
-                        Err(Status::RestorationFailed)
-                    };
-                }
-                inner.iteration += 1;
-                if let Err(status) = inner.iterate() {
-                    let largest = probe.c.iter().fold(0.0_f64, |a, c| a.max(c.abs()));
-                    return if status.is_limit() {
-                        Err(status)
-                    } else if largest <= tolerance {
-                        Ok(Restored::Feasible)
-                    } else if errors.total <= STATIONARY {
-                        Err(Status::LocallyInfeasible)
-                    } else {
-                        Err(Status::RestorationFailed)
-                    };
-                }
-            }
-        })();
+        let outcome = goal.reach(&mut inner, &mut probe);
         *trials += inner.iteration;
         let (counts, seconds) = (inner.counts, inner.seconds);
         self.counts.add(&counts);
@@ -364,6 +370,27 @@ impl Solver<'_> {
             Ok(())
         } else {
             Err(Status::InvalidNumber)
+        }
+    }
+
+    /// Starts a feasibility problem at the point that the iteration leaves, with the multipliers of its bounds:
+    /// rows are closed by their slacks.
+    fn enter_feasibility(&mut self, entering: &Iterate, mu: f64, (lower, upper): (&[f64], &[f64])) {
+        let (n, m) = (entering.x.len(), entering.c.len());
+        self.nested = true;
+        self.mu = mu;
+        self.warm = true;
+        self.current.x[..n].copy_from_slice(&entering.x);
+        for i in 0..m {
+            let (over, under) = Feasibility::split(entering.c[i], mu);
+            (self.current.x[n + i], self.current.x[n + m + i]) = (over, under);
+        }
+        for j in 0..n {
+            self.z_lower[j] = lower[j].min(RHO);
+            self.z_upper[j] = upper[j].min(RHO);
+        }
+        for j in n..self.n {
+            self.z_lower[j] = mu / self.current.x[j];
         }
     }
 

@@ -114,26 +114,30 @@ fn substituted_rows(layout: &Layout) -> usize {
     ne
 }
 
-impl Plan {
-    /// `columns[j]` is the position of parameter j among the `np` free ones.
-    pub(super) fn new(layout: &Layout, columns: &[Option<u32>], np: usize) -> Self {
+impl Sizes {
+    fn of(layout: &Layout, np: usize) -> Self {
         let (nx, ny) = (layout.nx, layout.ny);
         let ne = substituted_rows(layout);
-        let sizes = Sizes {
+        Sizes {
             nx,
             ny,
             np,
             w: (nx + np).next_multiple_of(4),
             ne,
             nz: ny - ne,
-        };
-        let (nz, w) = (sizes.nz, sizes.w);
+        }
+    }
+}
+
+impl Offsets {
+    fn of(sizes: &Sizes) -> Self {
+        let &Sizes { nx, ne, nz, w, .. } = sizes;
         let mut len = 0;
         let mut take = |n: usize| {
             len += n;
             len - n
         };
-        let mut o = Offsets {
+        let o = Offsets {
             b: take(nz * nz),
             d: take(nz * ne),
             t: take(nz * w),
@@ -148,73 +152,80 @@ impl Plan {
             fe: take(ne * ne),
             len: 0,
         };
-        o.len = len;
-        let variable = |local: usize| Variable::of(local, &sizes, columns);
+        Offsets { len, ..o }
+    }
 
-        let mut jacobian = Vec::new();
-        for (value, &(row, col)) in layout.step_jacobian.iter().enumerate() {
-            let (row, value) = (row as usize, value as u32);
-            let (at, sign) = match (row < ne, variable(col as usize)) {
-                (_, Variable::Held) => continue,
-                (true, Variable::Start(j)) => (o.rx + row * nx + j, -1.0),
-                (true, Variable::Core(j)) => (o.rz + row * nz + j, -1.0),
-                (true, Variable::Substituted(j)) if j == row => (o.r + j, 1.0),
-                // Excluded when the rows were chosen.
-                (true, Variable::Substituted(_) | Variable::Parameter(_)) => continue,
-                (false, Variable::Start(j)) => (o.t + (row - ne) * w + j, -1.0),
-                (false, Variable::Parameter(j)) => (o.t + (row - ne) * w + nx + j, -1.0),
-                (false, Variable::Core(j)) => (o.b + (row - ne) * nz + j, 1.0),
-                (false, Variable::Substituted(j)) => (o.d + (row - ne) * ne + j, 1.0),
-            };
-            let at = at as u32;
-            jacobian.push(Target { value, at, sign });
-        }
-        let mut hessian = Vec::new();
-        for (value, &(row, col)) in layout.step_hessian.iter().enumerate() {
-            let (a, b) = (variable(row as usize), variable(col as usize));
-            let mut add = |at: usize| {
-                hessian.push(Target {
-                    value: value as u32,
-                    at: at as u32,
-                    sign: 1.0,
-                });
-            };
-            use Variable::{Core, Held, Parameter, Start, Substituted};
-            match (a, b) {
-                (Held, _) | (_, Held) | (Parameter(_), Parameter(_)) => {}
-                (Core(i), Core(j)) => {
-                    add(o.m + i * nz + j);
-                    if i != j {
-                        add(o.m + j * nz + i);
-                    }
-                }
-                (Start(i), Start(j)) => {
-                    add(o.q + i * w + j);
-                    if i != j {
-                        add(o.q + j * w + i);
-                    }
-                }
-                (Substituted(i), Substituted(j)) => {
-                    add(o.fe + i * ne + j);
-                    if i != j {
-                        add(o.fe + j * ne + i);
-                    }
-                }
-                (Core(i), Start(j)) | (Start(j), Core(i)) => add(o.n + i * w + j),
-                (Core(i), Parameter(j)) | (Parameter(j), Core(i)) => add(o.n + i * w + nx + j),
-                (Start(i), Parameter(j)) | (Parameter(j), Start(i)) => add(o.q + i * w + nx + j),
-                (Substituted(i), Core(j)) | (Core(j), Substituted(i)) => add(o.fz + i * nz + j),
-                (Substituted(i), Start(j)) | (Start(j), Substituted(i)) => add(o.fx + i * w + j),
-                (Substituted(i), Parameter(j)) | (Parameter(j), Substituted(i)) => {
-                    add(o.fx + i * w + nx + j);
-                }
+    /// Place and sign of the entry (row, variable) of a step's Jacobian; `None` for what is held.
+    fn of_jacobian(&self, sizes: &Sizes, row: usize, variable: Variable) -> Option<(usize, f64)> {
+        let &Sizes { nx, ne, nz, w, .. } = sizes;
+        Some(match (row < ne, variable) {
+            (_, Variable::Held) => return None,
+            (true, Variable::Start(j)) => (self.rx + row * nx + j, -1.0),
+            (true, Variable::Core(j)) => (self.rz + row * nz + j, -1.0),
+            (true, Variable::Substituted(j)) if j == row => (self.r + j, 1.0),
+            // Excluded when the rows were chosen.
+            (true, Variable::Substituted(_) | Variable::Parameter(_)) => return None,
+            (false, Variable::Start(j)) => (self.t + (row - ne) * w + j, -1.0),
+            (false, Variable::Parameter(j)) => (self.t + (row - ne) * w + nx + j, -1.0),
+            (false, Variable::Core(j)) => (self.b + (row - ne) * nz + j, 1.0),
+            (false, Variable::Substituted(j)) => (self.d + (row - ne) * ne + j, 1.0),
+        })
+    }
+
+    /// Places of the entry (a, b) of a step's Hessian, of which one triangle is stored: two where the
+    /// workspace holds both.
+    fn of_hessian(&self, sizes: &Sizes, a: Variable, b: Variable) -> [Option<usize>; 2] {
+        use Variable::{Core, Held, Parameter, Start, Substituted};
+        let &Sizes { nx, ne, nz, w, .. } = sizes;
+        let both = |at: usize, width: usize, i: usize, j: usize| {
+            let other = (i != j).then_some(at + j * width + i);
+            [Some(at + i * width + j), other]
+        };
+        let one = |at: usize| [Some(at), None];
+        match (a, b) {
+            (Held, _) | (_, Held) | (Parameter(_), Parameter(_)) => [None, None],
+            (Core(i), Core(j)) => both(self.m, nz, i, j),
+            (Start(i), Start(j)) => both(self.q, w, i, j),
+            (Substituted(i), Substituted(j)) => both(self.fe, ne, i, j),
+            (Core(i), Start(j)) | (Start(j), Core(i)) => one(self.n + i * w + j),
+            (Core(i), Parameter(j)) | (Parameter(j), Core(i)) => one(self.n + i * w + nx + j),
+            (Start(i), Parameter(j)) | (Parameter(j), Start(i)) => one(self.q + i * w + nx + j),
+            (Substituted(i), Core(j)) | (Core(j), Substituted(i)) => one(self.fz + i * nz + j),
+            (Substituted(i), Start(j)) | (Start(j), Substituted(i)) => one(self.fx + i * w + j),
+            (Substituted(i), Parameter(j)) | (Parameter(j), Substituted(i)) => {
+                one(self.fx + i * w + nx + j)
             }
         }
+    }
+}
+
+impl Plan {
+    /// `columns[j]` is the position of parameter j among the `np` free ones.
+    pub(super) fn new(layout: &Layout, columns: &[Option<u32>], np: usize) -> Self {
+        let sizes = Sizes::of(layout, np);
+        let offsets = Offsets::of(&sizes);
+        let variable = |local: u32| Variable::of(local as usize, &sizes, columns);
+        let jacobian = layout.step_jacobian.iter().enumerate();
+        let jacobian = jacobian.filter_map(|(value, &(row, col))| {
+            let (at, sign) = offsets.of_jacobian(&sizes, row as usize, variable(col))?;
+            let (value, at) = (value as u32, at as u32);
+            Some(Target { value, at, sign })
+        });
+        let hessian = layout.step_hessian.iter().enumerate();
+        let hessian = hessian.flat_map(|(value, &(row, col))| {
+            let places = offsets.of_hessian(&sizes, variable(row), variable(col));
+            let value = value as u32;
+            places.into_iter().flatten().map(move |at| Target {
+                value,
+                at: at as u32,
+                sign: 1.0,
+            })
+        });
         Self {
+            jacobian: jacobian.collect(),
+            hessian: hessian.collect(),
             sizes,
-            offsets: o,
-            jacobian,
-            hessian,
+            offsets,
         }
     }
 }
