@@ -125,7 +125,8 @@ fn unread(runner: &Runner<'_, '_, f64>, whole: bool) -> Vec<Hidden> {
     for j in runner.machine.integrating() {
         let of = |which| runner.machine.constants.get(which);
         let level = of(Constant::Coulomb(j)) + TWIST * runner.case.scale[j].torque;
-        out.push((j, 3, (level / of(Constant::Gain(j))).abs()));
+        let unit = runner.machine.holds(j);
+        out.push((j, 3, (level / (of(Constant::Gain(j)) * unit)).abs()));
     }
     if !whole {
         return out;

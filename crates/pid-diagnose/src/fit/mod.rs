@@ -218,7 +218,7 @@ pub fn fit(
             // Derivatives of this fit serve its next steps.
             borrowed = rank > 0 && tried.decrease > 0.7 * tried.predicted;
         }
-        if !path.at.e.is_empty() && steps < 4 {
+        if (!path.at.e.is_empty() || path.starts_open()) && steps < 4 {
             path.renew_gains();
         }
     }
@@ -304,6 +304,12 @@ impl<'a> Path<'a> {
             quadratic,
             Slopes::first(lin.j, &products, self.columns.len()),
         )
+    }
+
+    /// Whether records start with something that is looked for along the way: the integrals of position loops.
+    fn starts_open(&self) -> bool {
+        let mut laws = (0..self.case.n()).filter_map(|j| self.case.nominal.description.servo(j));
+        laws.any(|servo| servo.law.integrates())
     }
 
     fn renew_gains(&mut self) {

@@ -106,6 +106,16 @@ pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>,
     Ok(warnings)
 }
 
+/// How far from where it starts an unknown gain may lie: down to nothing, but for those without which there is
+/// no loop and for times.
+pub(super) fn reach(gain: Gain, size: f64) -> f64 {
+    match gain {
+        Gain::Gravity => size.max(1.0),
+        Gain::Kd | Gain::Ki => size,
+        _ => UNKNOWN * size,
+    }
+}
+
 /// The loop of a joint whose unknown gains are to start.
 struct Start<'a> {
     case: &'a Case,
@@ -164,11 +174,7 @@ impl Start<'_> {
                 _ => self.shortest(),
             };
             let value = (value * sign).max(least);
-            let half_width = match g {
-                Gain::Gravity => value.max(1.0),
-                Gain::Kd | Gain::Ki => value,
-                _ => UNKNOWN * value,
-            };
+            let half_width = reach(g, value);
             let value = Some(value * sign);
             (g, ServoGain { value, half_width })
         };

@@ -2,6 +2,7 @@
 //! inputs, where unknown gains start, and what of a loop cannot be.
 
 mod begin;
+mod centre;
 mod stable;
 
 use pid_data::{Dataset, InputQuantity};
@@ -14,6 +15,7 @@ use crate::nominal::Nominal;
 use crate::regular;
 
 pub(crate) use begin::begin;
+pub(crate) use centre::{centred, recentred};
 pub(crate) use stable::checked;
 
 /// Share of the largest speed over which dry friction changes its sign.

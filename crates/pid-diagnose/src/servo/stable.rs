@@ -33,17 +33,25 @@ pub(crate) fn checked(case: &Case) -> Result<Vec<String>, CaseError> {
             continue;
         };
         let name = &case.nominal.joints[j].name;
-        if let Some(why) = unstable(case, j, &gains(case, j, 0.0)) {
+        let stated = value(case, j, Part::Viscous, 0.0);
+        if let Some(why) = unstable(case, j, &gains(case, j, 0.0), stated) {
             // The least gains of the tolerance are the most stable ones.
-            if unstable(case, j, &gains(case, j, 1.0)).is_some() {
+            let least = gains(case, j, 1.0);
+            let braked = value(case, j, Part::Viscous, 1.0) + dry(case, j);
+            if unstable(case, j, &least, braked).is_some() {
                 return Err(CaseError::Unstable {
                     joint: name.clone(),
                     place: at(&servo.place),
                     why,
                 });
             }
+            let by_gains = unstable(case, j, &least, stated).is_none();
+            let holds = match by_gains {
+                true => "only smaller ones within the tolerance hold the joint",
+                false => "dry friction alone holds the joint",
+            };
             warnings.push(format!(
-                "joint `{name}`: {why} with the stated gains, only smaller ones within the tolerance hold the joint"
+                "joint `{name}`: {why} with the stated gains, {holds}"
             ));
         }
         let [stiffness, _] = slopes(servo.law, &gains(case, j, 0.0));
@@ -64,16 +72,36 @@ pub(crate) fn checked(case: &Case) -> Result<Vec<String>, CaseError> {
     Ok(warnings)
 }
 
-/// Why a loop is unstable, on the inertia of the joint with the others free.
-fn unstable(case: &Case, j: usize, k: &Gains<f64>) -> Option<String> {
+/// Viscous friction that brakes a swing at the largest speed V of the records as dry friction does, 4 f/(π V)
+/// (describing function; J.-J. Slotine, W. Li, Applied Nonlinear Control, 1991, chapter 5): what grows beyond
+/// that leaves the motion of the records.
+fn dry(case: &Case, j: usize) -> f64 {
+    let speeds = case.records.iter().flat_map(|r| &r.smooth_v[j]);
+    let largest = speeds.fold(0.0, |m: f64, v| m.max(v.abs()));
+    match largest > 0.0 {
+        true => 4.0 * value(case, j, Part::Coulomb, 1.0) / (std::f64::consts::PI * largest),
+        false => 0.0,
+    }
+}
+
+/// A value of a joint, so many tolerances from the stated one.
+fn value(case: &Case, j: usize, part: Part, deviation: f64) -> f64 {
+    let place = case.nominal.place(j, part);
+    place.map_or(0.0, |i| {
+        let own = &case.nominal.values[i];
+        own.nominal + own.half_width * deviation
+    })
+}
+
+/// Why a loop is unstable, on the inertia of the joint with the others free and viscous friction.
+fn unstable(case: &Case, j: usize, k: &Gains<f64>, viscous: f64) -> Option<String> {
     let servo = case.nominal.description.servo(j)?;
-    let viscous = case.nominal.place(j, Part::Viscous);
     let joint = Linear {
         servo,
         k,
         gain: case.nominal.gain(j),
         inertia: case.scale[j].inertia,
-        viscous: viscous.map_or(0.0, |i| case.nominal.values[i].nominal),
+        viscous,
     };
     if servo.law.integrates() && joint.swings_up() {
         return Some(format!("ki = {:.4} makes the loop swing up", k.ki));

@@ -114,6 +114,18 @@ impl<D: Pick> Machine<'_, D> {
         self.loops.iter().enumerate().filter_map(of).collect()
     }
 
+    /// Unit of the part of an integral that no gravity needs at rest: the input that dry friction holds, one where
+    /// there is none. In this unit that part stays the same where all forces are another multiple, which no
+    /// motion tells.
+    pub(crate) fn holds(&self, j: usize) -> D {
+        let of = |which| self.constants.get(which);
+        let friction = of(Constant::Coulomb(j));
+        match friction.value() > 0.0 {
+            true => friction / of(Constant::Gain(j)),
+            false => D::constant(1.0),
+        }
+    }
+
     /// Whether the loop of a joint closes over the gear: it reads the link and drives the rotor.
     fn reads_link(&self, j: usize) -> bool {
         self.gears[j].is_some() && self.constants.nominal().encoder_side == EncoderSide::Joint
