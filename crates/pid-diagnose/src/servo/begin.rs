@@ -272,7 +272,7 @@ fn seen(servo: &Servo, k: &Gains<f64>, (r, j): (&Record, usize)) -> Vec<[f64; 3]
     let (mut velocity, mut integral) = (v[0], 0.0);
     let most = servo.velocity_limit.unwrap_or(f64::INFINITY);
     let of = |i: usize| {
-        let [_, target] = shaped(servo, k, &mut memory, r.u[j][i], (h * i as f64, h));
+        let [_, target] = shaped(servo, k, &mut memory, r.u[j][i], (h * i as f64, h), 0.0);
         let error = target - q[i];
         let band = servo.dead_band.unwrap_or(0.0);
         let error = error - error.clamp(-band, band);

@@ -93,10 +93,30 @@ impl<D: Pick> Model<D> {
     }
 }
 
-/// Rate of a loop that holds its output over more than a substep of `dt`, as its period.
+/// Share of a substep within which a period counts as a whole number of substeps.
+const WHOLE: f64 = 1e-3;
+
+/// The state itself, as [`Machine::reading`] has it.
+const START: (f64, f64) = (0.0, 1.0);
+
+/// Period of a loop that holds its output, s; none where it answers at once.
+fn period(servo: &Servo) -> f64 {
+    servo.rate_hz.map_or(0.0, |rate| 1.0 / rate)
+}
+
+/// Period of a loop that reads at the start of a substep of `dt` and holds its output: those of a whole number of
+/// substeps, and those so long that the next start is not far.
 fn held(servo: &Servo, dt: f64) -> Option<f64> {
-    let period = servo.rate_hz.map(|rate| 1.0 / rate);
-    period.filter(|period| *period > dt * 1.001)
+    let period = period(servo);
+    let number = period / dt;
+    let whole = number > 1.0 - WHOLE && (number - number.round()).abs() < WHOLE * number;
+    (whole || number > 2.0).then_some(period)
+}
+
+/// How far into a substep of `dt` the state lies that a loop answers to, which does not read at its start: in its middle,
+/// less the half period for which a held output is late on average.
+fn ahead(servo: &Servo, dt: f64) -> f64 {
+    0.5 * (dt - period(servo))
 }
 
 impl<D: Pick> Machine<'_, D> {
@@ -131,17 +151,24 @@ impl<D: Pick> Machine<'_, D> {
         self.gears[j].is_some() && self.constants.nominal().encoder_side == EncoderSide::Joint
     }
 
-    /// Position and velocity that the loop of a joint reads, `ahead` of a state, s.
+    /// Position and velocity that the loop of a joint reads, `ahead` of a state, s, within a substep of `dt`.
     #[inline(always)]
-    fn reading(&self, state: &State<D>, j: usize, ahead: f64) -> (D, D) {
+    fn reading(&self, state: &State<D>, j: usize, (ahead, dt): (f64, f64)) -> (D, D) {
         let (q, v) = match (self.reads_link(j), ahead == 0.0) {
             (true, _) => (
                 state.q[j] + state.v[j] * ahead,
                 state.v[j] + state.acceleration[j] * ahead,
             ),
             (false, true) => (state.drive_q[j], state.drive_v[j]),
-            // The middle of the substep.
-            (false, false) => (self.site_q[j], self.site_v[j]),
+            // Along the way to the middle of the substep.
+            (false, false) => {
+                let (q, v) = (state.drive_q[j], state.drive_v[j]);
+                let share = ahead / (0.5 * dt);
+                (
+                    q + (self.site_q[j] - q) * share,
+                    v + (self.site_v[j] - v) * share,
+                )
+            }
         };
         self.sense(j, q, v)
     }
@@ -164,9 +191,13 @@ impl<D: Pick> Machine<'_, D> {
             if !(0..self.n()).any(reads) {
                 continue;
             }
-            let ahead = if holds { 0.0 } else { 0.5 * dt };
             for j in 0..self.n() {
-                model.q[j] = self.reading(state, j, ahead).0;
+                let ahead = match (holds, self.loops[j]) {
+                    (true, _) => 0.0,
+                    (false, Some((servo, _))) => ahead(servo, dt),
+                    (false, None) => 0.5 * dt,
+                };
+                model.q[j] = self.reading(state, j, (ahead, dt)).0;
             }
             self.evaluate_model(&mut model);
             for j in (0..self.n()).filter(|&j| reads(j)) {
@@ -207,8 +238,9 @@ impl<D: Pick> Machine<'_, D> {
         ([v + (w - v) * middle, end], -middle + 1.0)
     }
 
-    /// Output of the loop of joint `j` for a target over the substep from `t`, and the slopes that the
-    /// step takes implicitly: none where the loop closes over a gear or holds its output.
+    /// Output of the loop of joint `j` for a target over the substep from `t`, with the slopes that the
+    /// step takes implicitly (none where the loop closes over a gear or holds its output), and how far into the
+    /// substep the state lies that it answers to, s.
     #[inline(always)]
     pub(super) fn answer(
         &self,
@@ -216,15 +248,19 @@ impl<D: Pick> Machine<'_, D> {
         (j, own): (usize, Loop<'_, D>),
         target: D,
         (t, dt): (f64, f64),
-    ) -> Output<D> {
+    ) -> (Output<D>, f64) {
         let (servo, k) = own;
         let gravity = self.gravity(j);
         let memory = state.loops[j];
         let mut next = memory;
-        let none = |u| Output {
-            u,
-            stiffness: D::nil(),
-            damping: D::nil(),
+        let none = |u| {
+            let (stiffness, damping) = (D::nil(), D::nil());
+            let out = Output {
+                u,
+                stiffness,
+                damping,
+            };
+            (out, 0.0)
         };
         if let Some(period) = held(servo, dt) {
             if t < memory.due - 1e-3 * dt {
@@ -232,8 +268,8 @@ impl<D: Pick> Machine<'_, D> {
             }
             // It reads at the start of the substep.
             let first = memory.due.is_infinite();
-            let [_, r] = followed(servo, &k, &mut next.shaped, target, (t, period));
-            let (q, v) = self.reading(state, j, 0.0);
+            let [_, r] = followed(servo, &k, &mut next.shaped, target, (t, period), 0.0);
+            let (q, v) = self.reading(state, j, (0.0, dt));
             let before = if first { v } else { memory.velocity };
             let ([_, v], _) = self.filtered(&own, before, v, period);
             let at = Seen { r, q, v, gravity };
@@ -245,8 +281,10 @@ impl<D: Pick> Machine<'_, D> {
             state.loops[j] = next;
             return none(next.held);
         }
-        let [r, _] = followed(servo, &k, &mut next.shaped, target, (t, dt));
-        let (q, v) = self.reading(state, j, 0.5 * dt);
+        let lead = 0.5 * period(servo);
+        let [r, _] = followed(servo, &k, &mut next.shaped, target, (t, dt), lead);
+        let ahead = ahead(servo, dt);
+        let (q, v) = self.reading(state, j, (ahead, dt));
         let ([v, end], moves) = self.filtered(&own, memory.velocity, v, dt);
         let at = Seen { r, q, v, gravity };
         next.velocity = end;
@@ -255,10 +293,10 @@ impl<D: Pick> Machine<'_, D> {
         let out = output(servo, &k, &at, (memory.integral + next.integral) * 0.5);
         match self.reads_link(j) {
             true => none(out.u),
-            false => Output {
-                damping: out.damping * moves,
-                ..out
-            },
+            false => {
+                let damping = out.damping * moves;
+                (Output { damping, ..out }, ahead)
+            }
         }
     }
 
@@ -267,7 +305,7 @@ impl<D: Pick> Machine<'_, D> {
     pub(super) fn hold(&mut self, state: &mut State<D>, targets: &[f64]) -> Vec<D> {
         if let Some(mut model) = self.model.take() {
             for j in 0..self.n() {
-                model.q[j] = self.reading(state, j, 0.0).0;
+                model.q[j] = self.reading(state, j, START).0;
             }
             self.evaluate_model(&mut model);
             for j in 0..self.n() {
@@ -280,7 +318,7 @@ impl<D: Pick> Machine<'_, D> {
             let Some((servo, k)) = self.loops[j] else {
                 return r;
             };
-            let (q, v) = self.reading(state, j, 0.0);
+            let (q, v) = self.reading(state, j, START);
             let gravity = self.gravity(j);
             let at = Seen { r, q, v, gravity };
             let needed = self.bias[j] / self.constants.get(Constant::Gain(j));

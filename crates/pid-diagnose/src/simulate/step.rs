@@ -134,9 +134,9 @@ impl<D: Pick> Machine<'_, D> {
         let mut answer = None;
         if let Some(own) = self.loops[j] {
             u = self.through(state, commands, (j, true), u);
-            let out = self.answer(state, (j, own), u, (t, dt));
+            let (out, ahead) = self.answer(state, (j, own), u, (t, dt));
             u = out.u;
-            answer = Some(out);
+            answer = Some((out, ahead.max(0.0)));
         }
         u = self.through(state, commands, (j, false), u);
         let mut friction = Friction {
@@ -174,12 +174,12 @@ impl<D: Pick> Machine<'_, D> {
         self.rhs[c] += inertia * v
             + (self.constants.get(Constant::Gain(j)) * u + self.force[j]) * dt
             - damping * v;
-        if let Some(out) = answer {
-            // In place of the velocity and position that the loop saw those of the middle of the step.
+        if let Some((out, ahead)) = answer {
+            // In place of the velocity and position that the loop saw those that the step leads to there.
             let gain = self.constants.get(Constant::Gain(j));
             let (give, damping) = (
-                gain * out.stiffness * (half * half),
-                gain * out.damping * half,
+                gain * out.stiffness * (half * ahead),
+                gain * out.damping * ahead,
             );
             self.matrix[c * m + c] += give + damping;
             self.rhs[c] += give * v + damping * (self.site_v[j] * 2.0 - v);

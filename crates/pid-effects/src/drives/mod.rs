@@ -240,7 +240,7 @@ mod tests {
         let mut memory = target::Shaped::at_rest(0.0);
         let mut at = |i: u32| {
             let t = 0.01 * f64::from(i);
-            target::followed(&own, &K, &mut memory, t, (t, 0.01))[1]
+            target::followed(&own, &K, &mut memory, t, (t, 0.01), 0.0)[1]
         };
         (0..100).map(&mut at).collect()
     }

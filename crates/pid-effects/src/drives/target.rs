@@ -49,7 +49,8 @@ fn stepped<D: Scalar>(servo: &Servo, r: D) -> D {
 }
 
 /// Moves the memory on by `dt` from `t` (s, since the start of what was recorded) under the target `r`.
-/// Returns what the loop follows: in the middle of that time, and at its end.
+/// Returns what the loop follows: `lead` beyond the middle of that time, at most at its end, and at its end. A loop that
+/// reads has its target moved on by a whole period before it holds its output: by half of one on average.
 #[inline(always)]
 pub fn followed<D: Scalar>(
     servo: &Servo,
@@ -57,7 +58,9 @@ pub fn followed<D: Scalar>(
     memory: &mut Shaped<D>,
     r: D,
     (t, dt): (f64, f64),
+    lead: f64,
 ) -> [D; 2] {
+    let middle = (0.5 * dt + lead).min(dt);
     if !servo.shapes() {
         return [r, r];
     }
@@ -74,16 +77,16 @@ pub fn followed<D: Scalar>(
     }
     let mut both = match servo.shaping.speed {
         None => [memory.taken; 2],
-        Some(speed) => [0.5 * dt, dt].map(|time| {
+        Some(speed) => [middle, dt].map(|time| {
             let most = D::constant(speed * time);
             memory.slewed + (memory.taken - memory.slewed).limit(-most, most)
         }),
     };
     memory.slewed = both[1];
     if servo.has(Gain::TargetTime) {
-        let [middle, end] = both;
+        let [first, end] = both;
         both = [
-            filter::after(memory.filtered, middle, k.target_time, 0.5 * dt),
+            filter::after(memory.filtered, first, k.target_time, middle),
             filter::after(memory.filtered, end, k.target_time, dt),
         ];
         memory.filtered = both[1];
