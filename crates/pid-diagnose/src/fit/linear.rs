@@ -14,6 +14,7 @@ use crate::observer::Gain;
 use crate::point::Point;
 use crate::predict::Runner;
 use crate::scalar::{Lanes, Scalar};
+use pid_interpret::nominal::Role as Part;
 
 /// Innovations and, on request, derivatives in directions.
 #[derive(Debug, Clone)]
@@ -184,6 +185,12 @@ where
     rows
 }
 
+/// Curvature from which a direction counts as told: the prior's is ten times as much.
+const TOLD: f64 = 0.3;
+/// Component of a direction, in tolerances of gains, from which it turns with them; those of links alone have
+/// rounding there.
+const IN_GAINS: f64 = 0.01;
+
 /// Directions of θ that the train records determine beyond their tolerance, from the Jacobian at
 /// the nominal values.
 pub fn basis(case: &Case) -> Basis {
@@ -211,10 +218,35 @@ pub fn basis_beside(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Basis {
     let gains = all_gains(case, hypothesis, at);
     let lin = linearise(case, hypothesis, at, &gains, Role::Train, &directions);
     let eigen = gram(&lin.j).symmetric_eigen();
-    let keep: Vec<usize> = (0..size).filter(|&i| eigen.eigenvalues[i] > 0.3).collect();
-    let mut columns = DMatrix::zeros(size, keep.len());
-    for (c, &i) in keep.iter().enumerate() {
-        columns.set_column(c, &eigen.eigenvectors.column(i));
-    }
+    let (kept, lost): (Vec<usize>, Vec<usize>) =
+        (0..size).partition(|&i| eigen.eigenvalues[i] > TOLD);
+    let vectors = |of: &[usize]| eigen.eigenvectors.select_columns(of);
+    let turning = turning(case, &vectors(&lost));
+    let mut columns = vectors(&kept).resize_horizontally(kept.len() + turning.ncols(), 0.0);
+    let mut rest = columns.columns_mut(kept.len(), turning.ncols());
+    rest.copy_from(&turning);
     Basis { columns }
+}
+
+/// Those of the directions that records do not tell, orthonormal in columns, which have gains of position loops
+/// in them: they turn on the way to the fit, and a fit that left them out would stay where it began.
+///
+/// Gains multiply what the motor does and stand at unknown values: a common factor of all forces and gains is
+/// never told, and it is another direction where a gain is twice what was stated. What links hide from each
+/// other is the same everywhere.
+fn turning(case: &Case, lost: &DMatrix<f64>) -> DMatrix<f64> {
+    let values = case.nominal.values.iter().enumerate();
+    let loose = values.filter(|(_, v)| v.half_width > 0.0);
+    let gains: Vec<usize> = loose
+        .filter_map(|(i, v)| matches!(v.role, Part::Servo(_)).then_some(i))
+        .collect();
+    if gains.is_empty() || lost.ncols() == 0 {
+        return DMatrix::zeros(lost.nrows(), 0);
+    }
+    let own = lost.select_rows(&gains);
+    let eigen = gram(&own).symmetric_eigen();
+    let some: Vec<usize> = (0..lost.ncols())
+        .filter(|&i| eigen.eigenvalues[i] > IN_GAINS * IN_GAINS)
+        .collect();
+    lost * eigen.eigenvectors.select_columns(&some)
 }

@@ -113,8 +113,8 @@ fn held(servo: &Servo, dt: f64) -> Option<f64> {
     (whole || number > 2.0).then_some(period)
 }
 
-/// How far into a substep of `dt` the state lies that a loop answers to, which does not read at its start: in its middle,
-/// less the half period for which a held output is late on average.
+/// How far into a substep of `dt` the state lies that a loop answers to which does not read at its start: in its
+/// middle, less the half period for which a held output is late on average.
 fn ahead(servo: &Servo, dt: f64) -> f64 {
     0.5 * (dt - period(servo))
 }
