@@ -49,8 +49,8 @@ fn stepped<D: Scalar>(servo: &Servo, r: D) -> D {
 }
 
 /// Moves the memory on by `dt` from `t` (s, since the start of what was recorded) under the target `r`.
-/// Returns what the loop follows: `lead` beyond the middle of that time, at most at its end, and at its end. A loop that
-/// reads has its target moved on by a whole period before it holds its output: by half of one on average.
+/// Returns what the loop follows: `lead` beyond the middle of that time, at most at its end, and at its end. A loop
+/// that reads has its target moved on by a whole period before it holds its output: by half of one on average.
 #[inline(always)]
 pub fn followed<D: Scalar>(
     servo: &Servo,
