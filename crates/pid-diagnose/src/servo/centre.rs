@@ -110,6 +110,19 @@ mod tests {
         let t: Vec<f64> = (0..400).map(|k| STEP * f64::from(k)).collect();
         let of = |f: &dyn Fn(f64) -> f64| -> Vec<f64> { t.iter().map(|t| f(*t)).collect() };
         let target = of(&|t| 0.5 * (3.0 * t).sin() + 0.3 * (3.0 * t).cos() - 0.3);
+        let record = |role| Experiment {
+            name: format!("{role:?}"),
+            role,
+            note: String::new(),
+            nq: 1,
+            q: of(&|t| 0.5 * (3.0 * t).sin()),
+            t: t.clone(),
+            v: None,
+            u: target.clone(),
+            tau: None,
+            qref: Some(target.clone()),
+            missing: 0,
+        };
         let dataset = Dataset {
             name: "bar".to_owned(),
             title: String::new(),
@@ -124,19 +137,7 @@ mod tests {
                 input_unit: "rad".to_owned(),
                 velocity: VelocityKind::Absent,
             }],
-            experiments: vec![Experiment {
-                name: "sine".to_owned(),
-                role: Role::Train,
-                note: String::new(),
-                nq: 1,
-                q: of(&|t| 0.5 * (3.0 * t).sin()),
-                t,
-                v: None,
-                u: target.clone(),
-                tau: None,
-                qref: Some(target),
-                missing: 0,
-            }],
+            experiments: [Role::Train, Role::Test].map(record).to_vec(),
             warnings: Vec::new(),
         };
         Case::new(nominal, &dataset).expect("a case")
