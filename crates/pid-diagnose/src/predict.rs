@@ -14,15 +14,13 @@ use crate::hypothesis::Hypothesis;
 use crate::nominal::{EncoderSide, Nominal};
 use crate::observer::{Design, Gain, gain};
 use crate::scalar::Scalar;
-use crate::simulate::{Machine, State};
+use crate::simulate::{Machine, State, whole};
 
 /// Longest substep, s.
 const LONGEST_STEP: f64 = 2.1e-3;
 /// Substeps of a sample at most so that drives read at their starts, in those that the length asks for: three are
 /// enough for loops of 200, 500 and 1000 Hz in records of 50 to 1000 Hz.
 const FINEST: usize = 3;
-/// Share of a number within which it counts as whole.
-const WHOLE: f64 = 1e-3;
 /// Longest substep with a gear, s.
 const LONGEST_GEARED_STEP: f64 = 0.55e-3;
 /// Innovations of the first moments are left out: they tell of the start, s.
@@ -30,11 +28,6 @@ const SETTLING: f64 = 0.35;
 
 /// Inputs of the first moments are averaged for the state at the start, s.
 const HOLDING: f64 = 0.015;
-
-/// Whether a number of steps is a whole one, and not none.
-fn whole(number: f64) -> bool {
-    number > 0.5 && (number - number.round()).abs() < WHOLE * number
-}
 
 /// Samples of a record whose innovations count.
 pub fn rows(record: &Record) -> usize {

@@ -3,6 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use pid_data::Role;
+use pid_interpret::nominal::Role as Part;
 use rayon::prelude::*;
 
 use super::products::gram;
@@ -14,7 +15,6 @@ use crate::observer::Gain;
 use crate::point::Point;
 use crate::predict::Runner;
 use crate::scalar::{Lanes, Scalar};
-use pid_interpret::nominal::Role as Part;
 
 /// Innovations and, on request, derivatives in directions.
 #[derive(Debug, Clone)]

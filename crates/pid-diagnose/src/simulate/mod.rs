@@ -17,7 +17,7 @@ use crate::hypothesis::Hypothesis;
 use crate::known::Known;
 use servo::{Loop, Model};
 
-pub(crate) use servo::Memory;
+pub(crate) use servo::{Memory, whole};
 
 /// Everything that moves.
 #[derive(Debug, Clone)]

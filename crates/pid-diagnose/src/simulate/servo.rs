@@ -2,7 +2,7 @@
 //! effects between them.
 
 use pid_interpret::links;
-use pid_interpret::nominal::{Gain, Servo};
+use pid_interpret::nominal::{Gain, Role as Part, Servo};
 
 use super::{Machine, State};
 use crate::constants::{Constant, Constants};
@@ -93,8 +93,15 @@ impl<D: Pick> Model<D> {
     }
 }
 
-/// Share of a substep within which a period counts as a whole number of substeps.
+/// Share of a number within which it counts as whole.
 const WHOLE: f64 = 1e-3;
+/// Share of its stated value below which friction is no unit: a fit may end without any.
+const LEAST: f64 = 1e-3;
+
+/// Whether a number of steps is a whole one, and not none.
+pub(crate) fn whole(number: f64) -> bool {
+    number > 0.5 && (number - number.round()).abs() < WHOLE * number
+}
 
 /// The state itself, as [`Machine::reading`] has it.
 const START: (f64, f64) = (0.0, 1.0);
@@ -109,8 +116,7 @@ fn period(servo: &Servo) -> f64 {
 fn held(servo: &Servo, dt: f64) -> Option<f64> {
     let period = period(servo);
     let number = period / dt;
-    let whole = number > 1.0 - WHOLE && (number - number.round()).abs() < WHOLE * number;
-    (whole || number > 2.0).then_some(period)
+    (whole(number) || number > 2.0).then_some(period)
 }
 
 /// How far into a substep of `dt` the state lies that a loop answers to which does not read at its start: in its
@@ -138,12 +144,16 @@ impl<D: Pick> Machine<'_, D> {
     /// there is none. In this unit that part stays the same where all forces are another multiple, which no
     /// motion tells.
     pub(crate) fn holds(&self, j: usize) -> D {
-        let of = |which| self.constants.get(which);
-        let friction = of(Constant::Coulomb(j));
-        match friction.value() > 0.0 {
-            true => friction / of(Constant::Gain(j)),
-            false => D::constant(1.0),
+        let nominal = self.constants.nominal();
+        let place = nominal.place(j, Part::Coulomb);
+        let stated = place.map_or(0.0, |i| nominal.values[i].nominal);
+        if stated <= 0.0 {
+            return D::constant(1.0);
         }
+        let friction = self.constants.get(Constant::Coulomb(j));
+        let least = D::constant(LEAST * stated);
+        let some = friction.limit(least, D::constant(f64::INFINITY));
+        some / self.constants.get(Constant::Gain(j))
     }
 
     /// Whether the loop of a joint closes over the gear: it reads the link and drives the rotor.
