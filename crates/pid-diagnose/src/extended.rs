@@ -50,6 +50,7 @@ pub fn extended(case: &Case, found: &Evidence) -> description::Nominal {
             })
             .collect(),
         substeps: run.finer,
+        short_substeps: run.short,
         hidden_states: run.initial_states,
         fitted_records: {
             let names = case.records.iter().map(|r| r.name.clone());

@@ -16,6 +16,8 @@ pub struct Hypothesis {
 pub struct Run {
     /// Factor on the number of substeps; 1 unless a fit is finished with finer ones.
     pub finer: usize,
+    /// Whether substeps are as short as those of a gear.
+    pub short: bool,
     /// Whether the states at the start that no sensor reads are estimated.
     pub initial_states: bool,
 }
@@ -24,16 +26,26 @@ impl Default for Run {
     fn default() -> Self {
         Run {
             finer: 1,
+            short: false,
             initial_states: false,
         }
     }
 }
 
 impl Run {
+    /// As usual with the shortness of its substeps.
+    pub fn plain(self) -> Run {
+        Run {
+            short: self.short,
+            ..Run::default()
+        }
+    }
+
     /// As fine as either of two asks for.
     pub fn beside(self, other: Run) -> Run {
         Run {
             finer: self.finer.max(other.finer),
+            short: self.short || other.short,
             initial_states: self.initial_states || other.initial_states,
         }
     }

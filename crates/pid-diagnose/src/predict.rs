@@ -21,8 +21,8 @@ const LONGEST_STEP: f64 = 2.1e-3;
 /// Substeps of a sample at most so that drives read at their starts, in those that the length asks for: three are
 /// enough for loops of 200, 500 and 1000 Hz in records of 50 to 1000 Hz.
 const FINEST: usize = 3;
-/// Longest substep with a gear, s.
-const LONGEST_GEARED_STEP: f64 = 0.55e-3;
+/// Longest substep with a gear, or of a run whose substeps are as short, s.
+const LONGEST_SHORT_STEP: f64 = 0.55e-3;
 /// Innovations of the first moments are left out: they tell of the start, s.
 const SETTLING: f64 = 0.35;
 
@@ -45,14 +45,14 @@ pub struct Substeps {
 
 impl Substeps {
     /// For a sample time, s; `refined` multiplies both.
-    pub fn new(h: f64, geared: bool, refined: usize) -> Self {
-        Self::within(h, LONGEST_STEP, geared, refined)
+    pub fn new(h: f64, short: bool, refined: usize) -> Self {
+        Self::within(h, LONGEST_STEP, short, refined)
     }
 
     /// The same for a robot of a description: a drive that reads, or takes targets, at a rate of its own does
     /// so at the start of a substep, as far as its rate and that of the record allow. One that does so more than once
     /// in a substep, and at the start of every sample, needs no more.
-    pub fn of(nominal: &Nominal, h: f64, geared: bool, refined: usize) -> Self {
+    pub fn of(nominal: &Nominal, h: f64, short: bool, refined: usize) -> Self {
         let loops = (0..nominal.n()).filter_map(|j| nominal.description.servo(j));
         let rates = loops.flat_map(|servo| [servo.rate_hz, servo.shaping.rate_hz]);
         let periods: Vec<f64> = rates.flatten().map(f64::recip).collect();
@@ -72,14 +72,14 @@ impl Substeps {
                 }
             }),
         };
-        Self::within(h, longest, geared, refined)
+        Self::within(h, longest, short, refined)
     }
 
-    fn within(h: f64, longest: f64, geared: bool, refined: usize) -> Self {
+    fn within(h: f64, longest: f64, short: bool, refined: usize) -> Self {
         let of = |length: f64, longest: f64| ((length / longest - 1e-6).ceil() as usize).max(1);
         let coarse = of(h, longest);
-        let fine = if geared {
-            of(h / coarse as f64, LONGEST_GEARED_STEP)
+        let fine = if short {
+            of(h / coarse as f64, LONGEST_SHORT_STEP)
         } else {
             1
         };
@@ -209,11 +209,12 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
             e.to_vec(),
         );
         machine.begin = record.begin;
-        let geared = machine.gears.iter().any(Option::is_some);
+        let run = case.run(hypothesis);
+        let short = run.short || machine.gears.iter().any(Option::is_some);
         Runner {
             case,
             record,
-            substeps: Substeps::of(&case.nominal, record.h, geared, case.run(hypothesis).finer),
+            substeps: Substeps::of(&case.nominal, record.h, short, run.finer),
             machine,
         }
     }

@@ -227,6 +227,7 @@ impl Case {
         }
         self.known.hypothesis.run = Run {
             finer: simulated.substeps,
+            short: simulated.short_substeps,
             initial_states: simulated.hidden_states,
         };
     }

@@ -103,6 +103,7 @@ fn records(id: &str, e: &[f64]) -> Dataset {
         run: Run {
             finer: 8,
             initial_states: false,
+            short: false,
         },
     };
     let theta = vec![0.0; case.nominal.size()];

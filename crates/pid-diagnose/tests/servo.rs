@@ -182,6 +182,7 @@ fn records(loops: Loops<'_>, effect: Option<(&str, usize, &[f64])>, seed: u64) -
         run: Run {
             finer: 4,
             initial_states: false,
+            short: false,
         },
     };
     let theta = vec![0.0; case.nominal.size()];

@@ -14,6 +14,7 @@ use super::nameless::{Imitated, concerned, free_laws, imitated};
 use super::noise_like::{Leaves, lines_and_bursts};
 use super::refit::{Refit, refit, score};
 use super::settings::Settings;
+use super::shorter::as_short;
 use super::whiteness::residue;
 use crate::case::Case;
 use crate::channel;
@@ -176,6 +177,13 @@ impl<'a> Forward<'a> {
         let Some(first) = tried.first() else {
             return false;
         };
+        if let Some(short) = self.short(first) {
+            self.go_on_with(short);
+            if self.accepted.is_empty() {
+                (self.base, self.before) = (self.current.clone(), self.gap.clone());
+            }
+            return self.round(round);
+        }
         let after = measured(&self.case, &first.fit);
         let take = self.pays(first, &after, round);
         if take {
@@ -195,6 +203,24 @@ impl<'a> Forward<'a> {
         let criteria = &settings.criteria;
         self.drifts = self.gap.total > criteria.near * floor;
         self.drifts || self.current.train.total() >= criteria.calm * self.current.train.number()
+    }
+
+    /// What is accepted at the substeps of the best candidate, where that leaves too little for it to gain.
+    fn short(&self, first: &Refit) -> Option<Fit> {
+        let short = as_short(
+            &self.case,
+            &self.basis,
+            self.settings,
+            &self.current,
+            &first.fit,
+        )?;
+        let score = score(
+            &Reached::new(&self.case, &first.fit),
+            &Reached::new(&self.case, &short),
+            self.candidates,
+            (noise_scale(&first.fit), short.train.number()),
+        );
+        (score < self.settings.criteria.margin()).then_some(short)
     }
 
     /// Whether the best candidate of a round gains more than chance and multiplicity allow, with
@@ -335,6 +361,7 @@ impl<'a> Forward<'a> {
             finer.hypothesis.run = Run {
                 finer: self.settings.budget.finer,
                 initial_states: stiff,
+                ..self.current.hypothesis.run
             };
             let finer = again(&self.case, &self.basis, self.settings, &finer);
             if finer.train.evidence() < self.current.train.evidence() {

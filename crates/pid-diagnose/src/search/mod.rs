@@ -24,6 +24,7 @@ mod partial;
 mod refit;
 mod settings;
 mod shares;
+mod shorter;
 mod spread;
 mod stand;
 mod tolerance;

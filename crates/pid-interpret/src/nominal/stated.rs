@@ -60,6 +60,8 @@ pub struct Simulated {
     pub joints: Vec<SimulatedJoint>,
     /// Factor on the number of substeps.
     pub substeps: usize,
+    /// Whether substeps are as short as those of a gear although there is none.
+    pub short_substeps: bool,
     /// Whether the states at the start that no sensor reads are looked for.
     pub hidden_states: bool,
     /// Test records that were fitted too.
@@ -106,6 +108,8 @@ struct RawParameter {
 pub(super) struct RawSimulated {
     joint: Spanned<Vec<SimulatedJoint>>,
     substeps: Spanned<usize>,
+    #[serde(default)]
+    short_substeps: bool,
     #[serde(default)]
     hidden_states: bool,
     #[serde(default)]
@@ -210,6 +214,7 @@ pub(super) fn simulated(
     Ok(Simulated {
         joints: own.clone(),
         substeps: *raw.substeps.get_ref(),
+        short_substeps: raw.short_substeps,
         hidden_states: raw.hidden_states,
         fitted_records: raw.fitted_records.clone(),
     })

@@ -179,6 +179,10 @@ impl Nominal {
         };
         line(out, "\n[simulated]");
         line(out, &format!("substeps = {}", simulated.substeps));
+        line(
+            out,
+            &format!("short_substeps = {}", simulated.short_substeps),
+        );
         line(out, &format!("hidden_states = {}", simulated.hidden_states));
         let records: Vec<String> = simulated.fitted_records.iter().map(|r| text(r)).collect();
         line(out, &format!("fitted_records = [{}]", records.join(", ")));

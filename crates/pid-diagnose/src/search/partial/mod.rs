@@ -35,6 +35,7 @@ use super::odds::{plain, within_round};
 use super::refit::{Refit, refit};
 use super::settings::Settings;
 use super::shares::{Parts, Portion, without};
+use super::shorter::as_short;
 use super::stand::{Sought, Stand};
 use crate::case::Case;
 use crate::criteria::Budget;
@@ -42,7 +43,6 @@ use crate::diagnosis::{Remainder, Round, Tried};
 use crate::effect::Term;
 use crate::fit::{Basis, Effort, Fit, fit};
 use crate::gap::Gap;
-use crate::hypothesis::Run;
 use crate::levels::{WHOLE, follow_slowly, settle};
 use crate::noise;
 use crate::screen::screen;
@@ -89,7 +89,7 @@ fn tuned(case: &Case, at: &Fit, part: f64, settings: &Settings, sensors: &[(f64,
     let mut case = case.clone();
     follow_slowly(&mut case, part);
     let mut fitted = at.clone();
-    fitted.hypothesis.run = Run::default();
+    fitted.hypothesis.run = fitted.hypothesis.run.plain();
     let mut directions = directions(&case, &fitted);
     for _ in 0..settings.budget.turns {
         fitted = fit(
@@ -247,6 +247,13 @@ fn led_to(
     }
     if overdamped(&case, &fit) {
         return Err("its damping ends at the end of its range");
+    }
+    if let Some(short) = as_short(&now.case, &now.directions, settings, &now.fit, &tried.fit) {
+        let parameters = tried.term.effect.info().parameters.len();
+        let gained = gained(&now.case, &sums_of(&now.case, &short), &tried.fit);
+        if gained.score(parameters, 1) < settings.criteria.replaces() {
+            return Err("shorter substeps do as well");
+        }
     }
     let own = sizes(&case, &settings.criteria, &fit);
     if own.iter().any(|s| *s <= 1.0) {
