@@ -29,3 +29,37 @@ pub(super) fn as_short(
     let effort = Effort::full(settings.budget.touch);
     Some(fit(case, basis, &hypothesis, at.point.clone(), effort))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::{SIZE, named, pendulum};
+    use crate::fit::{Point, basis};
+    use crate::hypothesis::Hypothesis;
+
+    #[test]
+    fn what_short_substeps_explain_is_no_gear() {
+        let mut truth = Hypothesis::default();
+        truth.run.short = true;
+        let case = pendulum(&truth, &[], 3.0, &|_| {});
+        let (basis, settings) = (basis(&case), Settings::default());
+        let at = |hypothesis: &Hypothesis, e: Vec<f64>, steps: usize| {
+            let theta = vec![0.0; SIZE];
+            let point = Point { theta, e };
+            fit(&case, &basis, hypothesis, point, Effort::full(steps))
+        };
+        let long = at(&Hypothesis::default(), Vec::new(), 10);
+        let geared = at(&named(&["joint_elasticity"]), vec![0.01, 1e-3], 0);
+        let beside = |a: &Fit, b: &Fit| as_short(&case, &basis, &settings, a, b);
+        let short = beside(&long, &geared).expect("shorter substeps");
+        assert!(
+            short.train.evidence() < long.train.evidence(),
+            "{} {}",
+            short.train.evidence(),
+            long.train.evidence()
+        );
+        assert!(beside(&short, &geared).is_none(), "they are short already");
+        assert!(beside(&geared, &geared).is_none(), "a gear has them");
+        assert!(beside(&long, &short).is_none(), "no gear is to be judged");
+    }
+}
