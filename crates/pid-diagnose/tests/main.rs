@@ -13,6 +13,7 @@ mod noise;
 mod oracle;
 mod practice;
 mod readings;
+mod ready;
 mod real;
 mod servo;
 mod simulated;

@@ -39,7 +39,7 @@ use super::shorter::as_short;
 use super::stand::{Sought, Stand};
 use crate::case::Case;
 use crate::criteria::Budget;
-use crate::diagnosis::{Remainder, Round, Tried};
+use crate::diagnosis::{Named, Remainder, Round, Tried};
 use crate::effect::Term;
 use crate::fit::{Basis, Effort, Fit, fit};
 use crate::gap::Gap;
@@ -482,6 +482,22 @@ fn renewed(case: &mut Case, settings: &Settings, at: &Fit, sensors: &[(f64, f64)
     (next, directions)
 }
 
+/// Places of the effects by their shares.
+fn largest_first(shares: &[(Parts, Portion)]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..shares.len()).collect();
+    order.sort_by(|&a, &b| shares[b].1.share.total_cmp(&shares[a].1.share));
+    order
+}
+
+/// The effects in an order, each with its share.
+fn shared_out(mut effects: Vec<Named>, shares: &[(Parts, Portion)], order: &[usize]) -> Vec<Named> {
+    for (named, (_, own)) in effects.iter_mut().zip(shares) {
+        named.share = Some(own.share);
+        named.share_interval = own.interval;
+    }
+    order.iter().map(|&i| effects[i].clone()).collect()
+}
+
 /// Adds to the evidence of a search that explains nothing what the library explains in part, by
 /// predictions over a part of the horizon, and over another one where that explains little.
 pub(super) fn add_part(
@@ -528,15 +544,8 @@ pub(super) fn add_part(
         .map(|(law, gap)| (law, explained(*gap)))
         .filter(|(_, explained)| *explained > criteria.majority)
         .and_then(|(law, explained)| described(&case, criteria, law, explained));
-    // The largest leads.
-    let mut order: Vec<usize> = (0..taken.len()).collect();
-    order.sort_by(|&a, &b| shares[b].1.share.total_cmp(&shares[a].1.share));
-    let mut effects = name(&case, criteria, &fit);
-    for (named, (_, own)) in effects.iter_mut().zip(&shares) {
-        named.share = Some(own.share);
-        named.share_interval = own.interval;
-    }
-    let effects = order.iter().map(|&i| effects[i].clone()).collect();
+    let order = largest_first(&shares);
+    let effects = shared_out(name(&case, criteria, &fit), &shares, &order);
     let ranking: Vec<(Refit, f64)> = (order.iter().map(|&i| taken[i].clone()))
         .chain(others)
         .collect();
