@@ -8,6 +8,7 @@ use pid_withheld::{Drawing, Kind, Plan, Truth, lay_out};
 const PLAN: Plan = Plan {
     seed: 7,
     cases: 500,
+    fewest: 1,
     joints: 1,
     causes: Drawing::All,
 };

@@ -22,6 +22,7 @@ fn drawn(seed: u64, joints: usize, i: usize) -> (Dataset, String) {
     let plan = Plan {
         seed,
         cases: i + 1,
+        fewest: 1,
         joints,
         causes: Drawing::All,
     };

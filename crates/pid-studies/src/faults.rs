@@ -80,6 +80,7 @@ pub fn run(args: &FaultsArgs) -> Result<(), Failure> {
     let plan = Plan {
         seed: args.seed,
         cases: args.first + args.cases,
+        fewest: 1,
         joints: usize::from(args.joints),
         causes: Drawing::All,
     };

@@ -26,12 +26,18 @@ pub struct ServoArgs {
     /// Seed of robots, loops, causes, magnitudes, motions and noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Most joints of a robot.
+    /// Most joints of a robot; up to 3, robots have one or two where --fewest is below 3.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=6))]
     joints: u8,
+    /// Fewest joints of a robot; from 3 on all are arms of as many as --joints says.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=6))]
+    fewest: u8,
     /// One law for all cases: p, pd, pid or cascade.
     #[arg(long, value_parser = law)]
     law: Option<Law>,
+    /// Legs of three joints under a policy: damped loops at 1 kHz with unknown gains, targets at 50 Hz.
+    #[arg(long, conflicts_with_all = ["law", "joints", "fewest"])]
+    legs: bool,
     /// Only cases without a cause: the rate of false alarms.
     #[arg(long)]
     nulls: bool,
@@ -61,6 +67,7 @@ pub fn run(args: &ServoArgs) -> Result<u8, Failure> {
         plan: Plan {
             seed: args.seed,
             cases: args.cases,
+            fewest: usize::from(args.fewest),
             joints: usize::from(args.joints),
             causes: match (args.nulls, args.outside) {
                 (true, _) => Drawing::Nothing,
@@ -69,6 +76,7 @@ pub fn run(args: &ServoArgs) -> Result<u8, Failure> {
             },
         },
         law: args.law,
+        legs: args.legs,
     };
     let wanted: Vec<usize> = args.slice.of(args.cases).collect();
     let progress = Progress::start("drawing cases");
@@ -242,25 +250,30 @@ mod tests {
     /// A drawn case is a folder that the diagnosis reads, whose loops are the drawn ones.
     #[test]
     fn cases_are_read_with_their_loops() {
-        for law in Law::ALL {
+        let some = Law::ALL.map(|law| (Some(law), false));
+        for (law, legs) in some.into_iter().chain([(None, true)]) {
             let plan = ServoPlan {
                 plan: Plan {
                     seed: 5,
                     cases: 1,
+                    fewest: 1,
                     joints: 2,
                     causes: Drawing::Nothing,
                 },
-                law: Some(law),
+                law,
+                legs,
             };
             let folder = tempfile::tempdir().expect("a folder");
             let here = pid_withheld::lay_out(&plan, 0, folder.path()).expect("a case");
             let case = pid_diagnose::case::Case::read(&here).expect("a case");
             let (_, truth) = plan.make(0).expect("a case");
             assert_eq!(truth.loops.len(), case.n());
+            assert_eq!(case.n() == 3, legs, "{} joints", case.n());
             for (j, own) in truth.loops.iter().enumerate() {
                 let servo = case.nominal.description.servo(j).expect("a loop");
                 assert_eq!(servo.law.word(), own.law.word());
                 assert_eq!(servo.rate_hz, own.rate);
+                assert_eq!(servo.shaping.rate_hz, own.target_rate);
             }
         }
     }

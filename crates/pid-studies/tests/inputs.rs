@@ -63,6 +63,7 @@ fn planted_faults_are_found_and_clean_records_have_none() {
     let plan = Plan {
         seed: 11,
         cases: 3,
+        fewest: 1,
         joints: 2,
         causes: Drawing::All,
     };

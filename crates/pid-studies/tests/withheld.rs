@@ -31,6 +31,7 @@ fn a_drawn_robot_without_a_cause_is_called_none() {
     let plan = Plan {
         seed: 3,
         cases: 2,
+        fewest: 1,
         joints: 1,
         causes: Drawing::Nothing,
     };
@@ -104,6 +105,7 @@ fn a_foreign_file_is_named() {
     let plan = Plan {
         seed: 4,
         cases: 1,
+        fewest: 1,
         joints: 1,
         causes: Drawing::Nothing,
     };

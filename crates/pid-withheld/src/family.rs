@@ -1,4 +1,4 @@
-//! The robots of a study: four families, sizes from a seed.
+//! The robots of a study: five families, sizes from a seed.
 
 use pid_interpret::nominal::{Nominal, NominalError};
 use rand::RngExt;
@@ -12,27 +12,56 @@ use crate::text;
 /// Range of the drive noise, share of the largest usual torque.
 const DRIVE_NOISE: (f64, f64) = (0.0012, 0.006);
 
-/// One of the families: a pendulum; a planar arm; a slide with an arm; a chain of up to six spatial
-/// joints.
+/// What a robot is built like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Family {
+    /// One hinge.
+    Pendulum,
+    /// Two hinges in a plane.
+    PlanarArm,
+    /// A slide with a hinge.
+    Slide,
+    /// A chain of three to six spatial hinges.
+    Arm(usize),
+    /// Hip roll, hip pitch and knee; its links hang.
+    Leg,
+}
+
+impl Family {
+    /// The `number`-th of those with as many joints as are wanted, or the last of them.
+    pub(crate) fn of(number: usize, (fewest, most): (usize, usize)) -> Self {
+        let most = most.clamp(1, 6);
+        let number = match fewest {
+            0 | 1 => number.min(most - 1),
+            2 => number.clamp(1, most.max(2) - 1),
+            _ => 3,
+        };
+        match number {
+            0 => Self::Pendulum,
+            1 => Self::PlanarArm,
+            2 => Self::Slide,
+            _ => Self::Arm(most.max(3)),
+        }
+    }
+}
+
+/// A robot of a family.
 ///
 /// # Errors
 /// If what is drawn is no robot; none is known.
-pub(crate) fn draw(
-    family: usize,
-    most: usize,
-    random: &mut ChaCha8Rng,
-) -> Result<Robot, NominalError> {
-    let (axes, planar) = axes(family, most);
+pub(crate) fn draw(family: Family, random: &mut ChaCha8Rng) -> Result<Robot, NominalError> {
+    let (axes, planar) = axes(family);
+    let hangs = planar || family == Family::Leg;
     let n = axes.len();
     let mut scale = random.random_range(1.0..8.0);
     let mut joints = Vec::new();
     for (k, (prismatic, axis)) in axes.into_iter().enumerate() {
-        joints.push(joint(k, (prismatic, axis), planar, scale, random));
+        joints.push(joint(k, (prismatic, axis), hangs, scale, random));
         scale *= 0.6;
     }
     let mut robot = Robot {
         joints,
-        tool: [0.0, 0.0, if planar { -0.35 } else { 0.2 }],
+        tool: [0.0, 0.0, if hangs { -0.35 } else { 0.2 }],
         planar,
         rate: [250.0, 400.0, 500.0, 1000.0][random.random_range(0..4usize)],
         horizon: if n == 1 { LENGTH } else { 2.0 },
@@ -48,16 +77,15 @@ pub(crate) fn draw(
 
 /// Hinges and slides of a family, base to tip, and whether they move in one plane: whether each
 /// slides, and its axis.
-fn axes(family: usize, most: usize) -> (Vec<(bool, [f64; 3])>, bool) {
-    let (y, z) = ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+fn axes(family: Family) -> (Vec<(bool, [f64; 3])>, bool) {
+    let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+    let hinges = |axes: &[[f64; 3]]| axes.iter().map(|axis| (false, *axis)).collect();
     match family {
-        0 => (vec![(false, y)], true),
-        1 => (vec![(false, y); 2], true),
-        2 => (vec![(true, [1.0, 0.0, 0.0]), (false, y)], true),
-        _ => {
-            let axes = &[z, y, y, z, y, z][..most.clamp(3, 6)];
-            (axes.iter().map(|a| (false, *a)).collect(), false)
-        }
+        Family::Pendulum => (hinges(&[y]), true),
+        Family::PlanarArm => (hinges(&[y, y]), true),
+        Family::Slide => (vec![(true, x), (false, y)], true),
+        Family::Arm(most) => (hinges(&[z, y, y, z, y, z][..most]), false),
+        Family::Leg => (hinges(&[x, y, y]), false),
     }
 }
 
@@ -65,16 +93,15 @@ fn axes(family: usize, most: usize) -> (Vec<(bool, [f64; 3])>, bool) {
 fn joint(
     k: usize,
     (prismatic, axis): (bool, [f64; 3]),
-    planar: bool,
+    hangs: bool,
     scale: f64,
     random: &mut ChaCha8Rng,
 ) -> Joint {
     let length = random.random_range(0.3..0.45);
     let mass = scale * random.random_range(0.8..1.2);
     let transverse = mass * length * length / 12.0;
-    let (height, middle) = match (prismatic, planar) {
+    let (height, middle) = match (prismatic, hangs) {
         (true, _) => (0.0, 0.0),
-        // Links of a plane hang.
         (false, true) => (-length, -0.45 * length),
         (false, false) => (length, 0.45 * length),
     };

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::causes::{Cause, Kind};
-use crate::family;
+use crate::family::{self, Family};
 use crate::mess::Mess;
 use crate::motion::Motion;
 use crate::plant::{PER_JOINT, Plant};
@@ -112,7 +112,7 @@ impl FleetPlan {
     /// If the drawn robot is not one; none is known.
     pub fn draw(self) -> Result<DrawnFleet, NominalError> {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed.wrapping_mul(7_000_003));
-        let mut robot = family::draw(1, 2, &mut random)?;
+        let mut robot = family::draw(Family::PlanarArm, &mut random)?;
         (robot.length, robot.rate) = LOG;
         let stated = text::nominal(&robot, Some(robot.drive_noise), "absent");
         let nominal = Nominal::parse("nominal.toml", &stated)?;

@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::causes::{COUPLING, Cause, Kind, LISTED, OUTSIDE, VELOCITY_LAG};
+use crate::family::{self, Family};
 use crate::magnitudes::{self, Sizes};
 use crate::mess::Mess;
 use crate::motion::{LENGTH, tidy};
@@ -13,7 +14,7 @@ use crate::plant::{PER_JOINT, Plant};
 use crate::record::{run, text as rows_text};
 use crate::robot::Robot;
 use crate::setup::Setup;
-use crate::{Files, Study, family, text};
+use crate::{Files, Study, text};
 
 /// What a study consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,6 +23,9 @@ pub struct Plan {
     pub seed: u64,
     /// Number of cases.
     pub cases: usize,
+    /// Fewest joints of a robot. Robots of one and two joints make up all draws of at most three where this is 1;
+    /// from 3 on all robots are arms of `joints` joints.
+    pub fewest: usize,
     /// Most joints of a robot, 1 to 6.
     pub joints: usize,
     /// Which causes are drawn.
@@ -72,12 +76,19 @@ impl Plan {
 
     /// What is drawn of the `i`-th case before its records, and the numbers that go on from there.
     pub(crate) fn drawn(&self, i: usize) -> Result<(Drawn, ChaCha8Rng), NominalError> {
+        self.drawn_of(i, |number| Family::of(number, (self.fewest, self.joints)))
+    }
+
+    /// The same with robots of the family that stands for a drawn number below four.
+    pub(crate) fn drawn_of(
+        &self,
+        i: usize,
+        family: impl Fn(usize) -> Family,
+    ) -> Result<(Drawn, ChaCha8Rng), NominalError> {
         let mut random =
             ChaCha8Rng::seed_from_u64(self.seed.wrapping_mul(1_000_003).wrapping_add(i as u64));
-        let family = random
-            .random_range(0..4usize)
-            .min(self.joints.clamp(1, 6) - 1);
-        let robot = family::draw(family, self.joints, &mut random)?;
+        let family = family(random.random_range(0..4usize));
+        let robot = family::draw(family, &mut random)?;
         let n = robot.joints.len();
         let noise_stated = random.random_range(0..3) > 0;
         let velocity = ["measured", "derived", "absent"][random.random_range(0..3usize)].to_owned();

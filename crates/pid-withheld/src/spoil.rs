@@ -88,15 +88,16 @@ mod tests {
     use rand::SeedableRng;
 
     use super::*;
+    use crate::family::{self, Family};
     use crate::motion::Motion;
     use crate::plant::{PER_JOINT, Plant};
     use crate::record::{run, text};
-    use crate::{family, text as words};
+    use crate::text as words;
 
     /// A pendulum that lacks nothing, its rows spoiled by `mess`, and those of a tidy record.
     fn rows(mess: &Mess) -> (Vec<Row>, Vec<Row>) {
         let mut random = ChaCha8Rng::seed_from_u64(4);
-        let mut robot = family::draw(0, 1, &mut random).expect("a robot");
+        let mut robot = family::draw(Family::Pendulum, &mut random).expect("a robot");
         (robot.length, robot.rate) = (20.0, 250.0);
         let stated = words::nominal(&robot, None, "measured");
         let nominal = Nominal::parse("nominal.toml", &stated).expect("a description");

@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::causes::Cause;
+use crate::family::{self, Family};
 use crate::gaps::Gaps;
 use crate::like::Like;
 use crate::mess::Mess;
@@ -15,7 +16,7 @@ use crate::plant::{PER_JOINT, Plant};
 use crate::record::{Run, run, text as rows_text};
 use crate::robot::{Joint, Robot, Tolerance};
 use crate::setup::Setup;
-use crate::{Files, Study, family, text};
+use crate::{Files, Study, text};
 
 /// Readings per second that are drawn from: their periods are whole steps of the simulation.
 const RATES: [f64; 8] = [50.0, 100.0, 125.0, 200.0, 250.0, 400.0, 500.0, 1000.0];
@@ -91,11 +92,11 @@ impl Drawn {
     fn new(joints: usize, random: &mut ChaCha8Rng) -> Result<Self, NominalError> {
         let n = random.random_range(1..=joints.clamp(1, 6));
         let family = match n {
-            1 => 0,
-            2 => random.random_range(1..=2usize),
-            _ => 3,
+            1 => Family::Pendulum,
+            2 => [Family::PlanarArm, Family::Slide][random.random_range(0..=1usize)],
+            _ => Family::Arm(n),
         };
-        let mut robot = family::draw(family, n, random)?;
+        let mut robot = family::draw(family, random)?;
         robot.tolerance = Tolerance::LOOSE;
         robot.rate = RATES[random.random_range(0..RATES.len())];
         robot.length = f64::from(random.random_range(30..=90)) / 10.0;

@@ -102,6 +102,7 @@ fn draws(place: &Path) -> Vec<Item> {
     let plan = |seed| Plan {
         seed,
         cases: CASES,
+        fewest: 1,
         joints: JOINTS,
         causes: Drawing::All,
     };

@@ -156,6 +156,7 @@ fn all_cases(
     let tidy = Plan {
         seed,
         cases,
+        fewest: 1,
         joints,
         causes: Drawing::All,
     };

@@ -31,9 +31,12 @@ pub struct WithheldArgs {
     /// Seed of robots, causes, magnitudes, motions and noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Most joints of a robot.
+    /// Most joints of a robot; up to 3, robots have one or two where --fewest is below 3.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=6))]
     joints: u8,
+    /// Fewest joints of a robot; from 3 on all are arms of as many as --joints says.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=6))]
+    fewest: u8,
     /// Only cases without a cause: the rate of false alarms.
     #[arg(long)]
     nulls: bool,
@@ -56,6 +59,7 @@ pub fn run(args: &WithheldArgs) -> Result<u8, Failure> {
     let plan = Plan {
         seed: args.seed,
         cases: args.cases,
+        fewest: usize::from(args.fewest),
         joints: usize::from(args.joints),
         causes: match (args.nulls, args.outside) {
             (true, _) => Drawing::Nothing,

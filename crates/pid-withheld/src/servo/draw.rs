@@ -90,6 +90,27 @@ pub(super) fn loops(
     out
 }
 
+/// Rates of a policy and of the loops below it, Hz.
+const POLICY_RATE: f64 = 50.0;
+const JOINT_RATE: f64 = 1000.0;
+
+/// Damped loops without further stages whose targets come from a policy.
+pub(super) fn under_a_policy(robot: &Robot, inertia: &[f64], random: &mut ChaCha8Rng) -> Vec<Loop> {
+    let bare = |own: Loop| Loop {
+        gravity: None,
+        speed_filter: None,
+        dead_band: None,
+        target_step: None,
+        target_speed: None,
+        target_filter: None,
+        target_rate: Some(POLICY_RATE),
+        rate: Some(JOINT_RATE),
+        ..own
+    };
+    let drawn = loops(robot, inertia, Some(Law::Pd), random);
+    drawn.into_iter().map(bare).collect()
+}
+
 /// A number as it is stated.
 fn number(key: &str, value: f64, stated: Stated, random: &mut ChaCha8Rng) -> String {
     match stated {

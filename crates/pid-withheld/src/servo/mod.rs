@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 pub use draw::Stated;
 
+use crate::family::Family;
 use crate::mess::Mess;
 use crate::motion::{LENGTH, tidy};
 use crate::plan::{Drawn, Plan, Truth};
@@ -27,6 +28,9 @@ pub struct ServoPlan {
     pub plan: Plan,
     /// The law of all loops; `None`: drawn.
     pub law: Option<Law>,
+    /// Legs of three joints under a policy instead of other robots: damped loops at 1 kHz with unknown gains take
+    /// targets at 50 Hz.
+    pub legs: bool,
 }
 
 /// What was hidden in a case.
@@ -55,7 +59,10 @@ impl Study for ServoPlan {
     }
 
     fn make(&self, i: usize) -> Result<(Files, ServoTruth), NominalError> {
-        let (drawn, _) = self.plan.drawn(i)?;
+        let (drawn, _) = match self.legs {
+            true => self.plan.drawn_of(i, |_| Family::Leg)?,
+            false => self.plan.drawn(i)?,
+        };
         let Drawn {
             truth,
             mut robot,
@@ -70,9 +77,13 @@ impl Study for ServoPlan {
             .wrapping_add(i as u64);
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         robot.rate = draw::rate(&mut random);
-        let loops = draw::loops(&robot, &robot.inertia(&nominal), self.law, &mut random);
+        let mut loops = draw::loops(&robot, &robot.inertia(&nominal), self.law, &mut random);
         let stated = [Stated::Exactly, Stated::Roughly, Stated::Unknown];
-        let stated = stated[random.random_range(0..stated.len())];
+        let mut stated = stated[random.random_range(0..stated.len())];
+        if self.legs {
+            loops = draw::under_a_policy(&robot, &robot.inertia(&nominal), &mut random);
+            stated = Stated::Unknown;
+        }
         let tables = draw::tables(&loops, stated, &mut random);
         let velocity = &truth.velocity;
         let records = tidy();

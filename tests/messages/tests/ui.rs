@@ -1,6 +1,6 @@
 //! The messages of `robot!`: one mistake per file in `ui/<stage>`, several in `ui/several`.
 //!
-//! After a change of a message: `TRYBUILD=overwrite cargo test -p pid-runtime --test ui`, then read
+//! After a change of a message: `TRYBUILD=overwrite cargo test -p pid-messages`, then read
 //! the difference. Good robots are in `robot.rs`: without them nothing has to be linked here.
 
 #[test]
