@@ -51,7 +51,8 @@ impl Study for ServoPlan {
     type Truth = ServoTruth;
 
     fn id(&self, i: usize) -> String {
-        format!("servo_{}", self.plan.id(i))
+        let kind = if self.legs { "leg" } else { "servo" };
+        format!("{kind}_{}", self.plan.id(i))
     }
 
     fn cases(&self) -> usize {
