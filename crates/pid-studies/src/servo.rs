@@ -63,12 +63,13 @@ fn law(word: &str) -> Result<Law, String> {
 /// # Errors
 /// What stops it.
 pub fn run(args: &ServoArgs) -> Result<u8, Failure> {
+    let (fewest, joints) = crate::joints(args.fewest, args.joints)?;
     let plan = ServoPlan {
         plan: Plan {
             seed: args.seed,
             cases: args.cases,
-            fewest: usize::from(args.fewest),
-            joints: usize::from(args.joints),
+            fewest,
+            joints,
             causes: match (args.nulls, args.outside) {
                 (true, _) => Drawing::Nothing,
                 (_, true) => Drawing::Outside,

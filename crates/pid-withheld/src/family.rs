@@ -169,3 +169,25 @@ fn size_drives(robot: &mut Robot, random: &mut ChaCha8Rng) -> Result<(), Nominal
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Joints of the robots for all drawn numbers.
+    fn joints(wanted: (usize, usize)) -> Vec<usize> {
+        let count = |number| axes(Family::of(number, wanted)).0.len();
+        (0..4).map(count).collect()
+    }
+
+    #[test]
+    fn robots_have_as_many_joints_as_are_wanted() {
+        assert_eq!(joints((1, 1)), [1, 1, 1, 1]);
+        assert_eq!(joints((1, 3)), [1, 2, 2, 2]);
+        assert_eq!(joints((1, 5)), [1, 2, 2, 5]);
+        assert_eq!(joints((2, 2)), [2, 2, 2, 2]);
+        assert_eq!(joints((3, 3)), [3, 3, 3, 3]);
+        assert_eq!(joints((6, 6)), [6, 6, 6, 6]);
+        assert_eq!(axes(Family::Leg).0.len(), 3);
+    }
+}

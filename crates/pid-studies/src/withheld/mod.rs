@@ -56,11 +56,12 @@ pub struct WithheldArgs {
 /// # Errors
 /// What stops it.
 pub fn run(args: &WithheldArgs) -> Result<u8, Failure> {
+    let (fewest, joints) = crate::joints(args.fewest, args.joints)?;
     let plan = Plan {
         seed: args.seed,
         cases: args.cases,
-        fewest: usize::from(args.fewest),
-        joints: usize::from(args.joints),
+        fewest,
+        joints,
         causes: match (args.nulls, args.outside) {
             (true, _) => Drawing::Nothing,
             (_, true) => Drawing::Outside,

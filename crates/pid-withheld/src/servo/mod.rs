@@ -78,13 +78,15 @@ impl Study for ServoPlan {
             .wrapping_add(i as u64);
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         robot.rate = draw::rate(&mut random);
-        let mut loops = draw::loops(&robot, &robot.inertia(&nominal), self.law, &mut random);
-        let stated = [Stated::Exactly, Stated::Roughly, Stated::Unknown];
-        let mut stated = stated[random.random_range(0..stated.len())];
-        if self.legs {
-            loops = draw::under_a_policy(&robot, &robot.inertia(&nominal), &mut random);
-            stated = Stated::Unknown;
-        }
+        let inertia = robot.inertia(&nominal);
+        let (loops, stated) = if self.legs {
+            let loops = draw::under_a_policy(&robot, &inertia, &mut random);
+            (loops, Stated::Unknown)
+        } else {
+            let loops = draw::loops(&robot, &inertia, self.law, &mut random);
+            let stated = [Stated::Exactly, Stated::Roughly, Stated::Unknown];
+            (loops, stated[random.random_range(0..stated.len())])
+        };
         let tables = draw::tables(&loops, stated, &mut random);
         let velocity = &truth.velocity;
         let records = tidy();
