@@ -67,7 +67,7 @@ pub(crate) fn windows(
     let mut path = vec![(Vec::new(), Vec::new()); case.n()];
     let on_link = case.nominal.encoder_side == EncoderSide::Joint;
     let mut runner = Runner::<f64>::new(case, record, hypothesis, theta, e);
-    initial::settle(&mut runner, &mut g);
+    initial::settle((case, record), hypothesis, (theta, e), &mut g, true);
     runner.predict_over(
         0..record.len(),
         &g,

@@ -10,123 +10,202 @@
 //!
 //! with x the deviations of these states from rest and s their sizes: the twist of the gear under a
 //! tenth of the typical torque, its rate at the resonance, a bristle bent to its end. Gauss and
-//! Newton's steps with differences, halved until they pay.
+//! Newton's steps with exact derivatives, halved until they pay.
+
+use std::ops::ControlFlow;
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::case::{Case, Record};
 use crate::constants::Constant;
+use crate::effect::{FEW, LANES, Pick};
 use crate::hypothesis::Hypothesis;
 use crate::observer::Gain;
 use crate::point::Point;
 use crate::predict::Runner;
+use crate::scalar::Lanes;
 
 /// Length of record that is looked at, s.
 const LENGTH: f64 = 1.0;
 /// Steps at most.
 const STEPS: usize = 4;
+/// Halvings of a step at most.
+const HALVINGS: i32 = 3;
+/// Decrease of the objective that is no longer worth a step: a tenth of what one innovation adds to it on average.
+const REST: f64 = 0.1;
 /// Twist, in that under the typical torque.
 const TWIST: f64 = 0.1;
-/// Step of a difference, in sizes.
-const DIFFERENCE: f64 = 0.02;
+/// An innovation larger than this many deviations counts as this.
+const LARGEST: f64 = 1e4;
+
+/// Place of the integral of a position loop in [`Gain::hidden`].
+pub(crate) const INTEGRAL: usize = 3;
 
 /// One of these states: its joint and its place in [`Gain::hidden`], its size.
 type Hidden = (usize, usize, f64);
 
-/// [`settle`] for a record under a hypothesis at a point, as the hypothesis is run.
-pub(crate) fn estimate(
-    case: &Case,
-    record: &Record,
+/// The first moment of a record under a hypothesis at a point.
+struct Moment<'a> {
+    case: &'a Case,
+    record: &'a Record,
+    hypothesis: &'a Hypothesis,
+    theta: &'a [f64],
+    e: &'a [f64],
+    /// Samples.
+    end: usize,
+    /// States that are looked for.
+    unread: Vec<Hidden>,
+}
+
+/// Sets [`Gain::hidden`] to what the first moment of a record tells, from where they are: of the integrals of position
+/// loops alone where not of the `whole`.
+pub(crate) fn settle(
+    (case, record): (&Case, &Record),
     hypothesis: &Hypothesis,
-    at: &Point,
+    (theta, e): (&[f64], &[f64]),
     gains: &mut [Gain],
+    whole: bool,
 ) {
-    let mut runner = Runner::<f64>::new(case, record, hypothesis, &at.theta, &at.e);
-    settle_these(&mut runner, gains, case.run(hypothesis).initial_states);
-}
-
-/// Sets [`Gain::hidden`] to what the first moment of a record tells.
-pub(crate) fn settle(runner: &mut Runner<'_, '_, f64>, gains: &mut [Gain]) {
-    settle_these(runner, gains, true);
-}
-
-/// The same of the integrals of position loops alone where not of the `whole`.
-fn settle_these(runner: &mut Runner<'_, '_, f64>, gains: &mut [Gain], whole: bool) {
-    let unread = unread(runner, whole);
+    let unread = unread(
+        &Runner::<f64>::new(case, record, hypothesis, theta, e),
+        whole,
+    );
     if unread.is_empty() {
         return;
     }
-    let end = ((LENGTH / runner.record.h) as usize).clamp(1, runner.record.len());
-    let put = |x: &DVector<f64>, gains: &mut [Gain]| {
-        for (&(joint, place, size), x) in unread.iter().zip(x.iter()) {
-            gains[joint].hidden[place] = size * x;
-        }
+    let moment = Moment {
+        case,
+        record,
+        hypothesis,
+        theta,
+        e,
+        end: ((LENGTH / record.h) as usize).clamp(1, record.len()),
+        unread,
     };
-    let mut own = gains.to_vec();
-    let mut innovations = |x: &DVector<f64>| {
-        let mut out = Vec::new();
-        put(x, &mut own);
-        runner.predict_over(
-            0..end,
-            &own,
-            &mut |_, _, _, e| {
-                out.push(if e.is_finite() {
-                    e.clamp(-1e4, 1e4)
-                } else {
-                    1e4
-                })
-            },
-            &mut |_, _| {},
-        );
-        DVector::from_vec(out)
-    };
-    let m = unread.len();
-    let mut x = DVector::zeros(m);
-    let mut r = innovations(&x);
-    let mut cost = r.norm_squared();
-    for _ in 0..STEPS {
-        let mut j = DMatrix::zeros(r.len(), m);
-        for i in 0..m {
-            let mut moved = x.clone();
-            moved[i] += DIFFERENCE;
-            let column = (innovations(&moved) - &r) / DIFFERENCE;
-            j.set_column(i, &column);
-        }
-        let h = j.tr_mul(&j) + DMatrix::identity(m, m);
-        let g = j.tr_mul(&r) + &x;
-        let Some(factor) = h.cholesky() else { break };
-        let step = -factor.solve(&g);
-        let mut pays = None;
-        for halving in 0..4 {
-            let trial = &x + &step * 0.5_f64.powi(halving);
-            let left = innovations(&trial);
-            let value = left.norm_squared() + trial.norm_squared();
-            if value < cost {
-                pays = Some((trial, left, value));
+    moment.minimise(gains);
+}
+
+impl Moment<'_> {
+    /// Steps of Gauss and Newton from where the states are.
+    fn minimise(&self, gains: &mut [Gain]) {
+        let own = |&(joint, place, size): &Hidden| gains[joint].hidden[place] / size;
+        let mut x = DVector::from_iterator(self.unread.len(), self.unread.iter().map(own));
+        for _ in 0..STEPS {
+            let (r, j) = self.linearised(gains, &x);
+            let cost = r.norm_squared() + x.norm_squared();
+            let h = j.tr_mul(&j) + DMatrix::identity(x.len(), x.len());
+            let g = j.tr_mul(&r) + &x;
+            let Some(factor) = h.cholesky() else { break };
+            let step = -factor.solve(&g);
+            if -g.dot(&step) < REST {
+                break;
+            }
+            let better = (0..=HALVINGS).find_map(|halving| {
+                let trial = &x + &step * 0.5_f64.powi(halving);
+                let left = self.innovations::<f64>(gains, &self.at(gains, &trial));
+                let value = left.iter().map(|e| e * e).sum::<f64>() + trial.norm_squared();
+                (value < cost).then_some((trial, cost - value))
+            });
+            let Some((trial, gained)) = better else { break };
+            x = trial;
+            if gained < REST {
                 break;
             }
         }
-        let Some((trial, left, value)) = pays else {
-            break;
-        };
-        let gained = cost - value;
-        (x, r, cost) = (trial, left, value);
-        if gained < 0.1 {
-            break;
+        for (&(joint, place, size), x) in self.unread.iter().zip(x.iter()) {
+            gains[joint].hidden[place] = size * x;
         }
     }
-    put(&x, gains);
+
+    /// All these states, joint by joint, with those that are looked for at `x` sizes.
+    fn at<D: Pick>(&self, gains: &[Gain], x: &DVector<f64>) -> Vec<[D; 4]> {
+        let all = gains.iter().map(|g| g.hidden.map(D::constant));
+        let mut out: Vec<[D; 4]> = all.collect();
+        for (&(joint, place, size), x) in self.unread.iter().zip(x.iter()) {
+            out[joint][place] = D::constant(size * x);
+        }
+        out
+    }
+
+    /// Innovations of the moment.
+    fn innovations<D: Pick>(&self, gains: &[Gain], hidden: &[[D; 4]]) -> Vec<D> {
+        let lift = |x: &[f64]| x.iter().map(|&x| D::constant(x)).collect::<Vec<D>>();
+        let (theta, e) = (lift(self.theta), lift(self.e));
+        let mut runner = Runner::<D>::new(self.case, self.record, self.hypothesis, &theta, &e);
+        let mut out = Vec::new();
+        let mut sink = |_, _, _, e: D| {
+            out.push(match e.value().is_finite() {
+                true => e.limit(D::constant(-LARGEST), D::constant(LARGEST)),
+                false => D::constant(LARGEST),
+            });
+        };
+        let mut on = |_, _: &_| ControlFlow::Continue(());
+        runner.predict_from(hidden, 0..self.end, gains, &mut sink, &mut on);
+        out
+    }
+
+    /// Innovations and their derivatives in the states that are looked for, in sizes.
+    fn linearised(&self, gains: &[Gain], x: &DVector<f64>) -> (DVector<f64>, DMatrix<f64>) {
+        match x.len() > FEW {
+            true => self.by_passes::<LANES>(gains, x),
+            false => self.by_passes::<FEW>(gains, x),
+        }
+    }
+
+    /// The same, `N` derivatives in a pass.
+    fn by_passes<const N: usize>(
+        &self,
+        gains: &[Gain],
+        x: &DVector<f64>,
+    ) -> (DVector<f64>, DMatrix<f64>)
+    where
+        Lanes<N>: Pick,
+    {
+        let mut r = DVector::zeros(0);
+        let mut j = DMatrix::zeros(0, x.len());
+        for (pass, own) in self.unread.chunks(N).enumerate() {
+            let mut hidden = self.at::<Lanes<N>>(gains, x);
+            for (lane, &(joint, place, size)) in own.iter().enumerate() {
+                hidden[joint][place].eps[lane] = size;
+            }
+            let innovations = self.innovations(gains, &hidden);
+            r = DVector::from_iterator(innovations.len(), innovations.iter().map(|e| e.re));
+            if pass == 0 {
+                j = DMatrix::zeros(r.len(), x.len());
+            }
+            for (row, e) in innovations.iter().enumerate() {
+                for lane in 0..own.len() {
+                    let slope = e.eps[lane];
+                    j[(row, pass * N + lane)] = if slope.is_finite() { slope } else { 0.0 };
+                }
+            }
+        }
+        (r, j)
+    }
 }
 
-/// The states that are not read: integrals of position loops, which friction leaves open at rest, and
-/// those of effects where they are asked for.
+/// Joints whose position loop has an integral, which friction leaves open at rest, with the size of its deviation in
+/// the unit of [`Gain::hidden`].
+pub(crate) fn integrals(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<(usize, f64)> {
+    let mut laws = (0..case.n()).filter_map(|j| case.nominal.description.servo(j));
+    if !laws.any(|servo| servo.law.integrates()) {
+        return Vec::new();
+    }
+    let record = &case.records[0];
+    let runner = Runner::<f64>::new(case, record, hypothesis, &at.theta, &at.e);
+    let all = unread(&runner, false).into_iter();
+    all.map(|(joint, _, size)| (joint, size)).collect()
+}
+
+/// The states that are not read: integrals of position loops, and those of effects where they are asked for.
 fn unread(runner: &Runner<'_, '_, f64>, whole: bool) -> Vec<Hidden> {
     let mut out = Vec::new();
     for j in runner.machine.integrating() {
         let of = |which| runner.machine.constants.get(which);
         let level = of(Constant::Coulomb(j)) + TWIST * runner.case.scale[j].torque;
         let unit = runner.machine.holds(j);
-        out.push((j, 3, (level / (of(Constant::Gain(j)) * unit)).abs()));
+        let size = (level / (of(Constant::Gain(j)) * unit)).abs();
+        out.push((j, INTEGRAL, size));
     }
     if !whole {
         return out;
@@ -169,7 +248,7 @@ mod tests {
         let mut g = gains(&case, &elastic, &theta, &e, record.h);
         let mut runner = Runner::<f64>::new(&case, record, &elastic, &theta, &e);
         assert_eq!(runner.start(0).v[0], 0.0, "at rest as far as readings tell");
-        settle(&mut runner, &mut g);
+        settle((&case, record), &elastic, (&theta, &e), &mut g, true);
         assert!((g[0].hidden[1] - 0.8).abs() < 0.08, "{:?}", g[0].hidden);
     }
 }

@@ -95,6 +95,7 @@ pub mod screen;
 pub mod search;
 pub mod servo;
 mod simulate;
+mod substeps;
 pub mod timing;
 mod windows;
 pub mod words;

@@ -29,8 +29,9 @@ use pid_interpret::links;
 use crate::constants::{Constant, Constants};
 use crate::effect::{Commands, tell_others};
 use crate::fit::{Direction, Fit, all_gains, gram, linearise, value};
-use crate::predict::{Runner, Substeps};
+use crate::predict::Runner;
 use crate::simulate::{Machine, State};
+use crate::substeps::Substeps;
 
 /// Length of a motion, s.
 const LENGTH: f64 = 8.0;

@@ -11,18 +11,12 @@ use crate::constants::{Constant, Constants};
 use crate::drives::{Gains, slopes};
 use crate::effect::{Commands, Pick, tell_others};
 use crate::hypothesis::Hypothesis;
-use crate::nominal::{EncoderSide, Nominal};
+use crate::nominal::EncoderSide;
 use crate::observer::{Design, Gain, gain};
 use crate::scalar::Scalar;
-use crate::simulate::{Machine, State, whole};
+use crate::simulate::{Machine, State};
+use crate::substeps::Substeps;
 
-/// Longest substep, s.
-const LONGEST_STEP: f64 = 2.1e-3;
-/// Substeps of a sample at most so that drives read at their starts, in those that the length asks for: three are
-/// enough for loops of 200, 500 and 1000 Hz in records of 50 to 1000 Hz.
-const FINEST: usize = 3;
-/// Longest substep with a gear, or of a run whose substeps are as short, s.
-const LONGEST_SHORT_STEP: f64 = 0.55e-3;
 /// Innovations of the first moments are left out: they tell of the start, s.
 const SETTLING: f64 = 0.35;
 
@@ -32,70 +26,6 @@ const HOLDING: f64 = 0.015;
 /// Samples of a record whose innovations count.
 pub fn rows(record: &Record) -> usize {
     record.len() - ((SETTLING / record.h) as usize).min(record.len())
-}
-
-/// Substeps of a sample: mass matrix and bias of the links at the coarse ones, the rest at the fine ones.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Substeps {
-    /// Coarse substeps per sample.
-    coarse: usize,
-    /// Fine substeps per coarse one.
-    fine: usize,
-}
-
-impl Substeps {
-    /// For a sample time, s; `refined` multiplies both.
-    pub fn new(h: f64, short: bool, refined: usize) -> Self {
-        Self::within(h, LONGEST_STEP, short, refined)
-    }
-
-    /// The same for a robot of a description: a drive that reads, or takes targets, at a rate of its own does
-    /// so at the start of a substep, as far as its rate and that of the record allow. One that does so more than once
-    /// in a substep, and at the start of every sample, needs no more.
-    pub fn of(nominal: &Nominal, h: f64, short: bool, refined: usize) -> Self {
-        let loops = (0..nominal.n()).filter_map(|j| nominal.description.servo(j));
-        let rates = loops.flat_map(|servo| [servo.rate_hz, servo.shaping.rate_hz]);
-        let periods: Vec<f64> = rates.flatten().map(f64::recip).collect();
-        let least = ((h / LONGEST_STEP - 1e-6).ceil() as usize).max(1);
-        let meets = |n: usize, period: f64| {
-            let step = h / n as f64;
-            whole(period / step) || (period < step && whole(h / period))
-        };
-        let all = |n: &usize| periods.iter().all(|period| meets(*n, *period));
-        let longest = match (least..=FINEST * least).find(all) {
-            Some(n) => h / n as f64,
-            None => periods.iter().fold(LONGEST_STEP, |longest, period| {
-                let number = (period / LONGEST_STEP).ceil();
-                match number > 1.0 {
-                    true => longest.min(period / number),
-                    false => longest,
-                }
-            }),
-        };
-        Self::within(h, longest, short, refined)
-    }
-
-    fn within(h: f64, longest: f64, short: bool, refined: usize) -> Self {
-        let of = |length: f64, longest: f64| ((length / longest - 1e-6).ceil() as usize).max(1);
-        let coarse = of(h, longest);
-        let fine = if short {
-            of(h / coarse as f64, LONGEST_SHORT_STEP)
-        } else {
-            1
-        };
-        Substeps {
-            coarse: coarse * refined,
-            fine,
-        }
-    }
-    /// Fine substeps per sample.
-    pub fn number(self) -> usize {
-        self.coarse * self.fine
-    }
-    /// Time for which the links are evaluated at the fine substep `i` of a sample time, s, if they are.
-    pub fn links(self, h: f64, i: usize) -> Option<f64> {
-        i.is_multiple_of(self.fine).then(|| h / self.coarse as f64)
-    }
 }
 
 /// Gains of all joints under a hypothesis at its parameters.
@@ -262,25 +192,25 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         state
     }
 
-    /// Moves the states that no sensor reads to where they were found, [`Gain::hidden`].
-    fn unrest(&self, state: &mut State<D>, gains: &[Gain]) {
+    /// Moves the states that no sensor reads to where they were found, joint by joint as [`Gain::hidden`] has them.
+    fn unrest(&self, state: &mut State<D>, hidden: &[[D; 4]]) {
         let on_link = self.case.nominal.encoder_side == EncoderSide::Joint;
-        for (j, g) in gains.iter().enumerate() {
+        for (j, hidden) in hidden.iter().enumerate() {
             if self.machine.gears[j].is_some() {
                 let (q, v) = if on_link {
                     (&mut state.drive_q[j], &mut state.drive_v[j])
                 } else {
                     (&mut state.q[j], &mut state.v[j])
                 };
-                *q += D::constant(g.hidden[0]);
-                *v += D::constant(g.hidden[1]);
+                *q += hidden[0];
+                *v += hidden[1];
             }
         }
         for j in self.machine.integrating() {
-            state.loops[j].integral += self.machine.holds(j) * gains[j].hidden[3];
+            state.loops[j].integral += self.machine.holds(j) * hidden[j][3];
         }
         for (cell, joint, most) in self.machine.unknown_cells() {
-            let moved = state.memory[cell] + gains[joint].hidden[2];
+            let moved = state.memory[cell] + hidden[joint][2];
             state.memory[cell] = moved.limit(D::constant(-most), D::constant(most));
         }
     }
@@ -373,9 +303,23 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         sink: &mut dyn FnMut(usize, usize, usize, D),
         seen: &mut dyn FnMut(usize, &State<D>) -> ControlFlow<()>,
     ) {
+        let hidden = gains.iter().map(|g| g.hidden.map(D::constant));
+        let hidden: Vec<[D; 4]> = hidden.collect();
+        self.predict_from(&hidden, counted, gains, sink, seen);
+    }
+
+    /// [`Runner::predict_while`] with the states that no sensor reads where `hidden` says.
+    pub(crate) fn predict_from(
+        &mut self,
+        hidden: &[[D; 4]],
+        counted: std::ops::Range<usize>,
+        gains: &[Gain],
+        sink: &mut dyn FnMut(usize, usize, usize, D),
+        seen: &mut dyn FnMut(usize, &State<D>) -> ControlFlow<()>,
+    ) {
         let n = self.case.n();
         let mut state = self.start(0);
-        self.unrest(&mut state, gains);
+        self.unrest(&mut state, hidden);
         let mut commands = Vec::with_capacity(n);
         let mut shown = self.shown(&state);
         for k in 0..counted.end {

@@ -23,7 +23,7 @@ use rand_chacha::ChaCha8Rng;
 
 const ARM: &str = include_str!("../../pid-effects/src/with_effects/arm.toml");
 const STEP: f64 = 4e-3;
-const SAMPLES: usize = 1500;
+const SAMPLES: usize = 1000;
 /// Noise of positions and velocities as the description states it.
 const READING: [f64; 2] = [1e-4, 5e-3];
 

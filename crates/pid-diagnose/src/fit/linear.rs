@@ -1,6 +1,8 @@
 //! Innovations and their exact derivatives, a few directions per pass; the directions that the
 //! records determine.
 
+use std::ops::ControlFlow;
+
 use nalgebra::{DMatrix, DVector};
 use pid_data::Role;
 use pid_interpret::nominal::Role as Part;
@@ -8,12 +10,13 @@ use rayon::prelude::*;
 
 use super::products::gram;
 use super::value::{LARGEST, all_gains, tame};
-use crate::case::{Case, Record};
+use crate::case::{Case, Record, Velocity};
 use crate::effect::{FEW, LANES, Pick};
 use crate::hypothesis::{Hypothesis, Run};
+use crate::initial::{self, INTEGRAL};
 use crate::observer::Gain;
 use crate::point::Point;
-use crate::predict::Runner;
+use crate::predict::{Runner, rows};
 use crate::scalar::{Lanes, Scalar};
 
 /// Innovations and, on request, derivatives in directions.
@@ -56,9 +59,13 @@ pub enum Direction<'a> {
     Theta(&'a [f64]),
     /// A parameter of the effects.
     Effect(usize),
+    /// What the integral of the loop of a joint starts with, in the unit of [`Gain::hidden`], record by record.
+    Integral(usize),
 }
 
-/// Innovations and derivatives on the records of a role.
+/// Innovations and derivatives on the records of a role. The integrals of position loops start where the first moment
+/// of a record has them, and follow the parameters: derivatives are those with them at their optimum (variable
+/// projection: G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10, 1973).
 pub fn linearise(
     case: &Case,
     hypothesis: &Hypothesis,
@@ -70,6 +77,45 @@ pub fn linearise(
     let records: Vec<usize> = (0..case.records.len())
         .filter(|&i| case.records[i].role == role)
         .collect();
+    let integrals = initial::integrals(case, hypothesis, at);
+    if integrals.is_empty() || directions.is_empty() {
+        return as_they_start((case, &records), hypothesis, at, gains, directions);
+    }
+    let starts = integrals.iter().map(|&(j, _)| Direction::Integral(j));
+    let all: Vec<Direction<'_>> = directions.iter().copied().chain(starts).collect();
+    let mut out = as_they_start((case, &records), hypothesis, at, gains, &all);
+    let mut first = 0;
+    let channels = (case.velocity.iter())
+        .map(|v| 1 + usize::from(*v == Velocity::Measured))
+        .sum::<usize>();
+    for &r in &records {
+        let many = rows(&case.records[r]) * channels;
+        let mut part = out.j.rows_mut(first, many);
+        let (mut own, mut starts) =
+            part.columns_range_pair_mut(..directions.len(), directions.len()..);
+        for (mut column, (_, size)) in starts.column_iter_mut().zip(&integrals) {
+            column *= *size;
+        }
+        // The prior of a start is one size.
+        let h = starts.tr_mul(&starts) + DMatrix::identity(integrals.len(), integrals.len());
+        if let Some(factor) = h.cholesky() {
+            let moved = factor.solve(&starts.tr_mul(&own));
+            own.gemm(-1.0, &starts, &moved, 1.0);
+        }
+        first += many;
+    }
+    out.j.resize_horizontally_mut(directions.len(), 0.0);
+    out
+}
+
+/// The same with integrals that stay where they start.
+fn as_they_start(
+    (case, records): (&Case, &[usize]),
+    hypothesis: &Hypothesis,
+    at: &Point,
+    gains: &[Vec<Gain>],
+    directions: &[Direction<'_>],
+) -> Linear {
     gathered(records.len(), directions, |part, own| {
         let r = records[part];
         let over = if own.len() > FEW {
@@ -149,6 +195,7 @@ where
                 }
             }
             Direction::Effect(i) => e[*i].eps[lane] = 1.0,
+            Direction::Integral(_) => {}
         }
     }
     (theta, e)
@@ -167,8 +214,18 @@ where
     Lanes<N>: Pick,
 {
     let (theta, e) = lifted::<N>(at, directions);
+    let lift = |g: &Gain| g.hidden.map(Lanes::<N>::constant);
+    let mut hidden: Vec<[Lanes<N>; 4]> = gains.iter().map(lift).collect();
+    for (lane, d) in directions.iter().enumerate() {
+        if let Direction::Integral(j) = d {
+            hidden[*j][INTEGRAL].eps[lane] = 1.0;
+        }
+    }
     let mut rows = Vec::with_capacity(record.len() * case.n() * 2 * (1 + directions.len()));
-    Runner::<Lanes<N>>::new(case, record, hypothesis, &theta, &e).predict(
+    let mut runner = Runner::<Lanes<N>>::new(case, record, hypothesis, &theta, &e);
+    runner.predict_from(
+        &hidden,
+        runner.counted(),
         gains,
         &mut |_, _, _, x| {
             let fine = x.re.abs() < LARGEST && x.eps.iter().all(|e| e.abs() < 1e12);
@@ -180,7 +237,7 @@ where
                 rows.resize(rows.len() + directions.len(), 0.0);
             }
         },
-        &mut |_, _| {},
+        &mut |_, _| ControlFlow::Continue(()),
     );
     rows
 }

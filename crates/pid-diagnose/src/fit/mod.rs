@@ -32,6 +32,7 @@ pub use products::Slopes;
 pub(crate) use products::{cross, gram};
 pub use quadratic::Quadratic;
 use step::Damping;
+use value::gains_from;
 pub use value::{PRIOR, Value, all_gains, log_dets, value, value_below};
 
 /// Ranges of the parameters of a hypothesis, SI.
@@ -218,10 +219,11 @@ pub fn fit(
             // Derivatives of this fit serve its next steps.
             borrowed = rank > 0 && tried.decrease > 0.7 * tried.predicted;
         }
-        if (!path.at.e.is_empty() || path.starts_open()) && steps < 4 {
+        if path.starts_open() || (!path.at.e.is_empty() && steps < 4) {
             path.renew_gains();
         }
     }
+    path.complete_gains();
     Fit {
         hypothesis: hypothesis.clone(),
         point: path.at,
@@ -263,7 +265,10 @@ impl<'a> Path<'a> {
         for (e, (low, high)) in at.e.iter_mut().zip(&bounds) {
             *e = e.clamp(*low, *high);
         }
-        let gains = all_gains(case, hypothesis, &at);
+        let from_rest = vec![Vec::new(); case.records.len()];
+        let gains = gains_from(case, hypothesis, &at, &from_rest, |role| {
+            role == Role::Train
+        });
         let now = value(case, hypothesis, &at, &gains, Role::Train);
         Self {
             case,
@@ -312,8 +317,20 @@ impl<'a> Path<'a> {
         laws.any(|servo| servo.law.integrates())
     }
 
+    /// Gains of the records that are not fitted, which no step needs.
+    fn complete_gains(&mut self) {
+        let others = |role| role != Role::Train;
+        let all = gains_from(self.case, self.hypothesis, &self.at, &self.gains, others);
+        let records = self.case.records.iter().zip(&mut self.gains).zip(all);
+        for ((_, own), all) in records.filter(|((record, _), _)| others(record.role)) {
+            *own = all;
+        }
+    }
+
     fn renew_gains(&mut self) {
-        self.gains = all_gains(self.case, self.hypothesis, &self.at);
+        let (case, hypothesis) = (self.case, self.hypothesis);
+        let train = |role| role == Role::Train;
+        self.gains = gains_from(case, hypothesis, &self.at, &self.gains, train);
         self.now = value(
             self.case,
             self.hypothesis,

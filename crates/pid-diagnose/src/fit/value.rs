@@ -65,18 +65,35 @@ impl Value {
 
 /// Gains for every record.
 pub fn all_gains(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<Vec<Gain>> {
+    let from_rest = vec![Vec::new(); case.records.len()];
+    gains_from(case, hypothesis, at, &from_rest, |_| true)
+}
+
+/// The same, with the states that no sensor reads looked for in the records of the roles that are `asked` for, from
+/// where they were `before`.
+pub(super) fn gains_from(
+    case: &Case,
+    hypothesis: &Hypothesis,
+    at: &Point,
+    before: &[Vec<Gain>],
+    asked: impl Fn(Role) -> bool + Sync,
+) -> Vec<Vec<Gain>> {
+    let whole = case.run(hypothesis).initial_states;
     let integrates = (0..case.n()).any(|j| {
         let servo = case.nominal.description.servo(j);
         servo.is_some_and(|servo| servo.law.integrates())
     });
-    case.records
-        .par_iter()
-        .map(|r| {
-            let mut g = gains(case, hypothesis, &at.theta, &at.e, r.h);
-            if case.run(hypothesis).initial_states || integrates {
-                initial::estimate(case, r, hypothesis, at, &mut g);
+    let (theta, e) = (&at.theta[..], &at.e[..]);
+    (case.records.par_iter().zip(before))
+        .map(|(record, before)| {
+            let mut own = gains(case, hypothesis, theta, e, record.h);
+            for (own, before) in own.iter_mut().zip(before) {
+                own.hidden = before.hidden;
             }
-            g
+            if (whole || integrates) && asked(record.role) {
+                initial::settle((case, record), hypothesis, (theta, e), &mut own, whole);
+            }
+            own
         })
         .collect()
 }

@@ -3,12 +3,14 @@
 //! Position loops and sticking friction leave an error that grows with the length of a substep. With a gear substeps
 //! are shorter: a spring too stiff to give way would be named for that alone.
 
+use rayon::prelude::*;
+
 use super::settings::Settings;
 use crate::case::Case;
 use crate::effect::Term;
-use crate::fit::{Basis, Effort, Fit, fit};
+use crate::fit::{Basis, Effort, Fit, Point, fit};
 
-/// A fit at the substeps of a gear, where `other` has a gear and it has neither a gear nor such substeps.
+/// A fit at the substeps of a gear, from its point and from that of the other, where `other` has a gear and it has neither a gear nor such substeps.
 pub(super) fn as_short(
     case: &Case,
     basis: &Basis,
@@ -26,15 +28,24 @@ pub(super) fn as_short(
     }
     let mut hypothesis = at.hypothesis.clone();
     hypothesis.run.short = true;
-    let effort = Effort::full(settings.budget.touch);
-    Some(fit(case, basis, &hypothesis, at.point.clone(), effort))
+    // Both have as many steps, and what stiff gears do to nominal values they do without one too.
+    let effort = Effort::full(settings.budget.steps);
+    let beside = Point {
+        theta: other.point.theta.clone(),
+        e: at.point.e.clone(),
+    };
+    let starts = [at.point.clone(), beside];
+    let fits = starts
+        .into_par_iter()
+        .map(|start| fit(case, basis, &hypothesis, start, effort));
+    fits.min_by(|a, b| a.train.evidence().total_cmp(&b.train.evidence()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::bench::{SIZE, named, pendulum};
-    use crate::fit::{Point, basis};
+    use crate::fit::basis;
     use crate::hypothesis::Hypothesis;
 
     #[test]

@@ -1,7 +1,7 @@
 use super::*;
 use crate::effect::{Commands, Term, tell_others};
 use crate::nominal::Nominal;
-use crate::predict::Substeps;
+use crate::substeps::Substeps;
 
 /// Sample time, s, and samples of the runs.
 const H: f64 = 4e-3;
@@ -25,7 +25,7 @@ fn under(u: &[Vec<f64>], effect: &str, e: &[f64], refined: usize, held: bool) ->
     let hypothesis = Hypothesis::new(vec![Term { effect, joint: 1 }]);
     let constants = Constants::new(&nominal, &vec![0.0; nominal.size()]);
     let mut machine = Machine::<f64>::new(constants, &hypothesis, e.to_vec());
-    let steps = Substeps::new(H, true, refined);
+    let steps = Substeps::of(&nominal, H, true, refined);
     let dt = H / steps.number() as f64;
     let mut state = machine.rest(&[0.3, -0.8, 0.9, 0.2, 0.4, 0.1], &[0.0; 6], &[0.0; 6]);
     for k in 0..SAMPLES {
