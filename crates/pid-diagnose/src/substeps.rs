@@ -119,7 +119,7 @@ mod tests {
         // Every third substep of 5/3 ms, and with a policy of 50 Hz above it.
         assert_eq!(of(&[200.0], 0.02), Some((12, 1)));
         assert_eq!(of(&[50.0, 1000.0], 0.01), Some((5, 2)));
-        assert_eq!(of(&[333.0], 0.02), None);
+        assert_eq!(of(&[370.0], 0.02), None);
     }
 
     #[test]
