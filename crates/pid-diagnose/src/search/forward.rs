@@ -11,10 +11,10 @@ use super::exchange::exchange;
 use super::magnitude::{name, size_in_deviations, sizes};
 use super::measure::{Reached, measured, misfit, noise_alone, noise_scale};
 use super::nameless::{Imitated, concerned, free_laws, imitated};
-use super::nested::nested;
 use super::noise_like::{Leaves, lines_and_bursts};
 use super::refit::{Refit, refit, score};
 use super::settings::Settings;
+use super::shorter::as_short;
 use super::whiteness::residue;
 use crate::case::Case;
 use crate::channel;
@@ -177,8 +177,8 @@ impl<'a> Forward<'a> {
         let Some(first) = tried.first() else {
             return false;
         };
-        if let Some(nested) = self.nested(first) {
-            self.go_on_with(nested);
+        if let Some(short) = self.short(first) {
+            self.go_on_with(short);
             if self.accepted.is_empty() {
                 (self.base, self.before) = (self.current.clone(), self.gap.clone());
             }
@@ -205,23 +205,22 @@ impl<'a> Forward<'a> {
         self.drifts || self.current.train.total() >= criteria.calm * self.current.train.number()
     }
 
-    /// What is accepted with all that the best candidate has beside its effect, where that leaves it too little to gain.
-    fn nested(&self, first: &Refit) -> Option<Fit> {
-        let score = |over: &Fit| {
-            score(
-                &Reached::new(&self.case, &first.fit),
-                &Reached::new(&self.case, over),
-                self.candidates,
-                (noise_scale(&first.fit), over.train.number()),
-            )
-        };
-        let margin = self.settings.criteria.margin();
-        if score(&self.current) < margin {
-            return None;
-        }
-        let (case, basis) = (&self.case, &self.basis);
-        let own = nested(case, basis, self.settings, &self.current, &first.fit);
-        (score(&own) < margin).then_some(own)
+    /// What is accepted at the substeps of the best candidate, where that leaves too little for it to gain.
+    fn short(&self, first: &Refit) -> Option<Fit> {
+        let short = as_short(
+            &self.case,
+            &self.basis,
+            self.settings,
+            &self.current,
+            &first.fit,
+        )?;
+        let score = score(
+            &Reached::new(&self.case, &first.fit),
+            &Reached::new(&self.case, &short),
+            self.candidates,
+            (noise_scale(&first.fit), short.train.number()),
+        );
+        (score < self.settings.criteria.margin()).then_some(short)
     }
 
     /// Whether the best candidate of a round gains more than chance and multiplicity allow, with

@@ -31,11 +31,11 @@ use super::evidence::{Evidence, Part};
 use super::magnitude::{name, sizes};
 use super::measure::{measured, noise_alone, share};
 use super::nameless::described;
-use super::nested::nested;
 use super::odds::{plain, within_round};
 use super::refit::{Refit, refit};
 use super::settings::Settings;
 use super::shares::{Parts, Portion, without};
+use super::shorter::as_short;
 use super::stand::{Sought, Stand};
 use crate::case::Case;
 use crate::criteria::Budget;
@@ -248,11 +248,12 @@ fn led_to(
     if overdamped(&case, &fit) {
         return Err("its damping ends at the end of its range");
     }
-    let without = nested(&now.case, &now.directions, settings, &now.fit, &tried.fit);
-    let parameters = tried.term.effect.info().parameters.len();
-    let gained = gained(&now.case, &sums_of(&now.case, &without), &tried.fit);
-    if gained.score(parameters, 1) < settings.criteria.replaces() {
-        return Err("without it other nominal values, or its substeps, do as well");
+    if let Some(short) = as_short(&now.case, &now.directions, settings, &now.fit, &tried.fit) {
+        let parameters = tried.term.effect.info().parameters.len();
+        let gained = gained(&now.case, &sums_of(&now.case, &short), &tried.fit);
+        if gained.score(parameters, 1) < settings.criteria.replaces() {
+            return Err("shorter substeps do as well");
+        }
     }
     let own = sizes(&case, &settings.criteria, &fit);
     if own.iter().any(|s| *s <= 1.0) {
