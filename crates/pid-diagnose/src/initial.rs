@@ -88,7 +88,11 @@ pub(crate) fn settle(
 impl Moment<'_> {
     /// Steps of Gauss and Newton from where the states are.
     fn minimise(&self, gains: &mut [Gain]) {
-        let own = |&(joint, place, size): &Hidden| gains[joint].hidden[place] / size;
+        // A state of no size stays at rest.
+        let own = |&(joint, place, size): &Hidden| match size > 0.0 {
+            true => gains[joint].hidden[place] / size,
+            false => 0.0,
+        };
         let mut x = DVector::from_iterator(self.unread.len(), self.unread.iter().map(own));
         for _ in 0..STEPS {
             let (r, j) = self.linearised(gains, &x);

@@ -59,7 +59,7 @@ pub enum Direction<'a> {
     Theta(&'a [f64]),
     /// A parameter of the effects.
     Effect(usize),
-    /// What the integral of the loop of a joint starts with, in the unit of [`Gain::hidden`], record by record.
+    /// What the integral of the loop of a joint starts with, in what dry friction holds, record by record.
     Integral(usize),
 }
 
