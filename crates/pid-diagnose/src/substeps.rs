@@ -26,9 +26,10 @@ fn number(time: f64, longest: f64) -> usize {
 }
 
 impl Substeps {
-    /// For a robot of a description and a sample time, s; `refined` multiplies both. A drive that reads, or takes targets, at a rate of its own does
-    /// so at the start of a substep, as far as its rate and that of the record allow. The fewest substeps do in which
-    /// all drives do so; the links' mass matrix and bias need them no finer than without drives.
+    /// For a robot of a description and a sample time, s; `refined` multiplies both. A drive that reads, or takes
+    /// targets, at a rate of its own does so at the start of a substep, as far as its rate and that of the record
+    /// allow. The fewest substeps do in which all drives do so; the links' mass matrix and bias need them no finer than
+    /// without drives.
     pub(crate) fn of(nominal: &Nominal, h: f64, short: bool, refined: usize) -> Self {
         let loops = (0..nominal.n()).filter_map(|j| nominal.description.servo(j));
         let rates = loops.flat_map(|servo| [servo.rate_hz, servo.shaping.rate_hz]);
