@@ -188,11 +188,16 @@ impl Moment<'_> {
     }
 }
 
+/// Whether records start with integrals of position loops, which are looked for along the way of a fit.
+pub(crate) fn starts_open(case: &Case) -> bool {
+    let mut laws = (0..case.n()).filter_map(|j| case.nominal.description.servo(j));
+    laws.any(|servo| servo.law.integrates())
+}
+
 /// Joints whose position loop has an integral, which friction leaves open at rest, with the size of its deviation in
 /// the unit of [`Gain::hidden`].
 pub(crate) fn integrals(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<(usize, f64)> {
-    let mut laws = (0..case.n()).filter_map(|j| case.nominal.description.servo(j));
-    if !laws.any(|servo| servo.law.integrates()) {
+    if !starts_open(case) {
         return Vec::new();
     }
     let record = &case.records[0];

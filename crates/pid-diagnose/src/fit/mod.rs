@@ -22,6 +22,7 @@ use pid_data::Role;
 
 use crate::case::{Case, Record};
 use crate::hypothesis::Hypothesis;
+use crate::initial::starts_open;
 use crate::observer::Gain;
 pub use crate::point::Point;
 use crate::predict::Runner;
@@ -219,7 +220,7 @@ pub fn fit(
             // Derivatives of this fit serve its next steps.
             borrowed = rank > 0 && tried.decrease > 0.7 * tried.predicted;
         }
-        if path.starts_open() || (!path.at.e.is_empty() && steps < 4) {
+        if starts_open(case) || (!path.at.e.is_empty() && steps < 4) {
             path.renew_gains();
         }
     }
@@ -309,12 +310,6 @@ impl<'a> Path<'a> {
             quadratic,
             Slopes::first(lin.j, &products, self.columns.len()),
         )
-    }
-
-    /// Whether records start with something that is looked for along the way: the integrals of position loops.
-    fn starts_open(&self) -> bool {
-        let mut laws = (0..self.case.n()).filter_map(|j| self.case.nominal.description.servo(j));
-        laws.any(|servo| servo.law.integrates())
     }
 
     /// Gains of the records that are not fitted, which no step needs.

@@ -79,10 +79,7 @@ pub(super) fn gains_from(
     asked: impl Fn(Role) -> bool + Sync,
 ) -> Vec<Vec<Gain>> {
     let whole = case.run(hypothesis).initial_states;
-    let integrates = (0..case.n()).any(|j| {
-        let servo = case.nominal.description.servo(j);
-        servo.is_some_and(|servo| servo.law.integrates())
-    });
+    let open = whole || initial::starts_open(case);
     let (theta, e) = (&at.theta[..], &at.e[..]);
     (case.records.par_iter().zip(before))
         .map(|(record, before)| {
@@ -90,7 +87,7 @@ pub(super) fn gains_from(
             for (own, before) in own.iter_mut().zip(before) {
                 own.hidden = before.hidden;
             }
-            if (whole || integrates) && asked(record.role) {
+            if open && asked(record.role) {
                 initial::settle((case, record), hypothesis, (theta, e), &mut own, whole);
             }
             own
