@@ -45,6 +45,14 @@ pub struct Candidate {
     pub objective: f64,
 }
 
+/// Evidence of a fit, on all train records and on those on which starts are compared beside the parameters of their
+/// joint.
+#[derive(Debug, Clone, Copy)]
+struct Present {
+    whole: f64,
+    glanced: f64,
+}
+
 /// Linearised fit that the candidates are compared with.
 struct Reference<'a> {
     case: &'a Case,
@@ -248,9 +256,9 @@ impl Reference<'_> {
             .enumerate()
             .flat_map(|(i, (_, s))| s.iter().map(move |s| (i, s)))
             .collect();
-        // A start that neither gains nor is the lowest of its candidate is known to be neither
-        // after a part of the records.
-        let present = self.fit.train.evidence();
+        // A start that neither gains nor is the lowest of its candidate, or loses far more than that one, is known
+        // to after a part of the records.
+        let present = self.present();
         let lowest: Vec<Mutex<f64>> = terms.iter().map(|_| Mutex::new(f64::INFINITY)).collect();
         let values: Vec<(usize, Point, f64)> = jobs
             .par_iter()
@@ -259,10 +267,9 @@ impl Reference<'_> {
                 let case = self.compared_on(&terms[i].0);
                 let gains = all_gains(case, &hypothesis, &at);
                 let spread: f64 = log_dets(case, &gains, Role::Train).iter().sum();
-                let bound = match self.beside_joint(&terms[i].0) {
-                    true => f64::INFINITY,
-                    false => lowest[i].lock().map_or(f64::INFINITY, |l| l.max(present)),
-                };
+                let bound = lowest[i].lock().map_or(f64::INFINITY, |lowest| {
+                    self.bound(&terms[i].0, *lowest, present)
+                });
                 let value = value_below(bound - spread, case, &hypothesis, &at, &gains)?;
                 let evidence = value.evidence();
                 if let Ok(mut l) = lowest[i].lock() {
@@ -271,7 +278,7 @@ impl Reference<'_> {
                 Some((i, at, evidence))
             })
             .collect();
-        let followed = self.followed(&terms, &values);
+        let followed = self.followed(&terms, &values, present);
         let frozen = self.basis.frozen();
         followed
             .par_iter()
@@ -324,16 +331,8 @@ impl Reference<'_> {
         &self,
         terms: &[&(Term, Vec<Vec<f64>>)],
         values: &[(usize, Point, f64)],
+        present: Present,
     ) -> Vec<(usize, Point)> {
-        let present = self.fit.train.evidence();
-        let here = match self.budget.starts_beside_joint {
-            true => {
-                let gains = all_gains(self.glanced, &self.fit.hypothesis, &self.fit.point);
-                let (hypothesis, point) = (&self.fit.hypothesis, &self.fit.point);
-                value(self.glanced, hypothesis, point, &gains, Role::Train).evidence()
-            }
-            false => present,
-        };
         let frozen = self.basis.frozen();
         (0..terms.len())
             .into_par_iter()
@@ -341,6 +340,10 @@ impl Reference<'_> {
                 let mut own: Vec<&(usize, Point, f64)> =
                     values.iter().filter(|v| v.0 == i).collect();
                 own.sort_by(|a, b| a.2.total_cmp(&b.2));
+                if let Some(lowest) = own.first().map(|v| v.2) {
+                    let bound = self.bound(&terms[i].0, lowest, present);
+                    own.retain(|v| v.2 <= bound);
+                }
                 let (hypothesis, _) = self.with(&terms[i].0, &[]);
                 let lowest = |mut near: Vec<Fit>, present: f64| -> Vec<(usize, Point)> {
                     near.sort_by(|a, b| a.train.evidence().total_cmp(&b.train.evidence()));
@@ -357,10 +360,8 @@ impl Reference<'_> {
                     let near = |v: &&(usize, Point, f64)| {
                         self.near(terms[i].0.joint, &hypothesis, v.1.clone())
                     };
-                    return lowest(own.par_iter().map(near).collect(), here);
+                    return lowest(own.par_iter().map(near).collect(), present.glanced);
                 }
-                let gaining = own.iter().take_while(|v| v.2 < present).count();
-                own.truncate(gaining.max(1));
                 if own.len() < 2 {
                     return own.iter().map(|v| (i, v.1.clone())).collect();
                 }
@@ -368,9 +369,35 @@ impl Reference<'_> {
                     let effort = Effort::on_the_way(self.budget.glance);
                     fit(self.case, &frozen, &hypothesis, v.1.clone(), effort)
                 };
-                lowest(own.par_iter().map(glance).collect(), present)
+                lowest(own.par_iter().map(glance).collect(), present.whole)
             })
             .collect()
+    }
+
+    /// Evidence of the fit.
+    fn present(&self) -> Present {
+        let whole = self.fit.train.evidence();
+        let glanced = match self.budget.starts_beside_joint {
+            true => {
+                let (hypothesis, point) = (&self.fit.hypothesis, &self.fit.point);
+                let gains = all_gains(self.glanced, hypothesis, point);
+                value(self.glanced, hypothesis, point, &gains, Role::Train).evidence()
+            }
+            false => whole,
+        };
+        Present { whole, glanced }
+    }
+
+    /// Evidence up to which a start of a term is compared with its lowest one: that of the fit or of the lowest, or
+    /// not [`Budget::far`] behind it where the parameters of its joint are free.
+    fn bound(&self, term: &Term, lowest: f64, present: Present) -> f64 {
+        match self.beside_joint(term) {
+            true => {
+                let loss = (lowest - present.glanced).max(self.budget.near / self.budget.far);
+                present.glanced + self.budget.far * loss
+            }
+            false => lowest.max(present.whole),
+        }
     }
 
     /// The records on which the starts of a term are compared.
