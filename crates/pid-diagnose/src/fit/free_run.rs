@@ -237,7 +237,7 @@ fn one_pass<const N: usize>(
 where
     Lanes<N>: Pick,
 {
-    let (theta, e) = lifted::<N>(at, directions);
+    let (theta, e) = lifted::<N>(at, directions.iter().copied());
     let errors = errors_of(case, hypothesis, (&theta, &e), place);
     let mut rows = Vec::with_capacity(errors.len() * (1 + directions.len()));
     for (i, x) in errors.iter().enumerate().filter(|(_, x)| !x.re.is_nan()) {

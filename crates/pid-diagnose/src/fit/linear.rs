@@ -59,6 +59,12 @@ pub enum Direction<'a> {
     Theta(&'a [f64]),
     /// A parameter of the effects.
     Effect(usize),
+}
+
+/// What a column of derivatives is of.
+#[derive(Clone, Copy)]
+enum Along<'a> {
+    Direction(Direction<'a>),
     /// What the integral of the loop of a joint starts with, in what dry friction holds, record by record.
     Integral(usize),
 }
@@ -77,13 +83,17 @@ pub fn linearise(
     let records: Vec<usize> = (0..case.records.len())
         .filter(|&i| case.records[i].role == role)
         .collect();
-    let integrals = initial::integrals(case, hypothesis, at);
-    if integrals.is_empty() || directions.is_empty() {
-        return as_they_start((case, &records), hypothesis, at, gains, directions);
-    }
-    let starts = integrals.iter().map(|&(j, _)| Direction::Integral(j));
-    let all: Vec<Direction<'_>> = directions.iter().copied().chain(starts).collect();
+    let integrals = match directions.is_empty() {
+        true => Vec::new(),
+        false => initial::integrals(case, hypothesis, at),
+    };
+    let starts = integrals.iter().map(|&(j, _)| Along::Integral(j));
+    let own = directions.iter().map(|&d| Along::Direction(d));
+    let all: Vec<Along<'_>> = own.chain(starts).collect();
     let mut out = as_they_start((case, &records), hypothesis, at, gains, &all);
+    if integrals.is_empty() {
+        return out;
+    }
     let mut first = 0;
     let channels = (case.velocity.iter())
         .map(|v| 1 + usize::from(*v == Velocity::Measured))
@@ -114,9 +124,9 @@ fn as_they_start(
     hypothesis: &Hypothesis,
     at: &Point,
     gains: &[Vec<Gain>],
-    directions: &[Direction<'_>],
+    columns: &[Along<'_>],
 ) -> Linear {
-    gathered(records.len(), directions, |part, own| {
+    gathered(records.len(), columns, |part, own| {
         let r = records[part];
         let over = if own.len() > FEW {
             one_pass::<LANES>
@@ -129,13 +139,13 @@ fn as_they_start(
 
 /// The errors of parts of the records and their derivatives, a few directions per pass. `one_pass`
 /// gives those of a part, each followed by its derivatives in at most [`LANES`] directions.
-pub(super) fn gathered(
+pub(super) fn gathered<T: Sync>(
     parts: usize,
-    directions: &[Direction<'_>],
-    one_pass: impl Fn(usize, &[Direction<'_>]) -> Vec<f64> + Sync,
+    directions: &[T],
+    one_pass: impl Fn(usize, &[T]) -> Vec<f64> + Sync,
 ) -> Linear {
     // Wide passes as long as they are more than half full.
-    let mut passes: Vec<&[Direction<'_>]> = Vec::new();
+    let mut passes: Vec<&[T]> = Vec::new();
     let mut left = directions;
     while left.len() > FEW {
         let (pass, rest) = left.split_at(left.len().min(LANES));
@@ -178,50 +188,53 @@ pub(super) fn gathered(
 }
 
 /// Deviations and parameters with a derivative in each of the directions, at most `N`.
-pub(super) fn lifted<const N: usize>(
+pub(super) fn lifted<'a, const N: usize>(
     at: &Point,
-    directions: &[Direction<'_>],
+    directions: impl IntoIterator<Item = Direction<'a>>,
 ) -> (Vec<Lanes<N>>, Vec<Lanes<N>>)
 where
     Lanes<N>: Pick,
 {
     let lift = |x: &[f64]| x.iter().map(|&x| Lanes::<N>::constant(x)).collect();
     let (mut theta, mut e): (Vec<Lanes<N>>, Vec<Lanes<N>>) = (lift(&at.theta), lift(&at.e));
-    for (lane, d) in directions.iter().enumerate() {
+    for (lane, d) in directions.into_iter().enumerate() {
         match d {
             Direction::Theta(x) => {
-                for (t, x) in theta.iter_mut().zip(*x) {
+                for (t, x) in theta.iter_mut().zip(x) {
                     t.eps[lane] = *x;
                 }
             }
-            Direction::Effect(i) => e[*i].eps[lane] = 1.0,
-            Direction::Integral(_) => {}
+            Direction::Effect(i) => e[i].eps[lane] = 1.0,
         }
     }
     (theta, e)
 }
 
-/// Innovations of one record, each followed by its derivatives in the directions, at most `N`.
+/// Innovations of one record, each followed by its derivatives along the columns, at most `N`, those of integrals last.
 fn one_pass<const N: usize>(
     case: &Case,
     record: &Record,
     hypothesis: &Hypothesis,
     at: &Point,
     gains: &[Gain],
-    directions: &[Direction<'_>],
+    columns: &[Along<'_>],
 ) -> Vec<f64>
 where
     Lanes<N>: Pick,
 {
-    let (theta, e) = lifted::<N>(at, directions);
+    let parameters = columns.iter().map_while(|column| match column {
+        Along::Direction(d) => Some(*d),
+        Along::Integral(_) => None,
+    });
+    let (theta, e) = lifted::<N>(at, parameters);
     let lift = |g: &Gain| g.hidden.map(Lanes::<N>::constant);
     let mut hidden: Vec<[Lanes<N>; 4]> = gains.iter().map(lift).collect();
-    for (lane, d) in directions.iter().enumerate() {
-        if let Direction::Integral(j) = d {
+    for (lane, column) in columns.iter().enumerate() {
+        if let Along::Integral(j) = column {
             hidden[*j][INTEGRAL].eps[lane] = 1.0;
         }
     }
-    let mut rows = Vec::with_capacity(record.len() * case.n() * 2 * (1 + directions.len()));
+    let mut rows = Vec::with_capacity(record.len() * case.n() * 2 * (1 + columns.len()));
     let mut runner = Runner::<Lanes<N>>::new(case, record, hypothesis, &theta, &e);
     runner.predict_from(
         &hidden,
@@ -231,10 +244,10 @@ where
             let fine = x.re.abs() < LARGEST && x.eps.iter().all(|e| e.abs() < 1e12);
             if fine {
                 rows.push(x.re);
-                rows.extend_from_slice(&x.eps[..directions.len()]);
+                rows.extend_from_slice(&x.eps[..columns.len()]);
             } else {
                 rows.push(tame(x.re));
-                rows.resize(rows.len() + directions.len(), 0.0);
+                rows.resize(rows.len() + columns.len(), 0.0);
             }
         },
         &mut |_, _| ControlFlow::Continue(()),
