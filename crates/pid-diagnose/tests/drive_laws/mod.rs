@@ -1,5 +1,6 @@
 //! Laws of position loops, from records of a bar that an integrator of its own makes (see [`rig`]).
 
+mod integrals;
 mod rig;
 
 use pid_data::{Dataset, Role};
