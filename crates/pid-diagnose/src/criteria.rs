@@ -292,8 +292,8 @@ pub struct Budget {
     /// with gears the lowest after the steps was one of these in 100 of 103 comparisons.
     pub beside_joint: usize,
     /// A start that loses more than so many times what the lowest one loses is not compared so, nor is one that loses
-    /// more than [`Budget::near`] where that is more. On nine practice cases with several effects this leaves 1164 of
-    /// 2059 starts; in 516 comparisons none that gained was the lowest after the steps and left out.
+    /// more than [`Budget::near`] where that is more. On nine practice cases this leaves 1162 of 2059 starts; in 516
+    /// comparisons one that gained was the lowest after the steps and left out, by 4 in a gain of 3159.
     pub far: f64,
     /// Loss of evidence up to which a start is compared so in any case.
     pub near: f64,
