@@ -24,8 +24,8 @@ fn cases() -> Vec<(Loop, Case)> {
     [(PID, stated_pid()), (CASCADE, cascade)].map(of).into()
 }
 
-/// Innovations on the train records at deviations `theta`, with the predictor of a point and its integrals, or those that
-/// are found `anew`.
+/// Innovations on the train records at deviations `theta`, with the predictor of a point and its integrals, or those
+/// that are found `anew`.
 fn innovations(case: &Case, theta: &[f64], at: &Point, anew: bool) -> DVector<f64> {
     let nothing = Hypothesis::default();
     let mut gains = all_gains(case, &nothing, at);
