@@ -152,6 +152,11 @@ pub fn screen(
     (out, slopes)
 }
 
+/// Evidence that a start may lose to be compared with the lowest one of its candidate, which loses `least`.
+fn most_lost(budget: &Budget, least: f64) -> f64 {
+    (budget.far * least).max(budget.near)
+}
+
 impl Reference<'_> {
     /// Effects that can be absent at zero amplitude, packed into passes of [`LANES`] derivatives.
     fn score_tests(&self, candidates: &[(Term, Vec<Vec<f64>>)]) -> Vec<Candidate> {
@@ -392,10 +397,7 @@ impl Reference<'_> {
     /// not [`Budget::far`] behind it where the parameters of its joint are free.
     fn bound(&self, term: &Term, lowest: f64, present: Present) -> f64 {
         match self.beside_joint(term) {
-            true => {
-                let loss = (lowest - present.glanced).max(self.budget.near / self.budget.far);
-                present.glanced + self.budget.far * loss
-            }
+            true => present.glanced + most_lost(self.budget, lowest - present.glanced),
             false => lowest.max(present.whole),
         }
     }
@@ -519,5 +521,20 @@ impl Reference<'_> {
             (0..size).map(|i| theta[i] + x[i]).collect(),
             (0..m).map(|i| x[size + old + i]).collect(),
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn starts_far_behind_the_lowest_are_left_out() {
+        let compared = |least: f64, own: f64| own <= most_lost(&Budget::default(), least);
+        // Loss of the lowest start, and of another one.
+        assert!(compared(100.0, 499.0) && !compared(100.0, 501.0));
+        // Where one is about as good as none, or better, those that lose little stay.
+        assert!(compared(1.0, 29.0) && !compared(1.0, 31.0));
+        assert!(compared(-1000.0, 29.0) && !compared(-1000.0, 31.0));
     }
 }
