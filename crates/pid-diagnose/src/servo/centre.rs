@@ -19,6 +19,8 @@ const UP: f64 = 1.9;
 const MOVES: usize = 4;
 /// Steps of each fit: what is asked is whether it runs against a range.
 const STEPS: usize = 8;
+/// Fits at most: one that neither rests nor is held by a range goes on.
+const FITS: usize = 8;
 /// Share of a range below which a gain counts as none: the range would vanish with it.
 const NONE: f64 = 1e-3;
 
@@ -31,7 +33,7 @@ pub(crate) fn centred(case: &Case) -> Option<Case> {
     let mut out = case.clone();
     let mut moves = 0;
     let mut theta = vec![0.0; case.nominal.size()];
-    while moves < MOVES {
+    for _ in 0..FITS {
         let at = Point {
             theta,
             e: Vec::new(),
@@ -39,10 +41,11 @@ pub(crate) fn centred(case: &Case) -> Option<Case> {
         let effort = Effort::on_the_way(STEPS);
         let found = fit(&out, &basis(&out), &Hypothesis::default(), at, effort);
         theta = found.point.theta;
-        if !moved(&mut out.nominal, &mut theta) {
+        if moves < MOVES && moved(&mut out.nominal, &mut theta) {
+            moves += 1;
+        } else if found.steps < STEPS {
             break;
         }
-        moves += 1;
     }
     (moves > 0).then_some(out)
 }

@@ -3,6 +3,7 @@
 
 mod begin;
 mod centre;
+mod followed;
 mod stable;
 
 use pid_data::{Dataset, InputQuantity};
