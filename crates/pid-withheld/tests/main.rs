@@ -1,4 +1,5 @@
 //! Tests of the generator, one program.
 
 mod rigid;
+mod servo;
 mod untidy;

@@ -90,6 +90,30 @@ pub(super) fn loops(
     out
 }
 
+/// Damping ratio of a P loop, and its frequency at most, Hz.
+const BACK_EMF: std::ops::Range<f64> = 0.3..0.6;
+const SLOWER: std::ops::Range<f64> = 1.0..2.0;
+
+/// Slows P loops, and has the back-EMF of their motors brake the joints: nothing else damps them, and a drive that
+/// swings up is not one that is recorded. The motors are as much stronger.
+pub(super) fn brake(
+    robot: &mut Robot,
+    inertia: &[f64],
+    loops: &mut [Loop],
+    random: &mut ChaCha8Rng,
+) {
+    for ((joint, own), inertia) in robot.joints.iter_mut().zip(loops).zip(inertia) {
+        if own.law != Law::P {
+            continue;
+        }
+        let slower = TAU * random.random_range(SLOWER);
+        let w = (own.kp * joint.gain / inertia).sqrt().min(slower);
+        own.kp = inertia * w * w / joint.gain;
+        joint.viscous += 2.0 * random.random_range(BACK_EMF) * w * inertia;
+        own.limit += joint.viscous * joint.room.speed / joint.gain;
+    }
+}
+
 /// Rates of a policy and of the loops below it, Hz.
 const POLICY_RATE: f64 = 50.0;
 const JOINT_RATE: f64 = 1000.0;

@@ -67,7 +67,7 @@ impl Study for ServoPlan {
         let Drawn {
             truth,
             mut robot,
-            nominal,
+            mut nominal,
             theta,
         } = drawn;
         // Numbers of its own: the robots are those of the study without loops.
@@ -83,7 +83,10 @@ impl Study for ServoPlan {
             let loops = draw::under_a_policy(&robot, &inertia, &mut random);
             (loops, Stated::Unknown)
         } else {
-            let loops = draw::loops(&robot, &inertia, self.law, &mut random);
+            let mut loops = draw::loops(&robot, &inertia, self.law, &mut random);
+            draw::brake(&mut robot, &inertia, &mut loops, &mut random);
+            let braked = text::nominal(&robot, Some(robot.drive_noise), &truth.velocity);
+            nominal = Nominal::parse("nominal.toml", &braked)?;
             let stated = [Stated::Exactly, Stated::Roughly, Stated::Unknown];
             (loops, stated[random.random_range(0..stated.len())])
         };
