@@ -56,7 +56,7 @@ pub(super) fn tempered(
 
 /// Probabilities of the candidates of one round among each other and what was there before them, by
 /// their scores. A candidate that scored more than the one taken, but was refused, counts as an
-/// equal, not as better.
+/// equal, not as better; one without a score (−∞) is none.
 pub(super) fn within_round(scores: &[f64], taken: Option<usize>) -> Vec<f64> {
     let most = taken.map_or(f64::INFINITY, |i| scores[i]);
     let best = scores.iter().map(|s| s.min(most)).fold(0.0, f64::max);
@@ -89,6 +89,8 @@ mod tests {
         };
         assert!((refused - 3.0 / 7.0).abs() < 1e-12 && (taken - 3.0 / 7.0).abs() < 1e-12);
         assert!((faint - 1.0 / 7.0).abs() < 1e-12);
+        let none = within_round(&[f64::NEG_INFINITY, 100.0], Some(1));
+        assert!(none[0] == 0.0 && none[1] > 1.0 - 1e-12, "{none:?}");
         // Nothing gains: what was there before is as likely as each.
         assert!((within_round(&[0.0], None)[0] - 0.5).abs() < 1e-12);
     }

@@ -229,6 +229,15 @@ const LATER: &str = "another one came first";
 /// What is said of a candidate beside which another effect is hardly there.
 const SMALLER: &str = "beside it an effect is smaller than its deviation";
 
+/// Score of a candidate as a rival of the others. One beside which an effect is hardly there, its own among them, is
+/// the others under another name: a play without a gap is a spring.
+fn as_rival(candidate: &Tried) -> f64 {
+    match candidate.refused.as_deref() {
+        Some(SMALLER) => f64::NEG_INFINITY,
+        _ => candidate.score,
+    }
+}
+
 /// Where a candidate leads under the levels that it leaves.
 fn led_to(
     settings: &Settings,
@@ -397,7 +406,7 @@ fn grown(
         });
         let (tried, mut round, pays) = round(&now, settings, sensors, &everything);
         refits += tried.len();
-        let scores: Vec<f64> = tried.iter().map(|r| r.score).collect();
+        let scores: Vec<f64> = round.candidates.iter().map(as_rival).collect();
         let odds = within_round(&scores, pays.as_ref().map(|(i, _)| *i));
         let mut tried: Vec<(Refit, f64)> = tried.into_iter().zip(odds).collect();
         let Some((i, next)) = pays else {
