@@ -32,7 +32,10 @@ fn loops_without_damping_of_their_own_follow_their_targets() {
     };
     for i in 0..study.cases() {
         let (files, _) = study.make(i).expect("a case");
-        let texts: Vec<(&str, &str)> = files.iter().map(|(name, text)| (&**name, &**text)).collect();
+        let texts: Vec<(&str, &str)> = files
+            .iter()
+            .map(|(name, text)| (&**name, &**text))
+            .collect();
         let records = Dataset::from_embedded(&texts).expect("records");
         for j in 0..records.nq() {
             let own = furthest(&records, j);
