@@ -24,9 +24,11 @@ fn root() -> (PathBuf, bool) {
     if let Some(folder) = std::env::var_os(VARIABLE) {
         return (folder.into(), true);
     }
-    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    // Where the tests run, not where they were built: a clone may have moved with its target folder.
+    let here = std::env::var_os("CARGO_MANIFEST_DIR")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
     let workspace = here.ancestors().find(|a| a.join("Cargo.lock").exists());
-    let folder = workspace.unwrap_or(here).join("../shared");
+    let folder = workspace.unwrap_or(&here).join("../shared");
     let there = folder.is_dir();
     (folder, there)
 }
