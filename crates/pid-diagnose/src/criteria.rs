@@ -9,8 +9,8 @@
 //! * *training seeds*: chosen so that verdicts are right on the drawn cases of
 //!   `pid-studies withheld --seed 91201` and `--seed 100301`;
 //!   `pid-studies null STUDY` prints what each statistic is where nothing is missing;
-//! * *wide*: set by hand; half and twice as much (of a ratio its excess over one, of a share of a whole what it lacks of
-//!   one) give as many right verdicts on the 28 drawn cases of `pid-studies criteria --seed 91201 --cases 24 --untidy 4`,
+//! * *wide*: set by hand; half and twice as much (of a ratio its excess over one, of a share what it lacks of one)
+//!   give as many right verdicts on the 28 drawn cases of `pid-studies criteria --seed 91201 --cases 24 --untidy 4`,
 //!   build a43a5f7. These are few, and none has a cause outside the list;
 //! * *not derived*: set by hand with those cases, the practice cases and one real arm in view.
 
