@@ -1,6 +1,6 @@
 //! The law of a position loop fitted to inputs of its motor by least squares, with the limit of its output.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DVector, SMatrix, SVector};
 use pid_interpret::nominal::{Gain, Servo, ServoLaw};
 
 use crate::case::{Case, Record};
@@ -233,7 +233,11 @@ impl Samples {
 
     /// The start, and what each turn leads to.
     fn turned(&self, start: DVector<f64>) -> Vec<DVector<f64>> {
-        let next = |x: &DVector<f64>| self.least_squares(|s| self.output(s, x).abs() < self.limit);
+        // The same samples give the same numbers: it rests.
+        let next = |x: &DVector<f64>| {
+            self.least_squares(|s| self.output(s, x).abs() < self.limit)
+                .filter(|next| next != x)
+        };
         std::iter::successors(Some(start), next)
             .take(1 + TURNS)
             .collect()
@@ -253,22 +257,25 @@ impl Samples {
 
     /// Sum of squares about their mean of what is to be explained.
     fn variance(&self) -> f64 {
-        let mut own = self.all.iter().map(|s| s.u - s.known);
-        let mean = own.by_ref().sum::<f64>() / (self.all.len() as f64).max(1.0);
+        let sum: f64 = self.all.iter().map(|s| s.u - s.known).sum();
+        let mean = sum / (self.all.len() as f64).max(1.0);
         let about = |s: &Sample| (s.u - s.known - mean).powi(2);
         self.all.iter().map(about).sum()
     }
 
     /// The numbers without a limit on some of the samples.
     fn least_squares(&self, keep: impl Fn(&Sample) -> bool) -> Option<DVector<f64>> {
-        let (width, mut right) = (self.width, DVector::zeros(self.width));
-        let mut gram = DMatrix::zeros(width, width);
+        // On the stack: this runs over all samples many times.
+        let mut gram = SMatrix::<f64, WIDEST, WIDEST>::zeros();
+        let mut right = SVector::<f64, WIDEST>::zeros();
         for s in self.all.iter().filter(|s| keep(s)) {
-            let row = DVector::from_column_slice(&s.row[..width]);
+            let row = SVector::from(s.row);
             gram.ger(1.0, &row, &row, 1.0);
             right.axpy(s.u - s.known, &row, 1.0);
         }
-        gram.lu().solve(&right)
+        let width = self.width;
+        let gram = gram.view((0, 0), (width, width)).clone_owned();
+        gram.lu().solve(&right.rows(0, width))
     }
 }
 
