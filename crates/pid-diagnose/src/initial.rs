@@ -21,7 +21,6 @@ use crate::constants::Constant;
 use crate::effect::{FEW, LANES, Pick};
 use crate::hypothesis::Hypothesis;
 use crate::observer::Gain;
-use crate::point::Point;
 use crate::predict::Runner;
 use crate::scalar::Lanes;
 
@@ -39,7 +38,7 @@ const TWIST: f64 = 0.1;
 const LARGEST: f64 = 1e4;
 
 /// Place of the integral of a position loop in [`Gain::hidden`].
-pub(crate) const INTEGRAL: usize = 3;
+const INTEGRAL: usize = 3;
 
 /// One of these states: its joint and its place in [`Gain::hidden`], its size.
 type Hidden = (usize, usize, f64);
@@ -192,18 +191,6 @@ impl Moment<'_> {
 pub(crate) fn starts_open(case: &Case) -> bool {
     let mut laws = (0..case.n()).filter_map(|j| case.nominal.description.servo(j));
     laws.any(|servo| servo.law.integrates())
-}
-
-/// Joints whose position loop has an integral, which friction leaves open at rest, with the size of its deviation in
-/// the unit of [`Gain::hidden`].
-pub(crate) fn integrals(case: &Case, hypothesis: &Hypothesis, at: &Point) -> Vec<(usize, f64)> {
-    if !starts_open(case) {
-        return Vec::new();
-    }
-    let record = &case.records[0];
-    let runner = Runner::<f64>::new(case, record, hypothesis, &at.theta, &at.e);
-    let all = unread(&runner, false).into_iter();
-    all.map(|(joint, _, size)| (joint, size)).collect()
 }
 
 /// The states that are not read: integrals of position loops, and those of effects where they are asked for.

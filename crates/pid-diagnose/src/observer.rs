@@ -1,8 +1,8 @@
 //! Steady-state Kalman gains of one joint: how an innovation corrects the predicted state.
 //!
 //! Drive side alone, or rotor and link with a gear between them, `x = (q, v)` or
-//! `(q_m, v_m, q_l, v_l)`, and behind a velocity reading that lags, `w⁺ = a w + (1 − a) v⁺`, that
-//! state too; linear:
+//! `(q_m, v_m, q_l, v_l)`; with the integral of a position loop, `dz/dt = −kᵀ (q, v)`, and behind a velocity
+//! reading that lags, `w⁺ = a w + (1 − a) v⁺`, these states too; linear:
 //!
 //! ```text
 //! x⁺ = A x + w,   w from torque noise held over a sample,   y = q (and v) + noise
@@ -29,6 +29,8 @@ pub(crate) struct Design {
     /// By how much a position loop of the drive lowers its torque per unit of the position and of the
     /// velocity that the encoder reads.
     pub servo: (f64, f64),
+    /// The integral of that loop, if it has one.
+    pub integral: Option<Integral>,
     /// Standard deviation of the torque of its own drive.
     pub torque: f64,
     /// Of the torque that the noise of the other drives amounts to, on the link.
@@ -41,12 +43,30 @@ pub(crate) struct Design {
     pub lag: Option<f64>,
 }
 
+/// The integral of a position loop, in torque.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Integral {
+    /// By how much it falls in a second per unit of the position and of the velocity that the encoder reads.
+    pub falls: [f64; 2],
+    /// Standard deviation of what else it does in a sample.
+    pub strays: f64,
+}
+
+/// States that are corrected; see [`Gain::rows`].
+pub(crate) const ROWS: usize = 6;
+/// Row of the lagging velocity.
+pub(crate) const LAGGING: usize = 4;
+/// Row of the integral of a position loop.
+pub(crate) const INTEGRAL: usize = 5;
+
 /// Gain of one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gain {
-    /// Corrections of `(q_m, v_m, q_l, v_l)` and of the lagging velocity per unit of position
-    /// innovation and velocity innovation.
-    pub rows: [[f64; 2]; 5],
+    /// Corrections of `(q_m, v_m, q_l, v_l)`, of the lagging velocity and of the integral of a position loop (in
+    /// what dry friction holds) per unit of position innovation and velocity innovation.
+    pub rows: [[f64; 2]; ROWS],
+    /// The same shortly after a loop came to the limit of its output or left it.
+    pub stirred: [[f64; 2]; ROWS],
     /// Inverse of the lower Cholesky factor of S: whitens (position, velocity) innovations.
     pub whiten: [[f64; 2]; 2],
     /// How far the states that no sensor reads are from rest at the start: position and velocity of
@@ -55,6 +75,14 @@ pub struct Gain {
     pub hidden: [f64; 4],
     /// Whether the covariance it rests on has settled; it does not where the sensors do not see a state.
     pub settled: bool,
+}
+
+impl Design {
+    /// Number of states before readings lag.
+    fn size(&self) -> usize {
+        let moving = if self.gear.is_some() { 4 } else { 2 };
+        moving + usize::from(self.integral.is_some())
+    }
 }
 
 /// Most doublings of [`steady_covariance`]: 2¹⁶ samples, minutes at the usual rates. A state whose
@@ -111,7 +139,7 @@ fn steady_covariance(
 
 /// Rates of the states, before readings lag, and where among them the state stands that the encoder reads.
 fn rates(d: &Design) -> (DMatrix<f64>, usize) {
-    let size = if d.gear.is_some() { 4 } else { 2 };
+    let size = d.size();
     let mut a = DMatrix::<f64>::zeros(size, size);
     a[(0, 1)] = 1.0;
     a[(1, 1)] = -d.viscous / d.inertia;
@@ -130,12 +158,18 @@ fn rates(d: &Design) -> (DMatrix<f64>, usize) {
     }
     a[(1, read)] -= d.servo.0 / d.inertia;
     a[(1, read + 1)] -= d.servo.1 / d.inertia;
+    if let Some(integral) = d.integral {
+        let own = size - 1;
+        a[(1, own)] = 1.0 / d.inertia;
+        a[(own, read)] = -integral.falls[0];
+        a[(own, read + 1)] = -integral.falls[1];
+    }
     (a, read)
 }
 
 /// Covariance that the noise of the torques adds in a sample.
 fn disturbances(d: &Design) -> DMatrix<f64> {
-    let size = if d.gear.is_some() { 4 } else { 2 };
+    let size = d.size();
     let mut q = DMatrix::<f64>::zeros(size, size);
     let mut put = |at: usize, inertia: f64, torque: f64| {
         let v = d.h * torque / inertia;
@@ -150,6 +184,9 @@ fn disturbances(d: &Design) -> DMatrix<f64> {
         put(2, link, (0.5 * d.torque).hypot(d.passed));
     } else {
         put(0, d.inertia, d.torque.hypot(d.passed));
+    }
+    if let Some(integral) = d.integral {
+        q[(size - 1, size - 1)] = integral.strays * integral.strays;
     }
     q
 }
@@ -200,16 +237,20 @@ pub(crate) fn gain(d: &Design) -> Gain {
         Some(inverse) => &p * c.transpose() * inverse,
         None => DMatrix::zeros(size, outputs),
     };
-    let mut rows = [[0.0; 2]; 5];
+    let mut rows = [[0.0; 2]; ROWS];
     for i in 0..size {
-        let last = time.is_some() && i + 1 == size;
-        let row = if last { 4 } else { i };
+        let row = match i + 1 {
+            last if time.is_some() && last == size => LAGGING,
+            last if d.integral.is_some() && last == d.size() => INTEGRAL,
+            _ => i,
+        };
         for o in 0..outputs {
             rows[row][o] = k[(i, o)];
         }
     }
     Gain {
         rows,
+        stirred: rows,
         whiten: whitening(&s),
         hidden: [0.0; 4],
         settled,
@@ -242,6 +283,7 @@ mod tests {
             viscous: 0.3,
             gear: Some((0.4, 900.0, 0.5, false)),
             servo: (0.0, 0.0),
+            integral: None,
             torque: 0.4,
             passed: 0.1,
             q: 1e-4,
@@ -295,6 +337,7 @@ mod tests {
             viscous: 0.3,
             gear: None,
             servo: (0.0, 0.0),
+            integral: None,
             torque: 0.4,
             passed: 0.3,
             q: 1e-4,

@@ -10,13 +10,12 @@ use rayon::prelude::*;
 
 use super::products::gram;
 use super::value::{LARGEST, all_gains, tame};
-use crate::case::{Case, Record, Velocity};
+use crate::case::{Case, Record};
 use crate::effect::{FEW, LANES, Pick};
 use crate::hypothesis::{Hypothesis, Run};
-use crate::initial::{self, INTEGRAL};
 use crate::observer::Gain;
 use crate::point::Point;
-use crate::predict::{Runner, rows};
+use crate::predict::Runner;
 use crate::scalar::{Lanes, Scalar};
 
 /// Innovations and, on request, derivatives in directions.
@@ -61,17 +60,7 @@ pub enum Direction<'a> {
     Effect(usize),
 }
 
-/// What a column of derivatives is of.
-#[derive(Clone, Copy)]
-enum Along<'a> {
-    Direction(Direction<'a>),
-    /// What the integral of the loop of a joint starts with, in what dry friction holds, record by record.
-    Integral(usize),
-}
-
-/// Innovations and derivatives on the records of a role. The integrals of position loops start where the first moment
-/// of a record has them, and follow the parameters: derivatives are those with them at their optimum (variable
-/// projection: G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10, 1973).
+/// Innovations and derivatives on the records of a role, the states that no sensor reads where their gains have them.
 pub fn linearise(
     case: &Case,
     hypothesis: &Hypothesis,
@@ -83,50 +72,7 @@ pub fn linearise(
     let records: Vec<usize> = (0..case.records.len())
         .filter(|&i| case.records[i].role == role)
         .collect();
-    let integrals = match directions.is_empty() {
-        true => Vec::new(),
-        false => initial::integrals(case, hypothesis, at),
-    };
-    let starts = integrals.iter().map(|&(j, _)| Along::Integral(j));
-    let own = directions.iter().map(|&d| Along::Direction(d));
-    let all: Vec<Along<'_>> = own.chain(starts).collect();
-    let mut out = as_they_start((case, &records), hypothesis, at, gains, &all);
-    if integrals.is_empty() {
-        return out;
-    }
-    let mut first = 0;
-    let channels = (case.velocity.iter())
-        .map(|v| 1 + usize::from(*v == Velocity::Measured))
-        .sum::<usize>();
-    for &r in &records {
-        let many = rows(&case.records[r]) * channels;
-        let mut part = out.j.rows_mut(first, many);
-        let (mut own, mut starts) =
-            part.columns_range_pair_mut(..directions.len(), directions.len()..);
-        for (mut column, (_, size)) in starts.column_iter_mut().zip(&integrals) {
-            column *= *size;
-        }
-        // The prior of a start is one size.
-        let h = starts.tr_mul(&starts) + DMatrix::identity(integrals.len(), integrals.len());
-        if let Some(factor) = h.cholesky() {
-            let moved = factor.solve(&starts.tr_mul(&own));
-            own.gemm(-1.0, &starts, &moved, 1.0);
-        }
-        first += many;
-    }
-    out.j.resize_horizontally_mut(directions.len(), 0.0);
-    out
-}
-
-/// The same with integrals that stay where they start.
-fn as_they_start(
-    (case, records): (&Case, &[usize]),
-    hypothesis: &Hypothesis,
-    at: &Point,
-    gains: &[Vec<Gain>],
-    columns: &[Along<'_>],
-) -> Linear {
-    gathered(records.len(), columns, |part, own| {
+    gathered(records.len(), directions, |part, own| {
         let r = records[part];
         let over = if own.len() > FEW {
             one_pass::<LANES>
@@ -210,44 +156,32 @@ where
     (theta, e)
 }
 
-/// Innovations of one record, each followed by its derivatives along the columns, at most `N`, those of integrals last.
+/// Innovations of one record, each followed by its derivatives in at most `N` directions.
 fn one_pass<const N: usize>(
     case: &Case,
     record: &Record,
     hypothesis: &Hypothesis,
     at: &Point,
     gains: &[Gain],
-    columns: &[Along<'_>],
+    directions: &[Direction<'_>],
 ) -> Vec<f64>
 where
     Lanes<N>: Pick,
 {
-    let parameters = columns.iter().map_while(|column| match column {
-        Along::Direction(d) => Some(*d),
-        Along::Integral(_) => None,
-    });
-    let (theta, e) = lifted::<N>(at, parameters);
-    let lift = |g: &Gain| g.hidden.map(Lanes::<N>::constant);
-    let mut hidden: Vec<[Lanes<N>; 4]> = gains.iter().map(lift).collect();
-    for (lane, column) in columns.iter().enumerate() {
-        if let Along::Integral(j) = column {
-            hidden[*j][INTEGRAL].eps[lane] = 1.0;
-        }
-    }
-    let mut rows = Vec::with_capacity(record.len() * case.n() * 2 * (1 + columns.len()));
+    let (theta, e) = lifted::<N>(at, directions.iter().copied());
+    let mut rows = Vec::with_capacity(record.len() * case.n() * 2 * (1 + directions.len()));
     let mut runner = Runner::<Lanes<N>>::new(case, record, hypothesis, &theta, &e);
-    runner.predict_from(
-        &hidden,
+    runner.predict_while(
         runner.counted(),
         gains,
         &mut |_, _, _, x| {
             let fine = x.re.abs() < LARGEST && x.eps.iter().all(|e| e.abs() < 1e12);
             if fine {
                 rows.push(x.re);
-                rows.extend_from_slice(&x.eps[..columns.len()]);
+                rows.extend_from_slice(&x.eps[..directions.len()]);
             } else {
                 rows.push(tame(x.re));
-                rows.resize(rows.len() + columns.len(), 0.0);
+                rows.resize(rows.len() + directions.len(), 0.0);
             }
         },
         &mut |_, _| ControlFlow::Continue(()),

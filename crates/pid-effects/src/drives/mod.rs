@@ -129,6 +129,16 @@ pub fn slopes(law: ServoLaw, k: &Gains<f64>) -> [f64; 2] {
     }
 }
 
+/// By how much the integral of a law falls in a second per unit of the position and of the velocity, limits, bands and
+/// filters aside; `None` where there is no integral.
+pub fn falls(law: ServoLaw, k: &Gains<f64>) -> Option<[f64; 2]> {
+    match law {
+        ServoLaw::Pid => Some([k.ki, 0.0]),
+        ServoLaw::Cascade => Some([k.ki * k.kp, k.ki]),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use num_dual::Dual64;
@@ -202,6 +212,9 @@ mod tests {
             assert_eq!(slope(1.0, 0.0), -own.stiffness);
             assert_eq!(slope(0.0, 1.0), -own.damping);
             assert_eq!(slopes(law, &K), [own.stiffness, own.damping]);
+            let growth = |q, v| growth(&servo(law, None), &k, &at(q, v)).eps;
+            let falls = falls(law, &K).unwrap_or_default();
+            assert_eq!(falls, [-growth(1.0, 0.0), -growth(0.0, 1.0)]);
         }
     }
 
