@@ -1,4 +1,4 @@
-//! Progress on standard error, and Ctrl-C.
+//! Progress on standard error, and requests to stop.
 
 use std::fmt::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -89,13 +89,13 @@ fn left(whole: Option<Duration>, elapsed: Duration) -> String {
     }
 }
 
-/// Set by the first Ctrl-C: finish the iteration and keep its result. The second one ends the
+/// Set by the first Ctrl-C, SIGTERM or SIGHUP: finish the iteration and keep its result. The second one ends the
 /// program at once.
 #[derive(Clone, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Listens to Ctrl-C. If that is not possible, the program can still be ended, but keeps
+    /// Listens to Ctrl-C, SIGTERM and SIGHUP. If that is not possible, the program can still be ended, but keeps
     /// nothing.
     pub fn listen() -> Self {
         let interrupt = Interrupt::default();

@@ -166,6 +166,37 @@ fn a_killed_run_loses_its_log_at_most_and_leaves_no_wrong_file() {
     );
 }
 
+/// A scheduler sends SIGTERM before it kills.
+#[test]
+#[cfg(unix)]
+fn a_run_that_is_told_to_end_keeps_what_it_measured() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let plan = FleetPlan {
+        seed: 6,
+        units: 12,
+        logs: 5,
+        odd: 0,
+    };
+    let fleet = planned(folder.path(), plan, "2");
+    let mut child = command(&["fleet", "run", &fleet.display().to_string()])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("it starts");
+    while results(&fleet).is_empty() && child.try_wait().expect("a state").is_none() {
+        std::thread::sleep(Duration::from_micros(100));
+    }
+    let told = Command::new("kill")
+        .args(["-TERM", &child.id().to_string()])
+        .status();
+    assert!(told.expect("a signal").success());
+    let said = ended(&child.wait_with_output().expect("ended"), 130);
+    let done = results(&fleet).len();
+    assert!(done < 60, "it was done before it was told");
+    let told = format!("60 logs: {done} measured, 0 were done");
+    assert!(said.starts_with(&told), "{said}");
+}
+
 #[test]
 #[cfg(unix)]
 fn an_array_of_slurm_measures_every_log_once_and_odd_units_are_named() {
