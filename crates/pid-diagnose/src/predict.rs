@@ -155,6 +155,8 @@ struct Shown<D> {
     history: Vec<Vec<(D, D)>>,
     /// Velocities as lagging sensors show them.
     lagged: Vec<D>,
+    /// Units of the integrals of position loops, in which they are corrected.
+    integrals: Vec<Option<D>>,
 }
 
 /// The machine over one record.
@@ -407,6 +409,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
             lags: (0..n).map(lag).collect(),
             lagged: (0..n).map(|j| self.encoder(state, j).1).collect(),
             delays,
+            integrals: self.machine.units_of_integrals(),
         }
     }
 
@@ -453,8 +456,8 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
         if shown.lags[j].is_some() {
             shown.lagged[j] += fix(LAGGING);
         }
-        if self.machine.shows_integral(state, j) {
-            state.loops[j].integral += self.machine.holds(j) * fix(INTEGRAL);
+        if let Some(unit) = shown.integrals[j].filter(|_| !state.loops[j].limited) {
+            state.loops[j].integral += unit * fix(INTEGRAL);
         }
         let late =
             shown.delays[j].map_or(D::nil(), |d| (d / h).limit(D::nil(), D::constant(k as f64)));

@@ -22,7 +22,7 @@ pub(crate) struct Memory<D> {
     /// Output, where it is held from one reading to the next.
     held: D,
     /// Whether the output is at its limit, which hides the integral.
-    limited: bool,
+    pub limited: bool,
     /// When the output came to its limit or left it last, s since the start of what was recorded.
     switched: f64,
     /// When it reads next, s since the start of what was recorded.
@@ -161,10 +161,13 @@ impl<D: Pick> Machine<'_, D> {
         self.loops.iter().enumerate().filter_map(of).collect()
     }
 
-    /// Whether the motion of a joint shows the integral of its loop.
-    pub(crate) fn shows_integral(&self, state: &State<D>, j: usize) -> bool {
-        let integrates = self.loops[j].is_some_and(|(servo, _)| servo.law.integrates());
-        integrates && !state.loops[j].limited
+    /// Units of the integrals of all joints, as [`Machine::holds`] has them; `None` where a loop has none.
+    pub(crate) fn units_of_integrals(&self) -> Vec<Option<D>> {
+        let mut out = vec![None; self.n()];
+        for j in self.integrating() {
+            out[j] = Some(self.holds(j));
+        }
+        out
     }
 
     /// Whether the loop of a joint came to its limit or left it shortly before `t`.
@@ -172,9 +175,9 @@ impl<D: Pick> Machine<'_, D> {
         self.loops[j].is_some() && t - state.loops[j].switched < STIRRED
     }
 
-    /// What the integral of a loop at its limit grows in a period, in the unit of its input, or in a substep of `dt`, s,
-    /// where it answers at once: it stops there, and a period more or less is a matter of chance. `None` without a
-    /// limit or an integral.
+    /// What the integral of a loop at its limit grows in a period, in the unit of its input; in a substep of `dt`, s,
+    /// where the loop answers at once. It stops there, and a period more or less is a matter of chance. `None` without
+    /// a limit or an integral.
     pub(crate) fn counted(&self, j: usize, dt: f64) -> Option<f64> {
         let (servo, k) = self.loops[j]?;
         let limit = servo.limit?;

@@ -1,8 +1,11 @@
 //! Fits to records that start with an integral that no sensor reads.
 
+use nalgebra::DVector;
+use pid_data::Role;
 use pid_diagnose::case::Case;
-use pid_diagnose::fit::{Effort, Fit, Point, basis, fit};
+use pid_diagnose::fit::{Direction, Effort, Fit, Point, all_gains, basis, fit, linearise};
 use pid_diagnose::hypothesis::Hypothesis;
+use pid_diagnose::predict::Runner;
 
 use super::rig::{CASCADE, Loop, PID, described, records};
 use super::{about, stated_pid};
@@ -28,6 +31,49 @@ fn fitted(case: &Case) -> Fit {
     };
     let nothing = Hypothesis::default();
     fit(case, &basis(case), &nothing, at, Effort::full(14))
+}
+
+/// With integrals that readings correct, slopes along every value are those of the innovations: central differences
+/// with the same predictor.
+#[test]
+fn slopes_are_those_of_the_innovations() {
+    const STEP: f64 = 1e-6;
+    let nothing = Hypothesis::default();
+    for (own, case) in cases() {
+        let at = Point {
+            theta: vec![0.0; case.nominal.size()],
+            e: Vec::new(),
+        };
+        let gains = all_gains(&case, &nothing, &at);
+        let innovations = |theta: &[f64]| {
+            let mut out = Vec::new();
+            let train = case.records.iter().zip(&gains);
+            for (record, gains) in train.filter(|(record, _)| record.role == Role::Train) {
+                let mut runner = Runner::<f64>::new(&case, record, &nothing, theta, &[]);
+                runner.predict(gains, &mut |_, _, _, x| out.push(x), &mut |_, _| {});
+            }
+            DVector::from_vec(out)
+        };
+        let values = case.nominal.values.iter().enumerate();
+        for (i, value) in values.filter(|(_, value)| value.half_width > 0.0) {
+            let mut unit = vec![0.0; at.theta.len()];
+            unit[i] = 1.0;
+            let along = [Direction::Theta(&unit)];
+            let slopes = linearise(&case, &nothing, &at, &gains, Role::Train, &along).j;
+            let [up, down] = [STEP, -STEP].map(|step| {
+                unit[i] = step;
+                innovations(&unit)
+            });
+            let difference = (up - down) / (2.0 * STEP);
+            let off = (slopes.column(0) - &difference).norm();
+            assert!(
+                off < 1e-3 * difference.norm() + 1e-6,
+                "{:?} {own:?}: {off} of {}",
+                value.role,
+                difference.norm()
+            );
+        }
+    }
 }
 
 /// Integrals that a fit left behind would let it go on from its own end.
