@@ -195,8 +195,12 @@ impl Shown {
         let quantities = term.effect.shown(e, gain, rated);
         let slope = |moved: &[f64], gain: f64, step: f64| -> Vec<f64> {
             let there = term.effect.shown(moved, gain, rated);
-            let pairs = there.iter().zip(&quantities);
-            pairs.map(|(a, b)| (a.value - b.value) / step).collect()
+            // A step of a time may take it to where it is not shown.
+            let moves = |b: &Quantity| {
+                let a = there.iter().find(|a| a.name == b.name);
+                a.map_or(0.0, |a| (a.value - b.value) / step)
+            };
+            quantities.iter().map(moves).collect()
         };
         let mut slopes: Vec<Vec<f64>> = (parameters.iter().enumerate())
             .map(|(i, p)| {

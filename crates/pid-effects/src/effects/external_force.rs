@@ -5,6 +5,9 @@
 use crate::effect::{Class, Info, Kind, Law, Model, Quantity, Unit, parameter, quantity};
 use crate::scalar::Scalar;
 
+/// A time after every record, s: the end of a force that lasts, and the place of windows that are not used.
+const NEVER: f64 = 100_000.0;
+
 /// Something pushes the tool.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ExternalForce;
@@ -29,7 +32,15 @@ static INFO: Info = Info {
         parameter("off_3_s", "s", Unit::Time, -1000.0, 1000000.0),
     ],
     starts: &[&[
-        0.02, 0.0, 0.02, 0.0, 100000.0, 200000.0, 200000.0, 200000.0, 200000.0,
+        0.02,
+        0.0,
+        0.02,
+        0.0,
+        NEVER,
+        2.0 * NEVER,
+        2.0 * NEVER,
+        2.0 * NEVER,
+        2.0 * NEVER,
     ]],
     amplitudes: &[0, 1, 2],
     confusions: &[
@@ -40,6 +51,10 @@ static INFO: Info = Info {
         (
             "payload",
             "a constant downward force is a weight without inertia",
+        ),
+        (
+            "gravity_feed_forward",
+            "on one joint a drive that makes up for gravity is an upward force that lasts",
         ),
     ],
     regime: "the time windows",
@@ -62,17 +77,22 @@ impl Model for ExternalForce {
         &[3, 4, 5, 6, 7, 8]
     }
     fn shown(&self, e: &[f64], _gain: f64, _rated: f64) -> Vec<Quantity> {
-        vec![
-            quantity("force_x", "N", e[0]),
-            quantity("force_y", "N", e[1]),
-            quantity("force_z", "N", e[2]),
-            quantity("on_1_s", "s", e[3]),
-            quantity("off_1_s", "s", e[4]),
-            quantity("on_2_s", "s", e[5]),
-            quantity("off_2_s", "s", e[6]),
-            quantity("on_3_s", "s", e[7]),
-            quantity("off_3_s", "s", e[8]),
-        ]
+        let names = INFO.parameters.iter().map(|p| p.name);
+        let mut all = names.zip(e).map(|(name, &x)| (name, x));
+        let forces = all.by_ref().take(3).map(|(name, x)| quantity(name, "N", x));
+        let mut out: Vec<Quantity> = forces.collect();
+        let edges: Vec<_> = all.collect();
+        for window in edges.chunks_exact(2) {
+            let [(on, from), (off, to)] = [window[0], window[1]];
+            if to <= from || from >= NEVER {
+                continue;
+            }
+            // What is on before the record begins, or goes on after it, has no such edge.
+            let begins = (from > 0.0).then(|| quantity(on, "s", from));
+            let ends = (to < NEVER).then(|| quantity(off, "s", to));
+            out.extend(begins.into_iter().chain(ends));
+        }
+        out
     }
 }
 
@@ -97,5 +117,25 @@ impl<D: Scalar> Law<D> for ExternalForce {
             share += (to - from) / dt;
         }
         Some([e[0] * share, e[1] * share, e[2] * share])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_edges_that_are_there_are_shown() {
+        let names = |e: [f64; 9]| -> Vec<&'static str> {
+            let shown = ExternalForce.shown(&e, 1.0, 1.0);
+            shown.iter().skip(3).map(|q| q.name).collect()
+        };
+        let far = 2.0 * NEVER;
+        let lasting = [1.0, 0.0, 2.0, 0.0, NEVER, far, far, far, far];
+        assert!(names(lasting).is_empty());
+        let twice = [1.0, 0.0, 2.0, -1.0, 0.7, 1.5, 2.5, far, far];
+        assert_eq!(names(twice), ["off_1_s", "on_2_s", "off_2_s"]);
+        let until_the_end = [1.0, 0.0, 2.0, 0.4, NEVER, far, far, far, far];
+        assert_eq!(names(until_the_end), ["on_1_s"]);
     }
 }
