@@ -119,6 +119,16 @@ impl Fit {
         differentiated(case, &self.hypothesis, &self.point, &self.gains, &columns)
     }
 
+    /// Whether its quadratic model has no more than a fit's end leaves to gain within the ranges.
+    pub(crate) fn rests(&self, case: &Case) -> bool {
+        if self.quadratic.g.len() != self.point.theta.len() + self.point.e.len() {
+            return false;
+        }
+        let room = step::room(&self.point, &ranges(case, &self.hypothesis));
+        let (x, _) = self.quadratic.minimise(&room.0, &room.1);
+        -2.0 * self.quadratic.at(&x) < REST.0 + REST.1 * self.train.objective()
+    }
+
     /// The fitted model, to be run along a record.
     pub fn runner<'a>(&'a self, case: &'a Case, record: &'a Record) -> Runner<'a, 'a, f64> {
         Runner::new(

@@ -29,6 +29,14 @@ pub(super) struct Stepped<T> {
     pub(super) unsettled: usize,
 }
 
+/// How far a point may move down and up: deviations within their tolerances, effects' parameters within `bounds`.
+pub(super) fn room(at: &Point, bounds: &[(f64, f64)]) -> (DVector<f64>, DVector<f64>) {
+    let own = at.theta.iter().map(|t| (-1.0 - t, 1.0 - t));
+    let effects = at.e.iter().zip(bounds).map(|(e, b)| (b.0 - e, b.1 - e));
+    let (low, high): (Vec<f64>, Vec<f64>) = own.chain(effects).unzip();
+    (DVector::from_vec(low), DVector::from_vec(high))
+}
+
 impl Damping {
     pub(super) fn new(of_theta: Option<f64>) -> Self {
         Self {
@@ -47,12 +55,7 @@ impl Damping {
     ) -> Stepped<T> {
         let size = at.theta.len();
         let number = size + at.e.len();
-        let room = |i: usize| match i.checked_sub(size) {
-            None => (-1.0 - at.theta[i], 1.0 - at.theta[i]),
-            Some(e) => (bounds[e].0 - at.e[e], bounds[e].1 - at.e[e]),
-        };
-        let low = DVector::from_fn(number, |i, _| room(i).0);
-        let high = DVector::from_fn(number, |i, _| room(i).1);
+        let (low, high) = room(at, bounds);
         let mut out = Stepped {
             to: None,
             predicted: 0.0,

@@ -348,9 +348,24 @@ impl<'a> Forward<'a> {
         self.gap = measured(&self.case, &self.current);
     }
 
+    /// Goes on to the optimum of what is accepted: refits of candidates have few steps, and gains of loops trade with
+    /// much else along narrow valleys.
+    fn rest(&mut self) {
+        if self.accepted.is_empty() || self.current.rests(&self.case) {
+            return;
+        }
+        let effort = Effort::full(self.settings.budget.steps);
+        let (hypothesis, point) = (&self.current.hypothesis, self.current.point.clone());
+        let rested = fit(&self.case, &self.basis, hypothesis, point, effort);
+        if rested.train.objective() < self.current.train.objective() {
+            self.go_on_with(rested);
+        }
+    }
+
     /// Contacts, resonances and bristles are stiff, and sticking within a step leaves an error of
     /// its own: the end of the fit has finer substeps, if the likelihood agrees.
     fn finish(&mut self) {
+        self.rest();
         let criteria = &self.settings.criteria;
         let stiff = self.accepted.iter().any(has_state);
         let finer = stiff

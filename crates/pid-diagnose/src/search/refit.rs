@@ -68,6 +68,7 @@ pub(super) fn refit(
         }
         out.sort_by(|a, b| a.fit.train.evidence().total_cmp(&b.fit.train.evidence()));
     }
+    rest(case, basis, current, &mut out, settings);
     // Impacts and sticking make for slow ends; where much is left the leader gets derivatives of
     // its own in every step.
     if let Some(leader) = out.first_mut()
@@ -96,6 +97,30 @@ pub(super) fn refit(
     }
     out.sort_by(|a, b| b.score.total_cmp(&a.score));
     out
+}
+
+/// Candidates at most that go on to their optimum.
+const CONTENDERS: usize = 3;
+/// Share of the best gain that the others may lack then.
+const CLOSE: f64 = 0.01;
+
+/// Brings the first candidates to their optima where several gain nearly the same: where a fit stopped on its way would
+/// decide between them.
+fn rest(case: &Case, basis: &Basis, current: &Fit, all: &mut [Refit], settings: &Settings) {
+    let leading = all.first().map_or(0.0, |r| gain(current, r));
+    let close = |r: &Refit| gain(current, r) > (1.0 - CLOSE) * leading;
+    let number = all.iter().take(CONTENDERS).take_while(|r| close(r)).count();
+    if number < 2 || leading < settings.criteria.margin() {
+        return;
+    }
+    let effort = Effort::full(settings.budget.steps);
+    all[..number].par_iter_mut().for_each(|r| {
+        if !r.fit.rests(case) {
+            let (hypothesis, point) = (&r.fit.hypothesis, r.fit.point.clone());
+            r.fit = fit(case, basis, hypothesis, point, effort);
+        }
+    });
+    all.sort_by(|a, b| a.fit.train.evidence().total_cmp(&b.fit.train.evidence()));
 }
 
 /// The first steps of a candidate beside the effects of a fit.
