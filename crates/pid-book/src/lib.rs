@@ -9,6 +9,7 @@ use std::path::PathBuf;
 mod catalogue;
 mod draw;
 mod reference;
+mod stage;
 mod views;
 
 pub use catalogue::{File, contents, files};

@@ -7,11 +7,12 @@ use pid_effects::effect::{After, Class, Commands, Effect, Site};
 
 use crate::Failure;
 use crate::reference::{JOINT, Reference};
+use crate::stage::stage;
 
 /// A quantity along an axis: its name and unit.
 pub(crate) type Quantity = (&'static str, &'static str);
 
-type Points = Vec<(f64, f64)>;
+pub(crate) type Points = Vec<(f64, f64)>;
 
 /// A curve with its name; the robot without the effect is drawn dashed.
 pub(crate) struct Curve {
@@ -28,9 +29,9 @@ pub(crate) struct View {
     pub(crate) curves: Vec<Curve>,
 }
 
-const POSITION: Quantity = ("position", "rad");
+pub(crate) const POSITION: Quantity = ("position", "rad");
 const VELOCITY: Quantity = ("velocity", "rad/s");
-const TIME: Quantity = ("time", "s");
+pub(crate) const TIME: Quantity = ("time", "s");
 /// Points of a curve.
 const POINTS: usize = 241;
 /// A change below this share of the largest value does not show.
@@ -52,7 +53,16 @@ pub(crate) fn view(robot: &Reference, effect: &dyn Effect) -> Result<View, Failu
         effect,
         e: robot.size(effect),
     };
-    let special: [Maker; 6] = [gear, reading_delay, velocity_lag, tip_force, reading, drive];
+    let looped: Maker = |s| stage(s.effect, &s.e);
+    let special: [Maker; 7] = [
+        looped,
+        gear,
+        reading_delay,
+        velocity_lag,
+        tip_force,
+        reading,
+        drive,
+    ];
     let of_class: Maker = match effect.info().class {
         Class::Velocity => over_velocity,
         Class::Load => over_load,
@@ -82,7 +92,7 @@ pub(crate) fn view(robot: &Reference, effect: &dyn Effect) -> Result<View, Failu
     })
 }
 
-fn along(from: f64, to: f64) -> impl Iterator<Item = f64> {
+pub(crate) fn along(from: f64, to: f64) -> impl Iterator<Item = f64> {
     (0..POINTS).map(move |i| from + (to - from) * i as f64 / (POINTS - 1) as f64)
 }
 
@@ -97,7 +107,7 @@ fn compared(
     differ(&without, &with).then(|| pair(without, with))
 }
 
-fn pair(without: Points, with: Points) -> Vec<Curve> {
+pub(crate) fn pair(without: Points, with: Points) -> Vec<Curve> {
     vec![
         Curve {
             name: "without the effect",

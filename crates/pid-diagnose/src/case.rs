@@ -179,7 +179,7 @@ impl Case {
         let per_input = servo.map_or(1.0, |servo| {
             let value = |i: usize| self.nominal.values[i].nominal;
             let place = |gain| self.nominal.place(joint, Part::Servo(gain));
-            slopes(servo.law, &Gains::of(|gain| place(gain).map_or(0.0, value)))[0]
+            slopes(servo.law, &Gains::of(|gain| place(gain).map(value)))[0]
         });
         self.nominal.gain(joint) * per_input
     }

@@ -1,7 +1,7 @@
 //! What the diagnosis found as a description (`extended.toml`).
 
 use pid_data::{Dataset, Role};
-use pid_interpret::nominal::{self as description, Simulated, SimulatedJoint};
+use pid_interpret::nominal::{self as description, Gain, Simulated, SimulatedJoint};
 
 use crate::case::{Case, CaseError};
 use crate::described::stated;
@@ -58,7 +58,14 @@ pub fn extended(case: &Case, found: &Evidence) -> description::Nominal {
         },
     };
     let servos = own.nominal.servos(&fit.point.theta);
-    nominal
+    // What is found of the robot changes nothing in a drive that is found to know it.
+    let mut terms = fit.hypothesis.terms.iter();
+    let knowing = terms
+        .any(|term| term.effect.stage() == Some(Gain::Gravity))
+        .then(|| nominal.clone().with_drive_models());
+    knowing
+        .as_ref()
+        .unwrap_or(nominal)
         .extended(&values, effects, Some(simulated))
         .with_servos(servos)
 }

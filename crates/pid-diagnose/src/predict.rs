@@ -84,7 +84,7 @@ fn looped(machine: &Machine<'_, f64>, j: usize, strays: f64) -> ([f64; 2], Optio
         return ([0.0; 2], None);
     };
     let constant = |which| machine.constants.get(which);
-    let k = Gains::of(|gain| constant(Constant::Servo(gain, j)));
+    let k = Gains::of(|gain| Some(constant(Constant::Servo(gain, j))));
     let in_torque = |slopes: [f64; 2]| slopes.map(|slope| constant(Constant::Gain(j)) * slope);
     let integral = falls(servo.law, &k).map(|falls| Integral {
         falls: in_torque(falls),
@@ -463,6 +463,11 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
             shown.delays[j].map_or(D::nil(), |d| (d / h).limit(D::nil(), D::constant(k as f64)));
         let moved = |row: usize, samples: D| fix(row) + fix(row + 1) * samples * h;
         let geared = self.machine.gears[j].is_some();
+        let on_link = geared && self.case.nominal.encoder_side == EncoderSide::Joint;
+        let row = if on_link { 2 } else { 0 };
+        let t = self.record.begin + k as f64 * h;
+        let read = (moved(row, late), fix(row + 1));
+        self.machine.bend(state, j, (t - h, t), read);
         if geared {
             state.drive_q[j] += moved(0, late);
             state.drive_v[j] += fix(1);
@@ -474,8 +479,6 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
             state.drive_q[j] = state.q[j];
             state.drive_v[j] = state.v[j];
         }
-        let on_link = geared && self.case.nominal.encoder_side == EncoderSide::Joint;
-        let row = if on_link { 2 } else { 0 };
         for (back, entry) in shown.history[j].iter_mut().rev().enumerate() {
             let since = late - back as f64;
             if back > 0 && since.value() <= 0.0 {

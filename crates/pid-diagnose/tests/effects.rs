@@ -7,6 +7,7 @@ use pid_diagnose::constants::{Constant, Constants};
 use pid_diagnose::effect::{After, Commands, Forces, Friction, Law, Pick, Site, Wide};
 use pid_diagnose::effects;
 use pid_diagnose::nominal::Nominal;
+use pid_interpret::nominal::Gain;
 
 const ROBOT: &str = r#"
 [robot]
@@ -49,6 +50,10 @@ viscous = 0.2
 motor_gain = 2.0
 input = "current"
 velocity = "measured"
+[joint.drive]
+law = "pd"
+kp = 30.0
+kd = 1.0
 "#;
 
 fn constants<D: Pick>() -> Constants<'static, D> {
@@ -80,6 +85,7 @@ fn answers<D: Pick>(law: &dyn Law<D>, e: &[D], memory: usize, joint: usize, v: f
     out.push(p.get(Constant::Mass(1)));
     out.extend([0, 1, 2].map(|i| p.get(Constant::Moment(1, i))));
     out.extend([0, 1, 2, 3, 4, 5].map(|i| p.get(Constant::Inertia(1, i))));
+    out.extend(Gain::ALL.map(|gain| p.get(Constant::Servo(gain, joint))));
     let (q, w) = ([c(0.35), c(-0.5)], [c(0.2), c(v)]);
     let load = [c(1.2), c(-0.8)];
     let site = Site {
@@ -153,6 +159,9 @@ fn point(id: &str) -> Vec<f64> {
         "motor_coupling" => vec![0.4, 0.3, 0.8, 0.5],
         "actuator_lag" => vec![0.013],
         "input_delay" => vec![0.0137],
+        "command_filter" | "feedback_delay" => vec![0.03],
+        "command_speed_limit" => vec![1.2],
+        "gravity_feed_forward" | "velocity_feed_forward" => vec![0.7],
         "torque_saturation" => vec![0.06],
         "gain_error_nonlinear" => vec![0.2],
         "current_offset" => vec![0.11],
@@ -428,7 +437,7 @@ fn a_force_counts_only_inside_its_windows() {
 #[test]
 fn descriptions_are_complete() {
     let ids: Vec<&str> = effects::all().iter().map(|e| e.info().id).collect();
-    assert_eq!(ids.len(), 27);
+    assert_eq!(ids.len(), 32);
     for effect in effects::all() {
         let info = effect.info();
         assert!(

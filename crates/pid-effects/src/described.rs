@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use pid_interpret::nominal::{
-    self as description, Effect as Stated, EffectParameter, Fault, NominalError, Written,
+    self as description, Effect as Stated, EffectParameter, Fault, NominalError, ServoLaw, Written,
 };
 use pid_toml::{Place, nearest};
 
@@ -67,6 +67,32 @@ fn term(
             "the first".to_owned(),
             mend.to_owned(),
         ));
+    }
+    if let (Some(stage), true) = (effect.stage(), info.has_joint) {
+        let place = &stated
+            .joint
+            .as_ref()
+            .map_or(&id.place, |joint| &joint.place)
+            .clone();
+        let refuse = |found: &str, mend: String| Err(fault(place, "joint", found.to_owned(), mend));
+        match nominal.servo(joint) {
+            None => {
+                let mend = "it is a stage of a position loop: state the loop in [joint.drive], or leave the effect out";
+                return refuse("without a position loop", mend.to_owned());
+            }
+            Some(servo) if servo.has(stage) => {
+                let mend = format!(
+                    "its loop states `{}`: change that in place of it",
+                    stage.key()
+                );
+                return refuse("a joint whose loop has it", mend);
+            }
+            Some(servo) if servo.law == ServoLaw::P && stage.needs_velocity() => {
+                let mend = "the law \"p\" does not use the velocity: leave it out";
+                return refuse("a loop without velocity", mend.to_owned());
+            }
+            Some(_) => {}
+        }
     }
     let names: Vec<&str> = info.parameters.iter().map(|p| p.name).collect();
     for own in &stated.parameters {

@@ -14,6 +14,7 @@
 use std::fmt;
 use std::sync::Arc;
 
+use pid_interpret::nominal::Gain;
 use pid_symbolic::program::Element;
 
 pub use crate::class::Class;
@@ -380,6 +381,8 @@ pub trait Effect: Send + Sync {
     /// Whether its [`Law::input`] acts on the command, before a position loop of the drive; the others
     /// act between the drive and its motor.
     fn before_drive(&self) -> bool;
+    /// The stage of a position loop that it is: it needs a loop without a stated stage of this kind.
+    fn stage(&self) -> Option<Gain>;
     /// Parameters whose starts are read off the records, beside [`Info::starts`].
     fn read_off(&self) -> Option<ReadOff>;
     /// Its force laws in the words of `robot!`, if equations of motion take it as a force.
@@ -442,6 +445,10 @@ pub trait Model: Send + Sync {
     fn before_drive(&self) -> bool {
         false
     }
+    /// The stage of a position loop that it is: it needs a loop without a stated stage of this kind.
+    fn stage(&self) -> Option<Gain> {
+        None
+    }
     /// Parameters whose starts are read off the records, beside [`Info::starts`].
     fn read_off(&self) -> Option<ReadOff> {
         None
@@ -500,6 +507,9 @@ where
     }
     fn before_drive(&self) -> bool {
         Model::before_drive(self)
+    }
+    fn stage(&self) -> Option<Gain> {
+        Model::stage(self)
     }
     fn read_off(&self) -> Option<ReadOff> {
         Model::read_off(self)

@@ -29,6 +29,13 @@ pub fn expression(id: &str) -> Option<&'static str> {
         "motor_coupling" => "friction on both joints",
         "actuator_lag" => "nothing: it has a state; send u + T du/dt, T its time constant",
         "input_delay" => "nothing: it looks back in time; evaluate the reference one delay ahead",
+        "command_filter"
+        | "command_speed_limit"
+        | "gravity_feed_forward"
+        | "velocity_feed_forward"
+        | "feedback_delay" => {
+            "nothing: it is a stage of the drive's position loop, which the code does not have"
+        }
         "torque_saturation" => {
             "`feed_forward` stays within the limit; `inverse_dynamics` does not know it"
         }

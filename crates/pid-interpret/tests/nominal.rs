@@ -339,8 +339,8 @@ fn loops(n: &Nominal) -> Option<Servo> {
 #[test]
 fn stages_of_position_loops_are_read_and_written() {
     let lines = "law = \"cascade\"\nkp = 12.0\nkv = { value = 1.1, tolerance_rel = 0.2 }\nki = { unknown = true }\n\
-                 gravity = { value = 0.9, tolerance = 0.9 }\nvelocity_limit = 3.0\nvelocity_filter_s = 0.01\ndead_band = 0.02\n\
-                 target_step = 0.001\ntarget_rate_hz = 50.0\ntarget_speed = 2.0\ntarget_filter_s = { unknown = true }\n";
+                 gravity = { value = 0.9, tolerance = 0.9 }\nvelocity_limit = 3.0\nvelocity_filter_s = 0.01\nfeedback_delay_s = 0.004\ndead_band = 0.02\n\
+                 target_step = 0.001\ntarget_rate_hz = 50.0\ntarget_speed = { value = 2.0, tolerance_rel = 0.25 }\nvelocity_feed_forward = 0.8\ntarget_filter_s = { unknown = true }\n";
     let own = TEXT.replacen(
         "[[joint]]\nname = \"slide\"",
         &format!("[joint.drive]\n{lines}[[joint]]\nname = \"slide\""),
@@ -362,19 +362,17 @@ fn stages_of_position_loops_are_read_and_written() {
         (Some(3.0), Some(0.02))
     );
     let shaping = &servo.shaping;
+    assert_eq!((shaping.step, shaping.rate_hz), (Some(0.001), Some(50.0)));
+    assert_eq!(of(Gain::TargetSpeed), (Some(2.0), 0.5));
+    assert_eq!(of(Gain::VelocityAhead), (Some(0.8), 0.0));
+    assert_eq!(of(Gain::FeedbackDelay), (Some(0.004), 0.0));
+    let units = Gain::ALL.map(|gain| servo.unit(gain, "A", "rad"));
     assert_eq!(
-        (shaping.step, shaping.rate_hz, shaping.speed),
-        (Some(0.001), Some(50.0), Some(2.0))
+        units,
+        [
+            "1/s", "A*s/rad", "A/rad", "A*s/rad", "1", "1", "rad/s", "s", "s", "s"
+        ]
     );
-    let units = [
-        Gain::Kp,
-        Gain::Kv,
-        Gain::Ki,
-        Gain::Gravity,
-        Gain::TargetTime,
-    ];
-    let units = units.map(|gain| servo.unit(gain, "A", "rad"));
-    assert_eq!(units, ["1/s", "A*s/rad", "A/rad", "1", "s"]);
     assert_eq!(servo.beyond_equations(), Some("velocity_limit"));
     let again = parse(&nominal.to_toml().unwrap());
     assert_eq!(loops(&again), loops(&nominal));
@@ -487,7 +485,7 @@ fn mistakes_of_position_loops_are_named() {
         ),
         (
             "law = \"pd\"\nkp = 3.0\nkd = 1.0\nvelocity_filter_s = -0.1",
-            "`velocity_filter_s` is -0.1\n  help: give a time constant above zero",
+            "`velocity_filter_s` is -0.1\n  help: give a time above zero",
         ),
         (
             "law = \"p\"\nkp = 3.0\ntarget_filter_s = { value = 0.1, tolerance = 0.1 }",

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{described, effect};
+use common::{LOOP, behind_loop, described, effect};
 use pid_effects::effects;
 use pid_simulators::{Options, Target, export};
 
@@ -117,7 +117,8 @@ fn every_effect_is_listed() {
             })
             .collect();
         let joint = info.has_joint.then_some("j2");
-        let nominal = described(&effect(info.id, joint, &values));
+        let drive = if own.stage().is_some() { LOOP } else { "" };
+        let nominal = behind_loop(drive, &effect(info.id, joint, &values));
         for target in [Target::Urdf, Target::IsaacLab, Target::Newton, Target::Bam] {
             let files = export(&nominal, target, &Options::default()).expect("files");
             let list = &files

@@ -2,7 +2,9 @@
 
 mod common;
 
-use common::{described, effect, equations, in_order_of, reduced, same, state, tree};
+use common::{
+    LOOP, behind_loop, described, effect, equations, in_order_of, reduced, same, state, tree,
+};
 use pid_derive::mechanism::Mechanism;
 use pid_effects::{effects, terms};
 use pid_interpret::nominal::{Nominal, Provenance};
@@ -204,7 +206,7 @@ fn every_effect_is_told() {
             info.id
         );
     }
-    let nominal = described(&text);
+    let nominal = behind_loop(LOOP, &text);
     let list = file(&nominal, "not_expressed.md");
     let data: serde_json::Value =
         serde_json::from_str(&file(&nominal, "robot_effects.json")).expect("JSON");

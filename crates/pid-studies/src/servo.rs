@@ -12,7 +12,7 @@ use pid_diagnose::diagnosis::Verdict;
 use pid_diagnose::loop_gain::{LoopGain, Told};
 use pid_diagnose::search::Settings;
 use pid_fleet::Slice;
-use pid_withheld::{Drawing, Law, Loop, Plan, ServoPlan, ServoTruth};
+use pid_withheld::{Drawing, Law, Loop, Plan, ServoPlan, ServoTruth, Servos};
 
 use crate::Failure;
 use crate::withheld::{Outcome, Share, diagnose_some, right, summary, tier};
@@ -38,6 +38,13 @@ pub struct ServoArgs {
     /// Legs of three joints under a policy: damped loops at 1 kHz with unknown gains, targets at 50 Hz.
     #[arg(long, conflicts_with_all = ["law", "joints", "fewest"])]
     legs: bool,
+    /// Only elastic joints, and loops that read late, of a size to ring: how often one is told from the other.
+    #[arg(long, conflicts_with_all = ["legs", "nulls", "outside"])]
+    resonant: bool,
+    /// Only loops with a stage that their description does not state: a filter or a largest speed of the target,
+    /// feed-forward of gravity or of the target's velocity, a delay of what the loop reads.
+    #[arg(long, conflicts_with_all = ["legs", "nulls", "outside", "resonant"])]
+    unstated: bool,
     /// Only cases without a cause: the rate of false alarms.
     #[arg(long)]
     nulls: bool,
@@ -77,7 +84,12 @@ pub fn run(args: &ServoArgs) -> Result<u8, Failure> {
             },
         },
         law: args.law,
-        legs: args.legs,
+        servos: match (args.legs, args.resonant, args.unstated) {
+            (true, ..) => Servos::Legs,
+            (_, true, _) => Servos::Resonant,
+            (.., true) => Servos::Unstated,
+            _ => Servos::All,
+        },
     };
     let wanted: Vec<usize> = args.slice.of(args.cases).collect();
     let progress = Progress::start("drawing cases");
@@ -125,8 +137,11 @@ fn truth_of(own: &Loop, gain: &str) -> Option<f64> {
         "kd" | "kv" => Some(own.kd),
         "ki" => Some(own.ki),
         "gravity" => own.gravity,
+        "velocity_feed_forward" => own.target_share,
+        "target_speed" => own.target_speed,
         "target_filter_s" => own.target_filter,
         "velocity_filter_s" => own.speed_filter,
+        "feedback_delay_s" => own.read_late,
         _ => None,
     }
 }
@@ -165,6 +180,38 @@ pub fn by_law(outcomes: &[Outcome<ServoTruth>]) -> BTreeMap<Law, ByLaw> {
                 .add(hit);
             own.gave_up.add(case.diagnosis.verdict == Verdict::Unknown);
             own.missed.add(case.diagnosis.verdict == Verdict::Nothing);
+        }
+    }
+    out
+}
+
+/// Effects that are late.
+const LATE: [&str; 5] = [
+    "feedback_delay",
+    "actuator_lag",
+    "input_delay",
+    "sensor_delay",
+    "command_filter",
+];
+
+/// Elastic joints and delays of which the one is named and the other not.
+fn apart(outcomes: &[Outcome<ServoTruth>]) -> Share {
+    let mut out = Share::default();
+    for o in outcomes {
+        let [cause] = &o.truth.truth.causes[..] else {
+            continue;
+        };
+        let named = |ids: &[&str]| {
+            o.diagnosis
+                .effects
+                .iter()
+                .any(|e| ids.contains(&&*e.effect))
+        };
+        let (elastic, late) = (named(&["joint_elasticity"]), named(&LATE));
+        match cause.kind.id() {
+            "joint_elasticity" if o.id.starts_with("resonant") => out.add(elastic && !late),
+            "feedback_delay" if o.id.starts_with("resonant") => out.add(late && !elastic),
+            _ => {}
         }
     }
     out
@@ -235,6 +282,10 @@ fn to_text(outcomes: &[Outcome<ServoTruth>]) -> String {
         row("determined gains within 5 %", &own.gains);
         row("gains that are called determined", &own.determined);
     }
+    let told = apart(outcomes);
+    if told.of > 0 {
+        let _ = writeln!(text, "elasticity told from delay: {}", of(&told));
+    }
     let _ = writeln!(text, "all {} cases", outcomes.len());
     let all: Vec<Outcome> = outcomes.iter().map(plain).collect();
     for (name, figures) in summary(&all).lines() {
@@ -251,8 +302,9 @@ mod tests {
     /// A drawn case is a folder that the diagnosis reads, whose loops are the drawn ones.
     #[test]
     fn cases_are_read_with_their_loops() {
-        let some = Law::ALL.map(|law| (Some(law), false));
-        for (law, legs) in some.into_iter().chain([(None, true)]) {
+        let some = Law::ALL.map(|law| (Some(law), Servos::All));
+        let more = [Servos::Legs, Servos::Resonant, Servos::Unstated];
+        for (law, servos) in some.into_iter().chain(more.map(|own| (None, own))) {
             let plan = ServoPlan {
                 plan: Plan {
                     seed: 5,
@@ -262,8 +314,9 @@ mod tests {
                     causes: Drawing::Nothing,
                 },
                 law,
-                legs,
+                servos,
             };
+            let legs = servos == Servos::Legs;
             let folder = tempfile::tempdir().expect("a folder");
             let here = pid_withheld::lay_out(&plan, 0, folder.path()).expect("a case");
             let case = pid_diagnose::case::Case::read(&here).expect("a case");

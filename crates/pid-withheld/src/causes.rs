@@ -99,6 +99,22 @@ pub enum Kind {
     SensorDelay {
         delay: f64,
     },
+    /// A stage of a position loop that its description does not state, as are the next four.
+    CommandFilter {
+        time: f64,
+    },
+    CommandSpeedLimit {
+        speed: f64,
+    },
+    GravityFeedForward {
+        share: f64,
+    },
+    VelocityFeedForward {
+        share: f64,
+    },
+    FeedbackDelay {
+        delay: f64,
+    },
     /// Outside the list: a rubber buffer.
     SoftStop {
         from: f64,
@@ -195,6 +211,11 @@ impl Kind {
             Kind::EncoderEccentricity { .. } => "encoder_eccentricity",
             Kind::VelocityFilterLag { .. } => "velocity_filter_lag",
             Kind::SensorDelay { .. } => "sensor_delay",
+            Kind::CommandFilter { .. } => "command_filter",
+            Kind::CommandSpeedLimit { .. } => "command_speed_limit",
+            Kind::GravityFeedForward { .. } => "gravity_feed_forward",
+            Kind::VelocityFeedForward { .. } => "velocity_feed_forward",
+            Kind::FeedbackDelay { .. } => "feedback_delay",
             Kind::SoftStop { .. }
             | Kind::DroppedCommands { .. }
             | Kind::MainsHum { .. }
@@ -245,10 +266,16 @@ impl Kind {
             Kind::JointCoupling { stiffness, .. } | Kind::Spring { stiffness, .. } => {
                 ("stiffness", stiffness)
             }
-            Kind::ActuatorLag { time } | Kind::VelocityFilterLag { time } => {
-                ("time_constant_s", time)
+            Kind::ActuatorLag { time }
+            | Kind::VelocityFilterLag { time }
+            | Kind::CommandFilter { time } => ("time_constant_s", time),
+            Kind::CommandSpeedLimit { speed } => ("speed", speed),
+            Kind::GravityFeedForward { share } | Kind::VelocityFeedForward { share } => {
+                ("share", share)
             }
-            Kind::InputDelay { delay } | Kind::SensorDelay { delay } => ("delay_s", delay),
+            Kind::InputDelay { delay }
+            | Kind::SensorDelay { delay }
+            | Kind::FeedbackDelay { delay } => ("delay_s", delay),
             Kind::TorqueSaturation { limit } => ("limit", limit),
             Kind::GainErrorNonlinear { .. } => return None,
             Kind::CurrentOffset { offset } | Kind::EncoderOffset { offset } => ("offset", offset),

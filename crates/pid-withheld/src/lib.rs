@@ -45,7 +45,7 @@ pub use gaps::{Gaps, Part};
 pub use mess::{Current, Mess};
 pub use plan::{Drawing, Plan, Truth};
 pub use position_loop::{Law, Loop};
-pub use servo::{ServoPlan, ServoTruth, Stated};
+pub use servo::{ServoPlan, ServoTruth, Servos, Stated};
 pub use untidy::{Recording, UntidyPlan, UntidyTruth};
 
 /// File names and contents.

@@ -168,13 +168,18 @@ struct Loops<'a> {
 }
 
 impl<'a> Loops<'a> {
-    /// At rest at `start`; the record begins after `origin` steps.
-    fn new(setup: &Setup<'a>, start: &[f64], origin: usize) -> Option<Self> {
+    /// At rest at `start`; samples are `every` steps apart, and the record begins after `origin`.
+    fn new(setup: &Setup<'a>, start: &[f64], (every, origin): (usize, usize)) -> Option<Self> {
         let n = start.len();
         let model = Plant::new(setup.nominal, &vec![0.0; n * PER_JOINT]);
         let (_, weight) = setup.plant.mass_and_bias(start, &vec![0.0; n]);
         let of = |(j, own): (usize, &'a Loop)| {
-            Running::new(own, start[j], weight[j] / setup.plant.gain[j], origin)
+            Running::new(
+                own,
+                start[j],
+                weight[j] / setup.plant.gain[j],
+                (every, origin),
+            )
         };
         let running = setup.loops?.iter().enumerate().map(of).collect();
         Some(Self { running, model })
@@ -256,9 +261,10 @@ pub(crate) fn run(
     let samples = (robot.length * robot.rate) as usize + 1;
     let controller = Controller::new(setup, motion, (hold, samples), random);
     let start: Vec<f64> = (0..n).map(|j| controller.target(j, 0)).collect();
+    let steps = |samples: f64| (samples * h / STEP).round() as usize;
     let mut moving = Moving {
         world: World::new(setup.plant.clone(), causes, &start),
-        loops: Loops::new(setup, &start, (hold as f64 * h / STEP).round() as usize),
+        loops: Loops::new(setup, &start, (steps(1.0), steps(hold as f64))),
         currents: Currents {
             sensor: mess.current,
             now: vec![0.0; n],

@@ -100,4 +100,17 @@ impl Robot {
         let (m, _) = plant.mass_and_bias(&q, &vec![0.0; n]);
         (0..n).map(|j| m[(j, j)] + plant.rotor[j]).collect()
     }
+
+    /// Largest torque of gravity at each joint, at the middle of the motion and at the ends of its own.
+    pub(crate) fn pull(&self, nominal: &Nominal) -> Vec<f64> {
+        let n = self.joints.len();
+        let plant = Plant::<f64>::new(nominal, &vec![0.0; n * PER_JOINT]);
+        let at = |j: usize, side: f64| {
+            let mut q: Vec<f64> = self.joints.iter().map(|j| j.room.centre).collect();
+            q[j] += side * self.joints[j].room.amplitude;
+            plant.mass_and_bias(&q, &vec![0.0; n]).1[j].abs()
+        };
+        let most = |j| [-1.0, 0.0, 1.0].map(|side| at(j, side)).into_iter();
+        (0..n).map(|j| most(j).fold(0.0, f64::max)).collect()
+    }
 }

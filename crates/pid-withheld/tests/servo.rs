@@ -2,7 +2,7 @@
 
 use pid_data::Dataset;
 use pid_data::signal::column;
-use pid_withheld::{Drawing, Law, Plan, ServoPlan, Study};
+use pid_withheld::{Drawing, Law, Plan, ServoPlan, Servos, Study};
 
 /// Largest distance of a position from its target over the span of all targets, of a joint.
 fn furthest(records: &Dataset, j: usize) -> f64 {
@@ -28,7 +28,7 @@ fn loops_without_damping_of_their_own_follow_their_targets() {
             causes: Drawing::Nothing,
         },
         law: Some(Law::P),
-        legs: false,
+        servos: Servos::All,
     };
     for i in 0..study.cases() {
         let (files, _) = study.make(i).expect("a case");

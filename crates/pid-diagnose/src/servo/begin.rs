@@ -82,7 +82,7 @@ pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>,
 /// no loop and for times.
 pub(super) fn reach(gain: Gain, size: f64) -> f64 {
     match gain {
-        Gain::Gravity => size.max(1.0),
+        Gain::Gravity | Gain::VelocityAhead => size.max(1.0),
         Gain::Kd | Gain::Ki => size,
         _ => UNKNOWN * size,
     }
@@ -140,7 +140,8 @@ impl Start<'_> {
             };
             let least = match g {
                 Gain::Kp if cascade => SLOW,
-                Gain::Kp | Gain::Gravity => 0.0,
+                Gain::Kp | Gain::Gravity | Gain::VelocityAhead => 0.0,
+                Gain::TargetSpeed => self.slowest(),
                 Gain::Kd | Gain::Kv => DAMPED * critical,
                 Gain::Ki => SLOW * if cascade { DAMPED * critical } else { kp },
                 _ => self.shortest(),
@@ -152,6 +153,12 @@ impl Start<'_> {
         };
         let unknown = servo.gains().filter(|&g| stated(g).is_none());
         Ok(unknown.map(of).collect())
+    }
+
+    /// The least largest speed: a tenth of the fastest motion.
+    fn slowest(&self) -> f64 {
+        let speeds = self.case.records.iter().flat_map(|r| &r.smooth_v[self.j]);
+        0.1 * speeds.fold(1e-9, |most: f64, v| most.max(v.abs()))
     }
 
     /// The shortest time that is looked at: the records have samples no closer.

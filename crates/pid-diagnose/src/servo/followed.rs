@@ -4,7 +4,7 @@ use nalgebra::{DVector, SMatrix, SVector};
 use pid_interpret::nominal::{Gain, Servo, ServoLaw};
 
 use crate::case::{Case, Record};
-use crate::drives::target::{Shaped, followed as shaped};
+use crate::drives::target::{Point, Shaped, followed as shaped};
 use crate::drives::{Gains, filter};
 
 /// Share of the limit beyond which a sample tells nothing of the gains.
@@ -18,6 +18,12 @@ const TURNS: usize = 6;
 pub(super) const SLOWEST: f64 = 0.5;
 /// Least and largest kp of a cascade that is looked for, 1/s: position loops of drives have 3 to 100.
 const CASCADES: (f64, f64) = (1.0, 300.0);
+/// Largest delay of a loop's readings that is looked for, s.
+const LATEST: f64 = 0.1;
+/// An unknown largest speed is looked for down to this share of the fastest motion.
+const SLOWED: f64 = 0.05;
+/// Shares of the target's velocity that are looked at.
+const AHEAD: [f64; 3] = [0.0, 0.5, 1.0];
 /// Ratio of a number that is looked at to the one before.
 const FINER: f64 = 1.5;
 /// Most numbers in which a law is linear, an offset included.
@@ -46,8 +52,12 @@ pub(super) struct Fitted<'a> {
 struct Curved {
     /// Of a cascade: its velocity is limited.
     kp: f64,
+    /// Infinite where nothing limits it.
+    target_speed: f64,
+    ahead: f64,
     target_time: f64,
     velocity_time: f64,
+    feedback_delay: f64,
 }
 
 /// Fits the law of a joint to inputs along the records, an offset free; unknown numbers in which it is not
@@ -70,22 +80,58 @@ pub(super) fn followed(case: &Case, j: usize, inputs: &[Fitted<'_>]) -> Option<F
         _ => vec![0.0],
     };
     let times = [Gain::TargetTime, Gain::VelocityTime].map(|gain| row(gain, (step, SLOWEST)));
-    let mut best: Option<Followed> = None;
+    let late = row(Gain::FeedbackDelay, (step, LATEST));
+    let speeds = inputs.iter().flat_map(|own| &own.record.smooth_v[j]);
+    let fastest = speeds.fold(1e-9, |most: f64, v| most.max(v.abs()));
+    let slower = match servo.has(Gain::TargetSpeed) {
+        true => row(Gain::TargetSpeed, (SLOWED * fastest, fastest)),
+        false => vec![f64::INFINITY],
+    };
+    let ahead = match (
+        servo.has(Gain::VelocityAhead),
+        servo.gain(Gain::VelocityAhead).value,
+    ) {
+        (true, None) => AHEAD.to_vec(),
+        (_, stated) => vec![stated.unwrap_or(0.0)],
+    };
+    let mut best: Option<(Followed, Curved)> = None;
+    let tried = |best: &mut Option<(Followed, Curved)>, at: Curved| {
+        let least = best.as_ref().map_or(f64::NEG_INFINITY, |b| b.0.explained);
+        let fit = fitted(servo, at, inputs).filter(|fit| fit.explained > least);
+        *best = fit.map(|fit| (fit, at)).or(best.take());
+    };
+    let fast = *slower.last()?;
     for &kp in &kp {
         for &target_time in &times[0] {
             for &velocity_time in &times[1] {
                 let at = Curved {
                     kp,
+                    target_speed: fast,
+                    ahead: ahead[0],
                     target_time,
                     velocity_time,
+                    feedback_delay: late[0],
                 };
-                let fit = fitted(servo, at, inputs);
-                let least = best.as_ref().map_or(f64::NEG_INFINITY, |b| b.explained);
-                best = fit.filter(|f| f.explained > least).or(best);
+                tried(&mut best, at);
             }
         }
     }
-    best
+    // The others where those are best.
+    let from = best.as_ref()?.1;
+    for &target_speed in &slower {
+        for &ahead in &ahead {
+            for &feedback_delay in &late {
+                let at = Curved {
+                    target_speed,
+                    ahead,
+                    feedback_delay,
+                    ..from
+                };
+                tried(&mut best, at);
+            }
+        }
+    }
+    best.map(|(fit, _)| fit)
 }
 
 /// What a law multiplies its gains with, sample by sample: errors, velocities and integrals of errors; of a
@@ -96,22 +142,32 @@ fn seen(servo: &Servo, k: &Gains<f64>, (r, j): (&Record, usize)) -> Vec<[f64; 3]
     let (mut velocity, mut integral) = (v[0], 0.0);
     let most = servo.velocity_limit.unwrap_or(f64::INFINITY);
     let of = |i: usize| {
-        let [_, target] = shaped(servo, k, &mut memory, r.u[j][i], (h * i as f64, h), 0.0);
-        let error = target - q[i];
+        let own = (r.u[j][i], h);
+        let [_, Point { r: target, rate }] =
+            shaped(servo, k, &mut memory, own, (h * i as f64, h), 0.0);
+        // Readings of a while ago, along a straight line between samples.
+        let x = (i as f64 - k.feedback_delay.unwrap_or(0.0) / h).max(0.0);
+        let before = x as usize;
+        let read = |of: &[f64]| {
+            let next = of[(before + 1).min(of.len() - 1)];
+            of[before] + (next - of[before]) * x.fract()
+        };
+        let (q, v) = (read(q), read(v));
+        let error = target - q;
         let band = servo.dead_band.unwrap_or(0.0);
         let error = error - error.clamp(-band, band);
-        velocity = match servo.has(Gain::VelocityTime) {
-            true => filter::after(velocity, v[i], k.velocity_time, h),
-            false => v[i],
+        velocity = match k.velocity_time {
+            Some(time) => filter::after(velocity, v, time, h),
+            None => v,
         };
         let lacks = match servo.law {
-            ServoLaw::Cascade => (k.kp * error).clamp(-most, most) - velocity,
+            ServoLaw::Cascade => (k.kp * error + rate).clamp(-most, most) - velocity,
             _ => error,
         };
         integral += lacks * h;
         match servo.law {
             ServoLaw::Cascade => [lacks, integral, 0.0],
-            _ => [error, -velocity, integral],
+            _ => [error, rate - velocity, integral],
         }
     };
     (0..r.len()).map(of).collect()
@@ -119,11 +175,17 @@ fn seen(servo: &Servo, k: &Gains<f64>, (r, j): (&Record, usize)) -> Vec<[f64; 3]
 
 /// The same fit with the numbers in which the law is not linear.
 fn fitted(servo: &Servo, curved: Curved, inputs: &[Fitted<'_>]) -> Option<Followed> {
-    let k = Gains::of(|gain| match gain {
-        Gain::Kp => curved.kp,
-        Gain::TargetTime => curved.target_time,
-        Gain::VelocityTime => curved.velocity_time,
-        _ => 0.0,
+    let k = Gains::of(|gain| {
+        let value = match gain {
+            Gain::Kp => curved.kp,
+            Gain::VelocityAhead => curved.ahead,
+            Gain::TargetSpeed => curved.target_speed,
+            Gain::TargetTime => curved.target_time,
+            Gain::VelocityTime => curved.velocity_time,
+            Gain::FeedbackDelay => curved.feedback_delay,
+            _ => 0.0,
+        };
+        servo.has(gain).then_some(value)
     });
     let cascade = servo.law == ServoLaw::Cascade;
     let share = servo.gain(Gain::Gravity).value;
@@ -163,8 +225,11 @@ fn fitted(servo: &Servo, curved: Curved, inputs: &[Fitted<'_>]) -> Option<Follow
         Gain::Ki => at(3),
         Gain::Gravity if free => x[1 + columns],
         Gain::Gravity => known,
+        Gain::VelocityAhead => curved.ahead,
+        Gain::TargetSpeed if servo.has(gain) => curved.target_speed,
         Gain::TargetTime => curved.target_time,
         Gain::VelocityTime => curved.velocity_time,
+        Gain::FeedbackDelay => curved.feedback_delay,
         _ => 0.0,
     });
     let found = Followed {

@@ -1,7 +1,7 @@
 //! Position loops that cannot hold their joint, and records too slow for a loop.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
-use pid_interpret::nominal::{Gain, Role as Part, Servo};
+use pid_interpret::nominal::{Role as Part, Servo};
 
 use super::at;
 use crate::case::{Case, CaseError};
@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-9;
 fn gains(case: &Case, j: usize, deviation: f64) -> Gains<f64> {
     Gains::of(|gain| {
         let place = case.nominal.place(j, Part::Servo(gain));
-        place.map_or(0.0, |i| {
+        place.map(|i| {
             let own = &case.nominal.values[i];
             own.nominal - deviation * own.half_width * own.nominal.signum()
         })
@@ -126,6 +126,7 @@ impl Linear<'_> {
             r: 0.0,
             q,
             v,
+            ahead: 0.0,
             gravity: 0.0,
         }
     }
@@ -143,10 +144,9 @@ impl Linear<'_> {
     fn swings_up(&self) -> bool {
         let ([[uq, uw], [zq, zw]], push) = (self.rows(), self.gain / self.inertia);
         let drag = -self.viscous / self.inertia;
-        let filtered = self.servo.has(Gain::VelocityTime);
-        let a = match filtered {
-            true => {
-                let fast = 1.0 / self.k.velocity_time;
+        let a = match self.k.velocity_time {
+            Some(time) => {
+                let fast = 1.0 / time;
                 DMatrix::from_row_slice(
                     4,
                     4,
@@ -159,7 +159,7 @@ impl Linear<'_> {
                     .concat(),
                 )
             }
-            false => DMatrix::from_row_slice(
+            None => DMatrix::from_row_slice(
                 3,
                 3,
                 &[
@@ -183,10 +183,8 @@ impl Linear<'_> {
         // ∫ exp(A t) dt b over a period, by its end and middle (Simpson).
         let b = Vector2::new(0.0, self.gain / self.inertia);
         let push = (b + (a * 0.5).exp() * b * 4.0 + step * b) * (period / 6.0);
-        let kept = match self.servo.has(Gain::VelocityTime) {
-            true => filter::kept(self.k.velocity_time, period),
-            false => 0.0,
-        };
+        let time = self.k.velocity_time;
+        let kept = time.map_or(0.0, |time| filter::kept(time, period));
         let integrates = zq != 0.0 || zw != 0.0;
         let size = if integrates { 4 } else { 3 };
         // Reading: the velocity that is used, then the integral, then the output.

@@ -2,6 +2,7 @@
 //! [`effect`](crate::effect) for the equation.
 
 mod contact;
+mod past;
 mod servo;
 mod step;
 #[cfg(test)]
@@ -15,6 +16,7 @@ use crate::constants::{Constant, Constants};
 use crate::effect::{Gear, Law, Pick};
 use crate::hypothesis::Hypothesis;
 use crate::known::Known;
+use past::Past;
 use servo::{Loop, Model};
 
 pub(crate) use servo::{Memory, whole};
@@ -38,6 +40,8 @@ pub struct State<D> {
     acceleration: Vec<D>,
     /// What the position loops of the drives remember.
     pub(crate) loops: Vec<Memory<D>>,
+    /// What the drives whose loops read late moved through.
+    past: Vec<Past<D>>,
     /// What the links' velocities have changed by since mass matrix and bias were evaluated.
     gained: Vec<D>,
 }
@@ -55,6 +59,7 @@ impl State<f64> {
             load: all(&self.load),
             acceleration: all(&self.acceleration),
             loops: self.loops.iter().map(Memory::lift).collect(),
+            past: self.past.iter().map(Past::lift).collect(),
             gained: all(&self.gained),
         }
     }
@@ -152,11 +157,10 @@ impl<'h, D: Pick> Machine<'h, D> {
         let m = n + rotors.len();
         let zero = D::nil();
         let links = constants.prepared();
-        let nominal = constants.nominal();
         let loops = (0..n)
-            .map(|j| Some((nominal.description.servo(j)?, Self::gains_of(&constants, j))))
-            .collect();
-        let model = Model::of(&constants);
+            .map(|j| Self::loop_of(&constants, &hypothesis, j))
+            .collect::<Vec<_>>();
+        let model = Model::of(&constants, &loops);
         Machine {
             constants,
             hypothesis,
@@ -256,6 +260,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             load: vec![D::nil(); n],
             acceleration: vec![D::nil(); n + self.rotors.len()],
             loops: vec![Memory::new(); n],
+            past: vec![Past::new(); n],
             gained: vec![D::nil(); n],
         };
         self.rest_bias(&state.q.clone());

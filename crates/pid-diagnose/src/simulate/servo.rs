@@ -2,13 +2,14 @@
 //! effects between them.
 
 use pid_interpret::links;
-use pid_interpret::nominal::{Gain, Role as Part, Servo, ServoLaw};
+use pid_interpret::nominal::{Role as Part, Servo, ServoLaw};
 
 use super::{Machine, State};
 use crate::constants::{Constant, Constants};
-use crate::drives::target::{Shaped, followed};
+use crate::drives::target::{Point, Shaped, followed};
 use crate::drives::{Gains, Output, Seen, at_rest, filter, integrated, output};
 use crate::effect::Pick;
+use crate::hypothesis::Hypothesis;
 use crate::nominal::EncoderSide;
 
 /// The loop of a joint with its gains.
@@ -72,6 +73,11 @@ impl<D: Pick> Memory<D> {
     }
 }
 
+/// Whether a drive makes up for gravity.
+fn makes_up<D: Copy>(own: &Option<Loop<'_, D>>) -> bool {
+    own.is_some_and(|(_, k)| k.gravity.is_some())
+}
+
 /// The robot as the feed-forward of the drives knows it.
 pub(super) struct Model<D> {
     links: links::Work<D>,
@@ -87,14 +93,10 @@ pub(super) struct Model<D> {
 
 impl<D: Pick> Model<D> {
     /// Where a drive has a feed-forward.
-    pub(super) fn of(constants: &Constants<'_, D>) -> Option<Self> {
+    pub(super) fn of(constants: &Constants<'_, D>, loops: &[Option<Loop<'_, D>>]) -> Option<Self> {
         let nominal = constants.nominal();
         let n = nominal.n();
-        let fed = |j| {
-            let servo = nominal.description.servo(j);
-            servo.is_some_and(|servo| servo.has(Gain::Gravity))
-        };
-        if !(0..n).any(fed) {
+        if !loops.iter().any(makes_up) {
             return None;
         }
         let (links, gains) = Constants::known_to_drives(nominal);
@@ -114,6 +116,18 @@ impl<D: Pick> Model<D> {
 const WHOLE: f64 = 1e-3;
 /// Share of its stated value below which friction is no unit: a fit may end without any.
 const LEAST: f64 = 1e-3;
+
+/// What a loop sees.
+#[inline(always)]
+fn seen<D>(r: D, ahead: D, (q, v): (D, D), gravity: D) -> Seen<D> {
+    Seen {
+        r,
+        q,
+        v,
+        ahead,
+        gravity,
+    }
+}
 
 /// Whether a number of steps is a whole one, and not none.
 pub(crate) fn whole(number: f64) -> bool {
@@ -147,9 +161,20 @@ fn ahead(servo: &Servo, dt: f64) -> f64 {
 }
 
 impl<D: Pick> Machine<'_, D> {
-    /// The gains of a loop.
-    pub(super) fn gains_of(constants: &Constants<'_, D>, j: usize) -> Gains<D> {
-        Gains::of(|gain| constants.get(Constant::Servo(gain, j)))
+    /// The loop of a joint with its gains, and with the stages that effects add to it.
+    pub(super) fn loop_of<'h>(
+        constants: &Constants<'h, D>,
+        hypothesis: &Hypothesis,
+        j: usize,
+    ) -> Option<Loop<'h, D>> {
+        let servo = constants.nominal().description.servo(j)?;
+        let added = |gain| {
+            let mut own = hypothesis.terms.iter().filter(|term| term.joint == j);
+            own.any(|term| term.effect.stage() == Some(gain))
+        };
+        let get = |gain| constants.get(Constant::Servo(gain, j));
+        let gains = Gains::of(|gain| (servo.has(gain) || added(gain)).then(|| get(gain)));
+        Some((servo, gains))
     }
 
     /// Joints whose loop has an integral.
@@ -211,9 +236,36 @@ impl<D: Pick> Machine<'_, D> {
         self.gears[j].is_some() && self.constants.nominal().encoder_side == EncoderSide::Joint
     }
 
-    /// Position and velocity that the loop of a joint reads, `ahead` of a state, s, within a substep of `dt`.
+    /// Takes in where the drives whose loops read late are at `t`.
     #[inline(always)]
-    fn reading(&self, state: &State<D>, j: usize, (ahead, dt): (f64, f64)) -> (D, D) {
+    pub(super) fn remember(&self, state: &mut State<D>, t: f64) {
+        for j in 0..self.n() {
+            let late = self.loops[j].and_then(|(_, k)| k.feedback_delay);
+            if let Some(late) = late {
+                let now = match self.reads_link(j) {
+                    true => (state.q[j], state.v[j]),
+                    false => (state.drive_q[j], state.drive_v[j]),
+                };
+                state.past[j].remember(t, now, late.value());
+            }
+        }
+    }
+
+    /// Bends what the drive of a joint moved through since the first of two times, as its position and velocity at the
+    /// second are corrected by so much.
+    pub(crate) fn bend(&self, state: &mut State<D>, j: usize, times: (f64, f64), by: (D, D)) {
+        if self.loops[j].is_some_and(|(_, k)| k.feedback_delay.is_some()) {
+            state.past[j].bend(times, by);
+        }
+    }
+
+    /// Position and velocity that the loop of a joint reads, `ahead` of a state at `t`, s, within a substep of `dt`.
+    #[inline(always)]
+    fn reading(&self, state: &State<D>, j: usize, t: f64, (ahead, dt): (f64, f64)) -> (D, D) {
+        let late = self.loops[j].and_then(|(_, k)| k.feedback_delay);
+        if let Some((q, v)) = late.and_then(|late| state.past[j].at(-late + (t + ahead))) {
+            return self.sense(j, q, v);
+        }
         let (q, v) = match (self.reads_link(j), ahead == 0.0) {
             (true, _) => (
                 state.q[j] + state.v[j] * ahead,
@@ -242,7 +294,7 @@ impl<D: Pick> Machine<'_, D> {
         };
         for holds in [false, true] {
             let reads = |j: usize| match self.loops[j] {
-                Some((servo, _)) if servo.has(Gain::Gravity) => {
+                Some((servo, k)) if k.gravity.is_some() => {
                     let period = held(servo, dt);
                     period.is_some() == holds && (!holds || t >= state.loops[j].due - 1e-3 * dt)
                 }
@@ -257,7 +309,7 @@ impl<D: Pick> Machine<'_, D> {
                     (false, Some((servo, _))) => ahead(servo, dt),
                     (false, None) => 0.5 * dt,
                 };
-                model.q[j] = self.reading(state, j, (ahead, dt)).0;
+                model.q[j] = self.reading(state, j, t, (ahead, dt)).0;
             }
             self.evaluate_model(&mut model);
             for j in (0..self.n()).filter(|&j| reads(j)) {
@@ -289,16 +341,16 @@ impl<D: Pick> Machine<'_, D> {
     /// The velocity that a loop uses in place of the one it reads, in the middle and at the end of `dt`, and
     /// how it moves with that.
     #[inline(always)]
-    fn filtered(&self, (servo, k): &Loop<'_, D>, w: D, v: D, dt: f64) -> ([D; 2], D) {
-        if !servo.has(Gain::VelocityTime) {
+    fn filtered(&self, (_, k): &Loop<'_, D>, w: D, v: D, dt: f64) -> ([D; 2], D) {
+        let Some(time) = k.velocity_time else {
             return ([v, v], D::constant(1.0));
-        }
-        let middle = filter::kept(k.velocity_time, 0.5 * dt);
-        let end = filter::after(w, v, k.velocity_time, dt);
+        };
+        let middle = filter::kept(time, 0.5 * dt);
+        let end = filter::after(w, v, time, dt);
         ([v + (w - v) * middle, end], -middle + 1.0)
     }
 
-    /// Output of the loop of joint `j` for a target over the substep from `t`, with the slopes that the
+    /// Output of the loop of joint `j` for a target over the substep from `t` (one comes every so many seconds), with the slopes that the
     /// step takes implicitly (none where the loop closes over a gear or holds its output), and how far into the
     /// substep the state lies that it answers to, s.
     #[inline(always)]
@@ -306,7 +358,7 @@ impl<D: Pick> Machine<'_, D> {
         &self,
         state: &mut State<D>,
         (j, own): (usize, Loop<'_, D>),
-        target: D,
+        target: (D, f64),
         (t, dt): (f64, f64),
     ) -> (Output<D>, f64) {
         let (servo, k) = own;
@@ -328,11 +380,12 @@ impl<D: Pick> Machine<'_, D> {
             }
             // It reads at the start of the substep.
             let first = memory.due.is_infinite();
-            let [_, r] = followed(servo, &k, &mut next.shaped, target, (t, period), 0.0);
-            let (q, v) = self.reading(state, j, (0.0, dt));
+            let [_, Point { r, rate }] =
+                followed(servo, &k, &mut next.shaped, target, (t, period), 0.0);
+            let (q, v) = self.reading(state, j, t, (0.0, dt));
             let before = if first { v } else { memory.velocity };
             let ([_, v], _) = self.filtered(&own, before, v, period);
-            let at = Seen { r, q, v, gravity };
+            let at = seen(r, rate, (q, v), gravity);
             next.velocity = v;
             next.integral = integrated(servo, &k, &at, (memory.integral, period));
             next.held = output(servo, &k, &at, next.integral).u;
@@ -343,17 +396,17 @@ impl<D: Pick> Machine<'_, D> {
             return none(next.held);
         }
         let lead = 0.5 * period(servo);
-        let [r, _] = followed(servo, &k, &mut next.shaped, target, (t, dt), lead);
+        let [Point { r, rate }, _] = followed(servo, &k, &mut next.shaped, target, (t, dt), lead);
         let ahead = ahead(servo, dt);
-        let (q, v) = self.reading(state, j, (ahead, dt));
+        let (q, v) = self.reading(state, j, t, (ahead, dt));
         let ([v, end], moves) = self.filtered(&own, memory.velocity, v, dt);
-        let at = Seen { r, q, v, gravity };
+        let at = seen(r, rate, (q, v), gravity);
         next.velocity = end;
         next.integral = integrated(servo, &k, &at, (memory.integral, dt));
         let out = output(servo, &k, &at, (memory.integral + next.integral) * 0.5);
         next.note(servo, out.u.value(), t);
         state.loops[j] = next;
-        match self.reads_link(j) {
+        match self.reads_link(j) || k.feedback_delay.is_some() {
             true => none(out.u),
             false => {
                 let damping = out.damping * moves;
@@ -367,7 +420,7 @@ impl<D: Pick> Machine<'_, D> {
     pub(super) fn hold(&mut self, state: &mut State<D>, targets: &[f64]) -> Vec<D> {
         if let Some(mut model) = self.model.take() {
             for j in 0..self.n() {
-                model.q[j] = self.reading(state, j, START).0;
+                model.q[j] = self.reading(state, j, self.begin, START).0;
             }
             self.evaluate_model(&mut model);
             for j in 0..self.n() {
@@ -380,9 +433,9 @@ impl<D: Pick> Machine<'_, D> {
             let Some((servo, k)) = self.loops[j] else {
                 return r;
             };
-            let (q, v) = self.reading(state, j, START);
+            let (q, v) = self.reading(state, j, self.begin, START);
             let gravity = self.gravity(j);
-            let at = Seen { r, q, v, gravity };
+            let at = seen(r, D::nil(), (q, v), gravity);
             let needed = self.bias[j] / self.constants.get(Constant::Gain(j));
             let integral = at_rest(servo, &k, &at, needed);
             state.loops[j] = Memory {

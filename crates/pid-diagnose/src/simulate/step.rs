@@ -36,6 +36,7 @@ impl<D: Pick> Machine<'_, D> {
             self.evaluate_links(state, t, length);
         }
         self.place_links(state, dt);
+        self.remember(state, t);
         self.feed_forward(state, (t, dt));
         self.add_forces(state, t, dt);
         let mut rotor = 0;
@@ -134,7 +135,8 @@ impl<D: Pick> Machine<'_, D> {
         let mut answer = None;
         if let Some(own) = self.loops[j] {
             u = self.through(state, commands, (j, true), u);
-            let (out, ahead) = self.answer(state, (j, own), u, (t, dt));
+            let spacing = if commands.linear { dt } else { commands.h };
+            let (out, ahead) = self.answer(state, (j, own), (u, spacing), (t, dt));
             u = out.u;
             answer = Some((out, ahead.max(0.0)));
         }

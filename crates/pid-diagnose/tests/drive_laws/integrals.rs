@@ -7,7 +7,7 @@ use pid_diagnose::fit::{Direction, Effort, Fit, Point, all_gains, basis, fit, li
 use pid_diagnose::hypothesis::Hypothesis;
 use pid_diagnose::predict::Runner;
 
-use super::rig::{CASCADE, Loop, PID, described, records};
+use super::rig::{BAR, CASCADE, Loop, PID, described, records};
 use super::{about, stated_pid};
 
 /// A PID and a cascade as they are stated, their gains off by up to 20 %, with records of each.
@@ -21,6 +21,32 @@ fn cases() -> Vec<(Loop, Case)> {
         (own, case.expect("a case"))
     };
     [(PID, stated_pid()), (CASCADE, cascade)].map(of).into()
+}
+
+/// A PID with every stage that may be uncertain, as it is stated.
+fn staged() -> (Loop, Case) {
+    let own = Loop {
+        ahead: Some(0.8),
+        speed: Some(1.2),
+        target_filter: Some(0.04),
+        velocity_filter: Some(0.01),
+        late: Some(0.0046),
+        gravity: Some((0.8, BAR[0])),
+        ..PID
+    };
+    let stages = [
+        ("velocity_feed_forward", 0.7),
+        ("target_speed", 1.1),
+        ("target_filter_s", 0.05),
+        ("velocity_filter_s", 0.011),
+        // Between two substeps: a reading at the start of one has a slope to either side.
+        ("feedback_delay_s", 0.0053),
+        ("gravity", 0.9),
+    ];
+    let stages = stages.map(|(key, value)| format!("{key} = {}\n", about(value)));
+    let drive = stated_pid() + &stages.concat();
+    let case = Case::new(described(&drive), &records(&own, None, 0.0, 19));
+    (own, case.expect("a case"))
 }
 
 /// Fitted from the stated values.
@@ -39,7 +65,7 @@ fn fitted(case: &Case) -> Fit {
 fn slopes_are_those_of_the_innovations() {
     const STEP: f64 = 1e-6;
     let nothing = Hypothesis::default();
-    for (own, case) in cases() {
+    for (own, case) in cases().into_iter().chain([staged()]) {
         let at = Point {
             theta: vec![0.0; case.nominal.size()],
             e: Vec::new(),

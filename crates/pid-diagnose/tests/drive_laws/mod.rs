@@ -2,6 +2,7 @@
 
 mod integrals;
 mod rig;
+mod stages;
 
 use pid_data::{Dataset, Role};
 use pid_diagnose::case::Case;
@@ -117,6 +118,42 @@ fn loops() -> Vec<(Loop, String)> {
             },
             pd,
             "gravity = 1.0\nrate_hz = 100.0\n[joint.drive_model]\nmass = 1.2\ncom = [0.0, 0.0, -0.2]\nmotor_gain = 1.8\n",
+        ),
+        with(
+            Loop {
+                ahead: Some(0.8),
+                ..PD
+            },
+            pd,
+            "velocity_feed_forward = 0.8\n",
+        ),
+        with(
+            Loop {
+                ahead: Some(1.0),
+                target_filter: Some(0.03),
+                hz: Some(500.0),
+                ..CASCADE
+            },
+            cascade,
+            "velocity_feed_forward = 1.0\ntarget_filter_s = 0.03\nrate_hz = 500.0\n",
+        ),
+        with(
+            Loop {
+                late: Some(0.012),
+                ..PD
+            },
+            pd,
+            "feedback_delay_s = 0.012\n",
+        ),
+        with(
+            Loop {
+                late: Some(0.0046),
+                velocity_filter: Some(0.01),
+                hz: Some(200.0),
+                ..PID
+            },
+            pid,
+            "feedback_delay_s = 0.0046\nvelocity_filter_s = 0.01\nrate_hz = 200.0\n",
         ),
         with(
             Loop {

@@ -33,7 +33,11 @@ pub(super) struct Loop {
     pub(super) cascade: Option<f64>,
     /// Share of gravity and the mass that the drive believes in.
     pub(super) gravity: Option<(f64, f64)>,
+    /// Share of the target's velocity.
+    pub(super) ahead: Option<f64>,
     pub(super) velocity_filter: Option<f64>,
+    /// How late position and velocity are read, s.
+    pub(super) late: Option<f64>,
     pub(super) dead_band: Option<f64>,
     pub(super) step: Option<f64>,
     pub(super) target_hz: Option<f64>,
@@ -46,6 +50,9 @@ pub(super) struct Loop {
 /// What the loop remembers.
 #[derive(Default)]
 struct Inside {
+    /// Velocity of the target.
+    rate: f64,
+    ahead: f64,
     taken: f64,
     slewed: f64,
     followed: f64,
@@ -74,6 +81,11 @@ impl Loop {
             .map_or(way, |most| way.clamp(-most * dt, most * dt));
         let share = |time: Option<f64>| time.map_or(1.0, |time| 1.0 - (-dt / time).exp());
         inside.followed += share(self.target_filter) * (inside.slewed - inside.followed);
+        let rate = self
+            .speed
+            .map_or(inside.rate, |most| inside.rate.clamp(-most, most));
+        inside.ahead += share(self.target_filter) * (rate - inside.ahead);
+        let ahead = self.ahead.unwrap_or(0.0) * inside.ahead;
         inside.velocity += share(self.velocity_filter) * (v - inside.velocity);
         let mut error = inside.followed - q;
         if let Some(band) = self.dead_band {
@@ -81,10 +93,13 @@ impl Loop {
         }
         let (direct, rate) = match self.cascade {
             Some(most) => {
-                let lacks = (self.kp * error).clamp(-most, most) - inside.velocity;
+                let lacks = (self.kp * error + ahead).clamp(-most, most) - inside.velocity;
                 (self.kv * lacks, self.ki * lacks)
             }
-            None => (self.kp * error - self.kd * inside.velocity, self.ki * error),
+            None => (
+                self.kp * error - self.kd * (inside.velocity - ahead),
+                self.ki * error,
+            ),
         };
         let feed = self.gravity.map_or(0.0, |(share, mass)| {
             share * mass * G * BAR[1] * q.sin() / GAIN
@@ -106,11 +121,17 @@ impl Loop {
         let inertia = mass * BAR[1] * BAR[1] + BAR[2] + BAR[3];
         let steps = (H / STEP).round() as usize;
         let mut out = Vec::with_capacity(targets.len());
+        let late = (self.late.unwrap_or(0.0) / STEP).round() as usize;
+        let mut past = vec![(q, v); late + 1];
         for (k, r) in targets.iter().enumerate() {
             out.push(q);
+            inside.rate = (r - targets[k.saturating_sub(1)]) / H;
             for s in 0..steps {
                 let t = k as f64 * H + s as f64 * STEP;
-                let torque = GAIN * self.current(&mut inside, *r, (q, v), t);
+                let now = (k * steps + s) % (late + 1);
+                past[now] = (q, v);
+                let read = past[(now + 1) % (late + 1)];
+                let torque = GAIN * self.current(&mut inside, *r, read, t);
                 let free =
                     v + STEP / inertia * (torque - mass * G * BAR[1] * q.sin() - VISCOUS * v);
                 let more = stribeck.map_or(1.0, |[ratio, speed]| {
@@ -212,7 +233,9 @@ pub(super) const PD: Loop = Loop {
     kv: 0.0,
     cascade: None,
     gravity: None,
+    ahead: None,
     velocity_filter: None,
+    late: None,
     dead_band: None,
     step: None,
     target_hz: None,

@@ -1,5 +1,6 @@
-//! A loop of the position around one of the velocity: w = kp (r − q) within ± velocity_limit,
-//! u = kv (w − v) + z, dz/dt = ki (w − v) (W. Leonhard, Control of Electrical Drives, 2001, chapter 15).
+//! A loop of the position around one of the velocity: w = kp (r − q) + f within ± velocity_limit with
+//! a share f of the target's velocity, u = kv (w − v) + z, dz/dt = ki (w − v) (W. Leonhard, Control of Electrical Drives,
+//! 2001, chapter 15).
 //! The loop of the current inside is a lag of the input: the effect `actuator_lag`.
 
 use pid_interpret::nominal::Servo;
@@ -10,7 +11,7 @@ use crate::scalar::Scalar;
 /// The velocity that the loop of the position asks for, and by how much it falls per unit of the position.
 #[inline(always)]
 fn wanted<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>) -> (D, D) {
-    let free = k.kp * (at.r - at.q);
+    let free = k.kp * (at.r - at.q) + at.ahead;
     match servo.velocity_limit {
         Some(most) if free.value().abs() > most => {
             (D::constant(most * free.value().signum()), D::nil())

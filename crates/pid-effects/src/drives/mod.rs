@@ -4,7 +4,8 @@
 //!
 //! ```text
 //! target r -> effects on the command -> shaping ([`target`]) -> error less the dead band
-//!          -> law on the read position and the read velocity, filtered -> plus feed-forward, within ± limit
+//!          -> law on the position and the velocity as read, late and filtered, less a share of the target's
+//!          -> plus feed-forward of gravity, within ± limit
 //!          -> effects between drive and motor -> motor gain -> joint
 //! ```
 //!
@@ -22,13 +23,13 @@ mod pd;
 mod pid;
 pub mod target;
 
-use pid_interpret::nominal::{Gain, Servo, ServoLaw};
+use pid_interpret::nominal::{Gain, Servo, ServoLaw, Shaping};
 
 pub use integral::{at_rest, growth, integrated};
 
 use crate::scalar::Scalar;
 
-/// Gains of a loop, in the unit of the joint's input.
+/// Gains of a loop, in the unit of the joint's input; those of a stage that it does not have are `None`.
 #[derive(Debug, Clone, Copy)]
 pub struct Gains<D> {
     /// Of the error of the position; in a cascade the velocity per error, 1/s.
@@ -40,25 +41,41 @@ pub struct Gains<D> {
     /// Of the error of the velocity, in a cascade.
     pub kv: D,
     /// Share of the gravity that the drive's model knows.
-    pub gravity: D,
+    pub gravity: Option<D>,
+    /// Share of the velocity of the target.
+    pub ahead: Option<D>,
+    /// Largest speed of what is followed.
+    pub target_speed: Option<D>,
     /// Time constant of the filter of the target, s.
-    pub target_time: D,
+    pub target_time: Option<D>,
     /// Time constant of the filter of the velocity, s.
-    pub velocity_time: D,
+    pub velocity_time: Option<D>,
+    /// By how much the encoder is read late, s.
+    pub feedback_delay: Option<D>,
 }
 
-impl<D> Gains<D> {
-    /// From each of them.
-    pub fn of(mut of: impl FnMut(Gain) -> D) -> Self {
+impl<D: Scalar> Gains<D> {
+    /// From each of them; `None` of one that the loop does not have.
+    pub fn of(mut of: impl FnMut(Gain) -> Option<D>) -> Self {
+        let mut own = |gain| of(gain).unwrap_or_else(D::nil);
         Gains {
-            kp: of(Gain::Kp),
-            kd: of(Gain::Kd),
-            ki: of(Gain::Ki),
-            kv: of(Gain::Kv),
+            kp: own(Gain::Kp),
+            kd: own(Gain::Kd),
+            ki: own(Gain::Ki),
+            kv: own(Gain::Kv),
             gravity: of(Gain::Gravity),
+            ahead: of(Gain::VelocityAhead),
+            target_speed: of(Gain::TargetSpeed),
             target_time: of(Gain::TargetTime),
             velocity_time: of(Gain::VelocityTime),
+            feedback_delay: of(Gain::FeedbackDelay),
         }
+    }
+
+    /// Whether something becomes of the target before the loop follows it.
+    fn shapes(&self, servo: &Servo) -> bool {
+        let stages = [self.target_speed, self.target_time];
+        servo.shaping != Shaping::default() || stages.iter().any(Option::is_some)
     }
 }
 
@@ -71,6 +88,8 @@ pub struct Seen<D> {
     pub q: D,
     /// Velocity, filtered.
     pub v: D,
+    /// Velocity that is fed forward: a share of the target's.
+    pub ahead: D,
     /// Input with which the drive's model makes up for gravity.
     pub gravity: D,
 }
@@ -96,8 +115,8 @@ pub fn unlimited<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>, integral:
         ServoLaw::Cascade => cascade::output(servo, k, &at, integral),
         _ => pid::output(k, &at, integral),
     };
-    if servo.has(Gain::Gravity) {
-        out.u += k.gravity * at.gravity;
+    if let Some(share) = k.gravity {
+        out.u += share * at.gravity;
     }
     if !open {
         out.stiffness = D::nil();
@@ -141,10 +160,8 @@ pub fn falls(law: ServoLaw, k: &Gains<f64>) -> Option<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use num_dual::Dual64;
-    use pid_interpret::nominal::Shaping;
-
     use super::*;
+    use num_dual::Dual64;
 
     fn servo(law: ServoLaw, limit: Option<f64>) -> Servo {
         let mut servo = Servo::new(law);
@@ -156,6 +173,7 @@ mod tests {
         r: 0.5,
         q: 0.2,
         v: -0.4,
+        ahead: 0.3,
         gravity: 0.6,
     };
     const K: Gains<f64> = Gains {
@@ -163,19 +181,23 @@ mod tests {
         kd: 2.0,
         ki: 5.0,
         kv: 1.5,
-        gravity: 0.9,
-        target_time: 0.05,
-        velocity_time: 0.01,
+        gravity: None,
+        ahead: None,
+        target_speed: None,
+        target_time: None,
+        velocity_time: None,
+        feedback_delay: None,
     };
 
     #[test]
     fn laws_by_hand() {
         let of = |law| output(&servo(law, None), &K, &AT, 0.7).u;
         assert!((of(ServoLaw::P) - 3.0).abs() < 1e-15);
-        assert!((of(ServoLaw::Pd) - 3.8).abs() < 1e-15);
-        assert!((of(ServoLaw::Pid) - 4.5).abs() < 1e-15);
-        // 1.5 (10 · 0.3 + 0.4) + 0.7.
-        assert!((of(ServoLaw::Cascade) - 5.8).abs() < 1e-15);
+        // 10 · 0.3 + 2 (0.3 + 0.4).
+        assert!((of(ServoLaw::Pd) - 4.4).abs() < 1e-15);
+        assert!((of(ServoLaw::Pid) - 5.1).abs() < 1e-15);
+        // 1.5 (10 · 0.3 + 0.3 + 0.4) + 0.7.
+        assert!((of(ServoLaw::Cascade) - 6.25).abs() < 1e-15);
         let most = output(&servo(ServoLaw::Pd, Some(1.2)), &K, &AT, 0.0);
         assert_eq!((most.u, most.stiffness, most.damping), (1.2, 0.0, 0.0));
         // A cascade that asks for 2 rad/s at most: 1.5 (2 + 0.4).
@@ -186,25 +208,29 @@ mod tests {
         // 0.1 rad of the error of 0.3 do not count; 0.9 of the gravity of 0.6 are added.
         let mut banded = servo(ServoLaw::Pd, None);
         banded.dead_band = Some(0.1);
-        banded.set(Gain::Gravity, Default::default());
-        assert!((output(&banded, &K, &AT, 0.0).u - (2.0 + 0.8 + 0.54)).abs() < 1e-15);
+        let k = Gains {
+            gravity: Some(0.9),
+            ..K
+        };
+        assert!((output(&banded, &k, &AT, 0.0).u - (2.0 + 1.4 + 0.54)).abs() < 1e-15);
         banded.dead_band = Some(0.35);
-        let out = output(&banded, &K, &AT, 0.0);
-        assert!((out.u - (0.8 + 0.54)).abs() < 1e-15 && out.stiffness == 0.0);
+        let out = output(&banded, &k, &AT, 0.0);
+        assert!((out.u - (1.4 + 0.54)).abs() < 1e-15 && out.stiffness == 0.0);
     }
 
     #[test]
     fn slopes_are_those_of_the_output() {
         for law in ServoLaw::ALL {
             let k = Gains::of(|gain| {
-                let all = [10.0, 2.0, 5.0, 1.5, 0.9, 0.05, 0.01];
-                Dual64::from(all[gain as usize])
+                let all = [10.0, 2.0, 5.0, 1.5];
+                all.get(gain as usize).map(|&x| Dual64::from(x))
             });
             let lift = Dual64::from;
             let at = |q: f64, v: f64| Seen {
                 r: lift(AT.r),
                 q: Dual64::new(AT.q, q),
                 v: Dual64::new(AT.v, v),
+                ahead: lift(AT.ahead),
                 gravity: lift(AT.gravity),
             };
             let slope = |q, v| output(&servo(law, None), &k, &at(q, v), lift(0.7)).u.eps;
@@ -225,7 +251,7 @@ mod tests {
         assert!((next - (0.1 + 5.0 * 0.3 * 0.01)).abs() < 1e-15);
         assert_eq!(integrated(&free, &K, &AT, (1.499, 0.01)), 1.5);
         let next = integrated(&servo(ServoLaw::Cascade, None), &K, &AT, (0.1, 0.01));
-        assert!((next - (0.1 + 5.0 * 3.4 * 0.01)).abs() < 1e-15);
+        assert!((next - (0.1 + 5.0 * 3.7 * 0.01)).abs() < 1e-15);
         // Limited, and the error pushes further; back it may go.
         let tight = servo(ServoLaw::Pid, Some(2.0));
         assert_eq!(integrated(&tight, &K, &AT, (0.1, 0.01)), 0.1);
@@ -243,17 +269,15 @@ mod tests {
         );
     }
 
-    /// A ramp of 1 rad/s in steps of 10 ms through a shaping; what is followed at the end of each.
-    fn ramp(shaping: Shaping, filtered: bool) -> Vec<f64> {
+    /// A ramp of 1 rad/s in steps of 10 ms through a shaping; what is followed at the end of each, and its velocity.
+    fn ramp(shaping: Shaping, k: Gains<f64>) -> Vec<(f64, f64)> {
         let mut own = servo(ServoLaw::P, None);
         own.shaping = shaping;
-        if filtered {
-            own.set(Gain::TargetTime, Default::default());
-        }
         let mut memory = target::Shaped::at_rest(0.0);
         let mut at = |i: u32| {
             let t = 0.01 * f64::from(i);
-            target::followed(&own, &K, &mut memory, t, (t, 0.01), 0.0)[1]
+            let [_, end] = target::followed(&own, &k, &mut memory, (t, 0.01), (t, 0.01), 0.0);
+            (end.r, end.rate)
         };
         (0..100).map(&mut at).collect()
     }
@@ -267,35 +291,78 @@ mod tests {
                 step: Some(0.1),
                 ..none
             },
-            false,
+            K,
         );
-        close(stepped[14], 0.1);
-        close(stepped[16], 0.2);
+        close(stepped[14].0, 0.1);
+        close(stepped[16].0, 0.2);
         // Every 40 ms.
         let held = ramp(
             Shaping {
                 rate_hz: Some(25.0),
                 ..none
             },
-            false,
+            K,
         );
         assert_eq!(
-            [held[3], held[4], held[7], held[8]],
+            [3, 4, 7, 8].map(|i: usize| held[i].0),
             [0.0, 0.04, 0.04, 0.08]
         );
         // At 0.4 rad/s.
+        let speed = Some(0.4);
         let slowed = ramp(
-            Shaping {
-                speed: Some(0.4),
-                ..none
+            none,
+            Gains {
+                target_speed: speed,
+                ..K
             },
-            false,
         );
-        close(slowed[99], 0.004 * 99.0);
+        close(slowed[99].0, 0.004 * 99.0);
         // Behind a filter of 50 ms a ramp lags by 50 ms, less the 5 ms by which a step of it leads.
-        let filtered = ramp(none, true);
+        let filter = Gains {
+            target_time: Some(0.05),
+            ..K
+        };
+        let filtered = ramp(none, filter);
         let kept = (-0.01_f64 / 0.05).exp();
-        close(filtered[1], 0.01 * (1.0 - kept));
-        assert!((filtered[99] - (0.99 - 0.01 * kept / (1.0 - kept))).abs() < 1e-9);
+        close(filtered[1].0, 0.01 * (1.0 - kept));
+        assert!((filtered[99].0 - (0.99 - 0.01 * kept / (1.0 - kept))).abs() < 1e-9);
+        assert!(filtered.iter().all(|at| at.1 == 0.0));
+    }
+
+    #[test]
+    fn the_velocity_of_a_target_is_that_of_what_is_followed() {
+        let none = Shaping::default();
+        let close = |x: f64, y: f64| assert!((x - y).abs() < 1e-12, "{x} {y}");
+        let fed = Gains {
+            ahead: Some(0.5),
+            ..K
+        };
+        let plain = ramp(none, fed);
+        // From the second target on.
+        close(plain[0].1, 0.0);
+        close(plain[1].1, 0.5);
+        close(plain[99].1, 0.5);
+        // Targets every 40 ms go by 40 mrad.
+        let held = Shaping {
+            rate_hz: Some(25.0),
+            ..none
+        };
+        let held = ramp(held, fed);
+        close(held[3].1, 0.0);
+        close(held[4].1, 0.5);
+        close(held[98].1, 0.5);
+        let slowed = Gains {
+            target_speed: Some(0.4),
+            ..fed
+        };
+        close(ramp(none, slowed)[99].1, 0.2);
+        let filtered = Gains {
+            target_time: Some(0.05),
+            ..fed
+        };
+        let kept = (-0.01_f64 / 0.05).exp();
+        let filtered = ramp(none, filtered);
+        close(filtered[1].1, 0.5 * (1.0 - kept));
+        close(filtered[2].1, 0.5 * (1.0 - kept * kept));
     }
 }

@@ -1,4 +1,4 @@
-//! Proportional with damping by the velocity: u = kp (r − q) − kd v.
+//! Proportional with damping by the velocity: u = kp (r − q) − kd (v − f), with a share f of the target's velocity.
 
 use super::{Gains, Output, Seen, p};
 use crate::scalar::Scalar;
@@ -7,7 +7,7 @@ use crate::scalar::Scalar;
 pub(super) fn output<D: Scalar>(k: &Gains<D>, at: &Seen<D>) -> Output<D> {
     let own = p::output(k, at);
     Output {
-        u: own.u - k.kd * at.v,
+        u: own.u - k.kd * (at.v - at.ahead),
         damping: k.kd,
         ..own
     }

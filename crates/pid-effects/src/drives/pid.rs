@@ -1,4 +1,4 @@
-//! With an integral of the error: u = kp (r − q) − kd v + z, dz/dt = ki (r − q).
+//! With an integral of the error: u = kp (r − q) − kd (v − f) + z, dz/dt = ki (r − q).
 
 use super::{Gains, Output, Seen, pd};
 use crate::scalar::Scalar;

@@ -1,6 +1,6 @@
-//! Shaping of a target before the loop follows it: steps, a lower rate, a largest speed, a filter.
+//! Shaping of a target before the loop follows it: steps, a lower rate, a largest speed, a filter; and its velocity.
 
-use pid_interpret::nominal::{Gain, Servo};
+use pid_interpret::nominal::Servo;
 
 use super::{Gains, filter};
 use crate::scalar::Scalar;
@@ -16,6 +16,29 @@ pub struct Shaped<D> {
     slewed: D,
     /// Behind the filter.
     filtered: D,
+    /// What its velocity is taken from.
+    moving: Moving<D>,
+}
+
+/// The velocity of a target, from one target to the next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Moving<D> {
+    /// The target before.
+    before: D,
+    /// When the next one comes, s since the start of what was recorded.
+    due: f64,
+    rate: D,
+    /// Behind the filter.
+    filtered: D,
+}
+
+/// What a loop follows at a moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point<D> {
+    /// Position.
+    pub r: D,
+    /// The share of its velocity that is fed forward; zero where none is.
+    pub rate: D,
 }
 
 impl<D: Scalar> Shaped<D> {
@@ -26,6 +49,12 @@ impl<D: Scalar> Shaped<D> {
             due: f64::NEG_INFINITY,
             slewed: r,
             filtered: r,
+            moving: Moving {
+                before: r,
+                due: f64::NEG_INFINITY,
+                rate: D::nil(),
+                filtered: D::nil(),
+            },
         }
     }
 
@@ -36,6 +65,12 @@ impl<D: Scalar> Shaped<D> {
             due: self.due,
             slewed: of(self.slewed),
             filtered: of(self.filtered),
+            moving: Moving {
+                before: of(self.moving.before),
+                due: self.moving.due,
+                rate: of(self.moving.rate),
+                filtered: of(self.moving.filtered),
+            },
         }
     }
 }
@@ -48,48 +83,102 @@ fn stepped<D: Scalar>(servo: &Servo, r: D) -> D {
     }
 }
 
-/// Moves the memory on by `dt` from `t` (s, since the start of what was recorded) under the target `r`.
-/// Returns what the loop follows: `lead` beyond the middle of that time, at most at its end, and at its end. A loop
-/// that reads has its target moved on by a whole period before it holds its output: by half of one on average.
+/// Start of the period after that in which `t` lies, within `slack`.
+fn next_period(t: f64, period: f64, slack: f64) -> f64 {
+    (((t + slack) / period).floor() + 1.0) * period
+}
+
+/// Moves the memory on by `dt` from `t` (s, since the start of what was recorded) under the target `r`, which comes
+/// every `spacing`, s. Returns what the loop follows: `lead` beyond the middle of that time, at most at its end, and
+/// at its end. A loop that reads has its target moved on by a whole period before it holds its output: by half of one
+/// on average.
 #[inline(always)]
 pub fn followed<D: Scalar>(
     servo: &Servo,
     k: &Gains<D>,
     memory: &mut Shaped<D>,
-    r: D,
+    (r, spacing): (D, f64),
     (t, dt): (f64, f64),
     lead: f64,
-) -> [D; 2] {
+) -> [Point<D>; 2] {
     let middle = (0.5 * dt + lead).min(dt);
-    if !servo.shapes() {
-        return [r, r];
-    }
+    let times = [middle, dt];
+    let rates = velocity(servo, k, &mut memory.moving, (r, spacing), (t, times));
+    let positions = match k.shapes(servo) {
+        true => position(servo, k, memory, r, (t, times)),
+        false => [r, r],
+    };
+    [0, 1].map(|i| Point {
+        r: positions[i],
+        rate: rates[i],
+    })
+}
+
+/// Position of what is followed after the two times from `t`; the memory goes to the second.
+#[inline(always)]
+fn position<D: Scalar>(
+    servo: &Servo,
+    k: &Gains<D>,
+    memory: &mut Shaped<D>,
+    r: D,
+    (t, times): (f64, [f64; 2]),
+) -> [D; 2] {
     match servo.shaping.rate_hz {
         None => memory.taken = stepped(servo, r),
         Some(rate) => {
             // Targets are taken at whole periods since the record began, however the run began.
-            let slack = 1e-3 * dt;
+            let slack = 1e-3 * times[1];
             if t >= memory.due - slack {
                 memory.taken = stepped(servo, r);
-                memory.due = (((t + slack) * rate).floor() + 1.0) / rate;
+                memory.due = next_period(t, 1.0 / rate, slack);
             }
         }
     }
-    let mut both = match servo.shaping.speed {
+    let mut both = match k.target_speed {
         None => [memory.taken; 2],
-        Some(speed) => [middle, dt].map(|time| {
-            let most = D::constant(speed * time);
+        Some(speed) => times.map(|time| {
+            let most = speed * time;
             memory.slewed + (memory.taken - memory.slewed).limit(-most, most)
         }),
     };
     memory.slewed = both[1];
-    if servo.has(Gain::TargetTime) {
-        let [first, end] = both;
-        both = [
-            filter::after(memory.filtered, first, k.target_time, middle),
-            filter::after(memory.filtered, end, k.target_time, dt),
-        ];
+    if let Some(time) = k.target_time {
+        both = [0, 1].map(|i| filter::after(memory.filtered, both[i], time, times[i]));
         memory.filtered = both[1];
     }
     both
+}
+
+/// The share of its velocity that is fed forward, at the same times: a target less the one before it over the time
+/// between, within the largest speed and behind the filter.
+#[inline(always)]
+fn velocity<D: Scalar>(
+    servo: &Servo,
+    k: &Gains<D>,
+    memory: &mut Moving<D>,
+    (r, spacing): (D, f64),
+    (t, times): (f64, [f64; 2]),
+) -> [D; 2] {
+    let Some(share) = k.ahead else {
+        return [D::nil(); 2];
+    };
+    let period = servo.shaping.rate_hz.map_or(spacing, |rate| 1.0 / rate);
+    let slack = 1e-3 * times[1];
+    if t >= memory.due - slack {
+        if memory.due.is_finite() {
+            memory.rate = (r - memory.before) / period;
+        }
+        memory.before = r;
+        memory.due = next_period(t, period, slack);
+    }
+    let rate = match k.target_speed {
+        Some(speed) => memory.rate.limit(-speed, speed),
+        None => memory.rate,
+    };
+    let mut both = [rate; 2];
+    if let Some(time) = k.target_time {
+        both = times.map(|after| filter::after(memory.filtered, rate, time, after));
+        memory.filtered = both[1];
+    }
+    both.map(|rate| share * rate)
 }

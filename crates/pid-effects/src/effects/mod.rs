@@ -4,14 +4,18 @@ mod actuator_lag;
 mod backlash;
 mod base_tilt;
 mod cogging;
+mod command_filter;
+mod command_speed_limit;
 mod coulomb_asymmetry;
 mod current_offset;
 mod drive_dead_zone;
 mod encoder_eccentricity;
 mod encoder_offset;
 mod external_force;
+mod feedback_delay;
 mod friction_drift;
 mod gain_error_nonlinear;
+mod gravity_feed_forward;
 mod input_delay;
 mod joint_coupling;
 mod joint_elasticity;
@@ -26,20 +30,25 @@ mod spring;
 mod stribeck;
 mod torque_saturation;
 mod unmodelled_rotor_inertia;
+mod velocity_feed_forward;
 mod velocity_filter_lag;
 
 pub use actuator_lag::ActuatorLag;
 pub use backlash::Backlash;
 pub use base_tilt::BaseTilt;
 pub use cogging::Cogging;
+pub use command_filter::CommandFilter;
+pub use command_speed_limit::CommandSpeedLimit;
 pub use coulomb_asymmetry::CoulombAsymmetry;
 pub use current_offset::CurrentOffset;
 pub use drive_dead_zone::DriveDeadZone;
 pub use encoder_eccentricity::EncoderEccentricity;
 pub use encoder_offset::EncoderOffset;
 pub use external_force::ExternalForce;
+pub use feedback_delay::FeedbackDelay;
 pub use friction_drift::FrictionDrift;
 pub use gain_error_nonlinear::GainErrorNonlinear;
+pub use gravity_feed_forward::GravityFeedForward;
 pub use input_delay::InputDelay;
 pub use joint_coupling::JointCoupling;
 pub use joint_elasticity::JointElasticity;
@@ -54,6 +63,7 @@ pub use spring::Spring;
 pub use stribeck::Stribeck;
 pub use torque_saturation::TorqueSaturation;
 pub use unmodelled_rotor_inertia::UnmodelledRotorInertia;
+pub use velocity_feed_forward::VelocityFeedForward;
 pub use velocity_filter_lag::VelocityFilterLag;
 
 use std::sync::Arc;
@@ -78,6 +88,11 @@ pub fn all() -> Vec<Arc<dyn Effect>> {
         Arc::new(MotorCoupling),
         Arc::new(ActuatorLag),
         Arc::new(InputDelay),
+        Arc::new(CommandFilter),
+        Arc::new(CommandSpeedLimit),
+        Arc::new(GravityFeedForward),
+        Arc::new(VelocityFeedForward),
+        Arc::new(FeedbackDelay),
         Arc::new(TorqueSaturation),
         Arc::new(GainErrorNonlinear),
         Arc::new(CurrentOffset),

@@ -70,7 +70,7 @@ pub enum Obstacle {
     Structure,
     /// It changes friction or input of a joint where another effect's state takes their place.
     Together,
-    /// It stands between a target and the position loop that follows it.
+    /// It belongs to the position loop of a drive, or stands before it.
     Loop,
 }
 
@@ -102,7 +102,7 @@ impl fmt::Display for Obstacle {
                 "a state of another effect takes the place of the friction or input that it changes\n  help: leave one of the two out; `simtrue simulate` and `simtrue diagnose` take both"
             }
             Obstacle::Loop => {
-                "it stands between the target and the position loop of its drive\n  help: leave it out; `simtrue simulate` and `simtrue diagnose` take it"
+                "it belongs to the position loop of its drive, or stands before it\n  help: leave it out; `simtrue simulate` and `simtrue diagnose` take it"
             }
             Obstacle::Structure => {
                 "it changes masses or gravity, which only a nominal description states\n  help: state it in the description (--nominal) or declare it"

@@ -120,6 +120,9 @@ pub(super) fn hooks(effect: &dyn Effect) -> Result<Hooks, Obstacle> {
     if effect.needs_inputs() {
         return Err(Obstacle::Inputs);
     }
+    if effect.stage().is_some() {
+        return Err(Obstacle::Loop);
+    }
     if law.base_acceleration(&e, 0.4).is_some() {
         return Err(Obstacle::Time);
     }

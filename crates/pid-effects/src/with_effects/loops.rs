@@ -67,11 +67,12 @@ impl Loop {
     /// Gains, and what the law sees.
     fn seen(x: &[Smooth; MOST]) -> (Gains<Smooth>, Seen<Smooth>) {
         let none = Smooth::constant(0.0);
-        let k = Gains::of(|gain| argument(gain).map_or(none, |a| x[a]));
+        let k = Gains::of(|gain| argument(gain).map(|a| x[a]));
         let at = Seen {
             r: x[R],
             q: x[Q],
             v: x[V],
+            ahead: none,
             gravity: none,
         };
         (k, at)

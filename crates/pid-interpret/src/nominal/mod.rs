@@ -273,14 +273,25 @@ impl Nominal {
     /// What the feed-forward of the drives knows of all joints, where a drive has one.
     fn known_to_drives(&self) -> Vec<Option<DriveModel>> {
         let fed = |servo: &Servo| servo.has(Gain::Gravity);
-        if !self.servos.iter().flatten().any(fed) {
-            return self.drive_models.clone();
+        match self.servos.iter().flatten().any(fed) {
+            true => self.stated_to_drives(),
+            false => self.drive_models.clone(),
         }
+    }
+
+    /// What is stated of all joints, as the model of their drives.
+    fn stated_to_drives(&self) -> Vec<Option<DriveModel>> {
         let of = |joint: usize| {
             let own = self.drive_model(joint).copied();
             own.unwrap_or_else(|| self.stated_to_drive(joint))
         };
         (0..self.servos.len()).map(of).map(Some).collect()
+    }
+
+    /// The same robot whose drives go on with what is stated now, whatever is found of it later.
+    pub fn with_drive_models(mut self) -> Self {
+        self.drive_models = self.stated_to_drives();
+        self
     }
 
     /// What is stated of a joint, as the model of a drive.

@@ -241,7 +241,6 @@ fn write_servo(out: &mut String, servo: &Servo) {
         ("dead_band", servo.dead_band),
         ("target_step", servo.shaping.step),
         ("target_rate_hz", servo.shaping.rate_hz),
-        ("target_speed", servo.shaping.speed),
         ("rate_hz", servo.rate_hz),
     ];
     for (key, value) in numbers {

@@ -13,6 +13,8 @@ pub(super) enum Who {
     Wrapper,
     /// `robot.xml` approximately or in steps of the engine, the wrapper exactly.
     Both,
+    /// Neither.
+    Nobody,
 }
 
 /// What MJCF says of an effect, and what the wrapper does; `None` for an effect without a row.
@@ -40,6 +42,7 @@ fn row(id: &str) -> Option<Row> {
         .or_else(|| transmission(id))
         .or_else(|| input(id))
         .or_else(|| load(id))
+        .or_else(|| stage(id))
         .or_else(|| reading(id))
         .or_else(|| composed(id))
 }
@@ -166,6 +169,22 @@ fn load(id: &str) -> Option<Row> {
             Wrapper,
             NOTHING,
             "applies the force at the tool point within its time windows",
+        ),
+        _ => return None,
+    })
+}
+
+/// Stages of a position loop.
+fn stage(id: &str) -> Option<Row> {
+    Some(match id {
+        "command_filter"
+        | "command_speed_limit"
+        | "gravity_feed_forward"
+        | "velocity_feed_forward"
+        | "feedback_delay" => (
+            Who::Nobody,
+            "nothing: the file has motors without position loops",
+            "nothing: it is a stage of the loop that makes the input",
         ),
         _ => return None,
     })

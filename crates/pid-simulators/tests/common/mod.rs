@@ -195,6 +195,14 @@ pub(crate) fn state(random: &mut Random, n: usize) -> [Vec<f64>; 2] {
 
 /// A chain of two turning links and a slide, with effects.
 pub(crate) fn described(effects: &str) -> Nominal {
+    behind_loop("", effects)
+}
+
+/// A loop that an effect may be a stage of.
+pub(crate) const LOOP: &str = "[joint.drive]\nlaw = \"pd\"\nkp = 20.0\nkd = 2.0\n";
+
+/// The same with the table of a loop at the second joint.
+pub(crate) fn behind_loop(drive: &str, effects: &str) -> Nominal {
     let mut text = String::from(
         "[robot]\nname = \"arm\"\ngravity = [0.0, 0.0, -9.81]\ntool = [0.1, 0.02, -0.3]\n\
          [tolerance]\nmass_rel = 0.05\ncom_abs_m = 0.003\ninertia_rel = 0.05\nrotor_inertia_rel = 0.05\n\
@@ -212,6 +220,9 @@ pub(crate) fn described(effects: &str) -> Nominal {
              coulomb = 0.8\nviscous = 0.5\nmotor_gain = 3.0\ninput = \"{input}\"\nvelocity = \"measured\"\ntorque_peak = 20.0\n"
         )
         .expect("a text");
+        if name == "j2" {
+            text.push_str(drive);
+        }
     }
     text.push_str(effects);
     Nominal::parse("arm.toml", &text).unwrap_or_else(|e| panic!("{e}\n{text}"))

@@ -7,6 +7,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::causes::{Cause, Kind};
 use crate::position_loop::{Law, Loop};
 use crate::robot::Robot;
 
@@ -78,7 +79,9 @@ pub(super) fn loops(
             limit: 2.0 * joint.torque / joint.gain,
             speed_limit: cascade.then(|| joint.room.speed * x(0.6, 1.5)),
             gravity: share,
+            target_share: None,
             speed_filter,
+            read_late: None,
             dead_band: banded.then(|| size * x(0.002, 0.01)),
             target_step: stepped.then(|| size * x(0.002, 0.02)),
             target_rate: held.then_some(50.0),
@@ -133,6 +136,115 @@ pub(super) fn under_a_policy(robot: &Robot, inertia: &[f64], random: &mut ChaCha
     };
     let drawn = loops(robot, inertia, Some(Law::Pd), random);
     drawn.into_iter().map(bare).collect()
+}
+
+/// Resonances of elastic joints over the frequency of their loops: within reach of the motion, not so low that the
+/// loop no longer holds the link.
+const RESONANCE: std::ops::Range<f64> = 2.0..5.0;
+/// Delays of a loop's readings over the time in which it swings by a radian: it rings, and does not swing up.
+const LATE: std::ops::Range<f64> = 0.1..0.35;
+/// Damping of a gear over that of its rotor and link against each other.
+const GEAR: f64 = 0.06;
+
+/// Frequency of a loop, rad/s.
+fn swings(robot: &Robot, inertia: &[f64], loops: &[Loop], joint: usize) -> f64 {
+    let own = &loops[joint];
+    let per_error = match own.law {
+        Law::Cascade => own.kp * own.kd,
+        _ => own.kp,
+    };
+    (per_error * robot.joints[joint].gain / inertia[joint]).sqrt()
+}
+
+/// An elastic joint that resonates within reach of its loop, or a loop that reads so late that it rings as much.
+pub(super) fn resonance(
+    robot: &Robot,
+    inertia: &[f64],
+    loops: &mut [Loop],
+    random: &mut ChaCha8Rng,
+) -> Cause {
+    let joint = random.random_range(0..loops.len());
+    let own = &robot.joints[joint];
+    let w = swings(robot, inertia, loops, joint);
+    let elastic = random.random_bool(0.5);
+    let (faster, late) = (random.random_range(RESONANCE), random.random_range(LATE));
+    let kind = match elastic {
+        true => {
+            let link = (inertia[joint] - own.rotor).max(0.1 * inertia[joint]);
+            let stiffness = link * (faster * w).powi(2);
+            let reduced = own.rotor * link / inertia[joint];
+            Kind::JointElasticity {
+                stiffness,
+                damping: GEAR * (stiffness * reduced).sqrt(),
+            }
+        }
+        false => {
+            loops[joint].read_late = Some(late / w);
+            Kind::FeedbackDelay { delay: late / w }
+        }
+    };
+    Cause { kind, joint }
+}
+
+/// Time constants of filters that are not stated, s.
+const FILTERS: std::ops::Range<f64> = 0.02..0.08;
+/// Largest speeds that are not stated, shares of the fastest motion.
+const SPEEDS: std::ops::Range<f64> = 0.3..0.7;
+/// Shares of feed-forward that is not stated.
+const SHARES: std::ops::Range<f64> = 0.5..1.0;
+/// Least torque of gravity, a share of the largest usual one, that a feed-forward shows against.
+const PULL: f64 = 0.1;
+
+/// Gives a loop a stage that the others do not have either. `pull` is the largest torque of gravity at each joint.
+/// Returns it, and the loops as they are stated.
+pub(super) fn hide(
+    robot: &Robot,
+    (inertia, pull): (&[f64], &[f64]),
+    loops: &mut [Loop],
+    random: &mut ChaCha8Rng,
+) -> (Cause, Vec<Loop>) {
+    let joint = random.random_range(0..loops.len());
+    let own = &robot.joints[joint];
+    let falls = pull[joint] > PULL * own.torque;
+    let which = loop {
+        let which = random.random_range(0..5);
+        let fits = match which {
+            2 => falls,
+            3 => loops[joint].law != Law::P,
+            _ => true,
+        };
+        if fits {
+            break which;
+        }
+    };
+    let (time, speed) = (random.random_range(FILTERS), random.random_range(SPEEDS));
+    let (speed, share) = (speed * own.room.speed, random.random_range(SHARES));
+    let delay = random.random_range(LATE) / swings(robot, inertia, loops, joint);
+    let bare = |own: &mut Loop| match which {
+        0 => own.target_filter = None,
+        1 => own.target_speed = None,
+        2 => own.gravity = None,
+        4 => own.read_late = None,
+        _ => own.target_share = None,
+    };
+    loops.iter_mut().for_each(bare);
+    let stated = loops.to_vec();
+    let kind = match which {
+        0 => Kind::CommandFilter { time },
+        1 => Kind::CommandSpeedLimit { speed },
+        2 => Kind::GravityFeedForward { share },
+        4 => Kind::FeedbackDelay { delay },
+        _ => Kind::VelocityFeedForward { share },
+    };
+    let hidden = &mut loops[joint];
+    match kind {
+        Kind::CommandFilter { time } => hidden.target_filter = Some(time),
+        Kind::CommandSpeedLimit { speed } => hidden.target_speed = Some(speed),
+        Kind::GravityFeedForward { share } => hidden.gravity = Some(share),
+        Kind::FeedbackDelay { delay } => hidden.read_late = Some(delay),
+        _ => hidden.target_share = Some(share),
+    }
+    (Cause { kind, joint }, stated)
 }
 
 /// A number as it is stated.

@@ -28,9 +28,23 @@ pub struct ServoPlan {
     pub plan: Plan,
     /// The law of all loops; `None`: drawn.
     pub law: Option<Law>,
+    /// What is drawn.
+    pub servos: Servos,
+}
+
+/// What a study of cases behind servos draws.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Servos {
+    /// Robots and causes of the plan, with any loops.
+    #[default]
+    All,
     /// Legs of three joints under a policy instead of other robots: damped loops at 1 kHz with unknown gains take
     /// targets at 50 Hz.
-    pub legs: bool,
+    Legs,
+    /// One elastic joint or one loop that reads late each, of a size that has the loop ring, in place of the plan's causes.
+    Resonant,
+    /// One stage of a loop that its description does not state each, in place of the plan's causes.
+    Unstated,
 }
 
 /// What was hidden in a case.
@@ -51,7 +65,12 @@ impl Study for ServoPlan {
     type Truth = ServoTruth;
 
     fn id(&self, i: usize) -> String {
-        let kind = if self.legs { "leg" } else { "servo" };
+        let kind = match self.servos {
+            Servos::All => "servo",
+            Servos::Legs => "leg",
+            Servos::Resonant => "resonant",
+            Servos::Unstated => "unstated",
+        };
         format!("{kind}_{}", self.plan.id(i))
     }
 
@@ -60,12 +79,13 @@ impl Study for ServoPlan {
     }
 
     fn make(&self, i: usize) -> Result<(Files, ServoTruth), NominalError> {
-        let (drawn, _) = match self.legs {
+        let legs = self.servos == Servos::Legs;
+        let (drawn, _) = match legs {
             true => self.plan.drawn_of(i, |_| Family::Leg)?,
             false => self.plan.drawn(i)?,
         };
         let Drawn {
-            truth,
+            mut truth,
             mut robot,
             mut nominal,
             theta,
@@ -79,7 +99,7 @@ impl Study for ServoPlan {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         robot.rate = draw::rate(&mut random);
         let inertia = robot.inertia(&nominal);
-        let (loops, stated) = if self.legs {
+        let (mut loops, stated) = if legs {
             let loops = draw::under_a_policy(&robot, &inertia, &mut random);
             (loops, Stated::Unknown)
         } else {
@@ -90,7 +110,22 @@ impl Study for ServoPlan {
             let stated = [Stated::Exactly, Stated::Roughly, Stated::Unknown];
             (loops, stated[random.random_range(0..stated.len())])
         };
-        let tables = draw::tables(&loops, stated, &mut random);
+        let mut shown = None;
+        match self.servos {
+            Servos::All | Servos::Legs => {}
+            Servos::Resonant => {
+                shown = Some(loops.clone());
+                truth.causes = vec![draw::resonance(&robot, &inertia, &mut loops, &mut random)];
+            }
+            Servos::Unstated => {
+                let pull = robot.pull(&nominal);
+                let (cause, stated) =
+                    draw::hide(&robot, (&inertia, &pull), &mut loops, &mut random);
+                (truth.causes, shown) = (vec![cause], Some(stated));
+            }
+        }
+        let shown = shown.as_deref().unwrap_or(&loops);
+        let tables = draw::tables(shown, stated, &mut random);
         let velocity = &truth.velocity;
         let records = tidy();
         let samples = (LENGTH * robot.rate) as usize + 1;

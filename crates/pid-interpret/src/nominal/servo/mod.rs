@@ -10,9 +10,9 @@
 //! cascade  w = kp e within ± velocity_limit,   u = kv (w − v̂) + ki ∫ (w − v̂) dt
 //! ```
 //!
-//! plus a share of the gravity that the drive's model knows, in the unit of the joint's `input`, within
-//! ± `limit` (K. J. Åström, T. Hägglund, PID Controllers, 1995, chapter 3; W. Leonhard, Control of
-//! Electrical Drives, 2001, chapter 15).
+//! with q and v̂ of a while ago, v̂ less a share of the target's velocity, which a cascade adds to w instead, and plus
+//! a share of the gravity that the drive's model knows, in the unit of the joint's `input`, within ± `limit` (K. J.
+//! Åström, T. Hägglund, PID Controllers, 1995, chapter 3; W. Leonhard, Control of Electrical Drives, 2001, chapter 15).
 
 mod number;
 mod read;
@@ -67,16 +67,14 @@ impl ServoLaw {
     }
 }
 
-/// What a drive makes of a target before its loop follows it, in this order; then comes the filter of
-/// [`Gain::TargetTime`].
+/// What a drive makes of a target before its loop follows it, in this order; then come the largest speed of
+/// [`Gain::TargetSpeed`] and the filter of [`Gain::TargetTime`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Shaping {
     /// Step of the target, rad or m: the nearest multiple is followed.
     pub step: Option<f64>,
     /// Rate at which targets are taken, Hz, from the start of a record on; held between.
     pub rate_hz: Option<f64>,
-    /// Largest speed at which what is followed goes to the target, rad/s or m/s.
-    pub speed: Option<f64>,
 }
 
 /// What the feed-forward of a drive knows of a joint and the body that it carries.
@@ -163,11 +161,6 @@ impl Servo {
         Gain::ALL.into_iter().filter(|gain| self.has(*gain))
     }
 
-    /// Whether something becomes of the target before the loop follows it.
-    pub fn shapes(&self) -> bool {
-        self.shaping != Shaping::default() || self.has(Gain::TargetTime)
-    }
-
     /// Unit of a gain of the loop of a joint with an input in a unit, and positions in `rad` or `m`.
     pub fn unit(&self, gain: Gain, input: &str, position: &str) -> String {
         match gain {
@@ -176,8 +169,9 @@ impl Servo {
             Gain::Kd | Gain::Kv => format!("{input}*s/{position}"),
             Gain::Ki if self.law == ServoLaw::Cascade => format!("{input}/{position}"),
             Gain::Ki => format!("{input}/({position}*s)"),
-            Gain::Gravity => "1".to_owned(),
-            Gain::TargetTime | Gain::VelocityTime => "s".to_owned(),
+            Gain::Gravity | Gain::VelocityAhead => "1".to_owned(),
+            Gain::TargetSpeed => format!("{position}/s"),
+            Gain::TargetTime | Gain::VelocityTime | Gain::FeedbackDelay => "s".to_owned(),
         }
     }
 
@@ -189,10 +183,8 @@ impl Servo {
             ("dead_band", self.dead_band.is_some()),
             ("target_step", self.shaping.step.is_some()),
             ("target_rate_hz", self.shaping.rate_hz.is_some()),
-            ("target_speed", self.shaping.speed.is_some()),
         ];
-        let numbers = [Gain::Gravity, Gain::TargetTime, Gain::VelocityTime];
-        let numbers = numbers.map(|gain| (gain.key(), self.has(gain)));
+        let numbers = Gain::BESIDE.map(|gain| (gain.key(), self.has(gain)));
         let mut all = keys.into_iter().chain(numbers);
         all.find_map(|(key, there)| there.then_some(key))
     }

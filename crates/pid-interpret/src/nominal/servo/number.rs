@@ -24,25 +24,41 @@ pub enum Gain {
     Kv,
     /// Share of the gravity of its model that the drive makes up for.
     Gravity,
+    /// Share of the target's velocity that the loop adds to the velocity it wants.
+    VelocityAhead,
+    /// Largest speed at which what is followed goes to the target, rad/s or m/s.
+    TargetSpeed,
     /// Time constant of a filter of the target, s.
     TargetTime,
     /// Time constant of a filter of the velocity that the loop uses, s.
     VelocityTime,
+    /// By how much the loop reads its encoder late, s.
+    FeedbackDelay,
 }
 
 impl Gain {
     /// All of them.
-    pub const ALL: [Gain; 7] = [
+    pub const ALL: [Gain; 10] = [
         Gain::Kp,
         Gain::Kd,
         Gain::Ki,
         Gain::Kv,
         Gain::Gravity,
+        Gain::VelocityAhead,
+        Gain::TargetSpeed,
         Gain::TargetTime,
         Gain::VelocityTime,
+        Gain::FeedbackDelay,
     ];
-    /// Those that a loop of any law may have.
-    pub const BESIDE: [Gain; 3] = [Gain::Gravity, Gain::TargetTime, Gain::VelocityTime];
+    /// Those of stages that may stand beside a law.
+    pub const BESIDE: [Gain; 6] = [
+        Gain::Gravity,
+        Gain::VelocityAhead,
+        Gain::TargetSpeed,
+        Gain::TargetTime,
+        Gain::VelocityTime,
+        Gain::FeedbackDelay,
+    ];
 
     /// Its key in a description.
     pub fn key(self) -> &'static str {
@@ -52,14 +68,20 @@ impl Gain {
             Gain::Ki => "ki",
             Gain::Kv => "kv",
             Gain::Gravity => "gravity",
+            Gain::VelocityAhead => "velocity_feed_forward",
+            Gain::TargetSpeed => "target_speed",
             Gain::TargetTime => "target_filter_s",
             Gain::VelocityTime => "velocity_filter_s",
+            Gain::FeedbackDelay => "feedback_delay_s",
         }
     }
 
-    /// Whether it is a time constant.
+    /// Whether it is a time.
     pub fn is_time(self) -> bool {
-        matches!(self, Gain::TargetTime | Gain::VelocityTime)
+        matches!(
+            self,
+            Gain::TargetTime | Gain::VelocityTime | Gain::FeedbackDelay
+        )
     }
 
     /// Whether the gain of a law has the sign of the motor gain.
@@ -67,13 +89,21 @@ impl Gain {
         match self {
             Gain::Kp => law != ServoLaw::Cascade,
             Gain::Kd | Gain::Ki | Gain::Kv => true,
-            Gain::Gravity | Gain::TargetTime | Gain::VelocityTime => false,
+            _ => false,
         }
+    }
+
+    /// Whether it needs a law that uses the velocity.
+    pub fn needs_velocity(self) -> bool {
+        matches!(self, Gain::VelocityAhead | Gain::VelocityTime)
     }
 
     /// Whether a loop works with the number at zero.
     fn may_vanish(self) -> bool {
-        matches!(self, Gain::Kd | Gain::Ki | Gain::Gravity)
+        matches!(
+            self,
+            Gain::Kd | Gain::Ki | Gain::Gravity | Gain::VelocityAhead
+        )
     }
 }
 
@@ -205,8 +235,13 @@ fn signed(law: ServoLaw, gain: Gain, sign: f64) -> String {
             "give the share of gravity that the drive makes up for, as in 1.0, or leave the key out"
                 .to_owned()
         }
+        (Gain::VelocityAhead, _) => {
+            "give the share of the target's velocity that the loop adds, as in 1.0, or leave the key out"
+                .to_owned()
+        }
+        (Gain::TargetSpeed, _) => "give a speed above zero, or leave the key out".to_owned(),
         (gain, _) if gain.is_time() => {
-            "give a time constant above zero, in seconds, or leave the key out".to_owned()
+            "give a time above zero, in seconds, or leave the key out".to_owned()
         }
         _ => "the velocity that a cascade asks for per error is positive, in 1/s".to_owned(),
     }

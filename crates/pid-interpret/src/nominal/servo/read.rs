@@ -22,10 +22,12 @@ pub(in crate::nominal) struct RawDrive {
     integral_limit: Option<Spanned<f64>>,
     velocity_limit: Option<Spanned<f64>>,
     velocity_filter_s: Option<Spanned<RawGain>>,
+    feedback_delay_s: Option<Spanned<RawGain>>,
     dead_band: Option<Spanned<f64>>,
     target_step: Option<Spanned<f64>>,
     target_rate_hz: Option<Spanned<f64>>,
-    target_speed: Option<Spanned<f64>>,
+    target_speed: Option<Spanned<RawGain>>,
+    velocity_feed_forward: Option<Spanned<RawGain>>,
     target_filter_s: Option<Spanned<RawGain>>,
     rate_hz: Option<Spanned<f64>>,
 }
@@ -38,8 +40,11 @@ impl RawDrive {
             Gain::Ki => self.ki.as_ref(),
             Gain::Kv => self.kv.as_ref(),
             Gain::Gravity => self.gravity.as_ref(),
+            Gain::VelocityAhead => self.velocity_feed_forward.as_ref(),
+            Gain::TargetSpeed => self.target_speed.as_ref(),
             Gain::TargetTime => self.target_filter_s.as_ref(),
             Gain::VelocityTime => self.velocity_filter_s.as_ref(),
+            Gain::FeedbackDelay => self.feedback_delay_s.as_ref(),
         }
     }
 }
@@ -82,9 +87,11 @@ pub(in crate::nominal) fn servo(
         let mend = "only the law \"cascade\" has a loop of the velocity: leave it out";
         return Err(source.error(limit, item, "velocity_limit", "stated", mend));
     }
-    if let (Some(filter), true) = (&raw.velocity_filter_s, law == ServoLaw::P) {
-        let mend = "the law \"p\" does not use the velocity: leave it out";
-        return Err(source.error(filter, item, "velocity_filter_s", "stated", mend));
+    for gain in Gain::ALL.into_iter().filter(|gain| gain.needs_velocity()) {
+        if let (Some(stated), true) = (raw.gain(gain), law == ServoLaw::P) {
+            let mend = "the law \"p\" does not use the velocity: leave it out";
+            return Err(source.error(stated, item, gain.key(), "stated", mend));
+        }
     }
     servo.limit = positive(&raw.limit, "limit")?;
     servo.integral_limit = positive(&raw.integral_limit, "integral_limit")?;
@@ -93,7 +100,6 @@ pub(in crate::nominal) fn servo(
     servo.shaping = Shaping {
         step: positive(&raw.target_step, "target_step")?,
         rate_hz: positive(&raw.target_rate_hz, "target_rate_hz")?,
-        speed: positive(&raw.target_speed, "target_speed")?,
     };
     servo.rate_hz = positive(&raw.rate_hz, "rate_hz")?;
     servo.place = Some(source.place(&raw.law));
