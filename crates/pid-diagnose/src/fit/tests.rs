@@ -55,3 +55,28 @@ fn borrowed_derivatives_make_the_model_that_they_are_part_of() {
     assert!((&whole.g - &beside.g).amax() < 1e-9 * whole.g.amax());
     assert!(whole.h[(0, 0)] > 0.0 && whole.g.amax() > 0.0);
 }
+
+#[test]
+fn a_fit_rests_at_its_optimum_and_not_on_the_way() {
+    let spring = named(&["spring"]);
+    let case = pendulum(&spring, &[0.9, 0.2], 6.0, &|_| {});
+    let basis = basis(&case);
+    let start = Point {
+        theta: vec![0.0; SIZE],
+        e: vec![0.1, 0.0],
+    };
+    let on_the_way = fit(&case, &basis, &spring, start.clone(), Effort::full(1));
+    assert!(!on_the_way.rests(&case));
+    let end = fit(&case, &basis, &spring, start, Effort::full(14));
+    assert!(end.rests(&case), "{} steps", end.steps);
+    // Without its curvature nobody knows.
+    let bare = Quadratic {
+        h: DMatrix::zeros(0, 0),
+        g: DVector::zeros(0),
+    };
+    let unknown = Fit {
+        quadratic: bare,
+        ..end
+    };
+    assert!(!unknown.rests(&case));
+}

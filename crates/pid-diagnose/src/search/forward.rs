@@ -8,6 +8,7 @@ use pid_data::Role;
 use super::backward::{superfluous, without_each};
 use super::candidates::{directions, has_state, listed, overdamped};
 use super::exchange::exchange;
+use super::lagging::Lagging;
 use super::magnitude::{name, size_in_deviations, sizes};
 use super::measure::{Reached, measured, misfit, noise_alone, noise_scale};
 use super::nameless::{Imitated, concerned, free_laws, imitated};
@@ -17,9 +18,8 @@ use super::settings::Settings;
 use super::shorter::as_short;
 use super::whiteness::residue;
 use crate::case::Case;
-use crate::channel;
 use crate::criteria::{Budget, Criteria};
-use crate::diagnosis::{Magnitude, Named, Residue};
+use crate::diagnosis::{Named, Residue};
 use crate::effect::Term;
 use crate::fit::{Basis, Effort, Fit, Point, basis, basis_as_run, fit, value};
 use crate::gap::{Floor, Gap};
@@ -64,8 +64,11 @@ pub(super) fn select(case: &Case, settings: &Settings) -> Selection {
             break;
         }
     }
+    forward.rest();
     forward.check();
+    forward.rest();
     forward.finish();
+    forward.check_sizes();
     forward.selection()
 }
 
@@ -283,6 +286,20 @@ impl<'a> Forward<'a> {
         }
     }
 
+    /// Goes on to the optimum of what is accepted: refits of candidates have few steps, and gains of loops trade with
+    /// much else along narrow valleys. Of two effects one may have nothing left to do there.
+    fn rest(&mut self) {
+        if self.accepted.is_empty() || self.current.rests(&self.case) {
+            return;
+        }
+        let effort = Effort::full(self.settings.budget.steps);
+        let (hypothesis, point) = (&self.current.hypothesis, self.current.point.clone());
+        let rested = fit(&self.case, &self.basis, hypothesis, point, effort);
+        if rested.train.objective() < self.current.train.objective() {
+            self.go_on_with(rested);
+        }
+    }
+
     /// Takes back or exchanges what later effects, sizes or free runs speak against.
     fn check(&mut self) {
         let settings = self.settings;
@@ -343,29 +360,37 @@ impl<'a> Forward<'a> {
         }
     }
 
+    /// Takes the last of two effects back whose size the finer substeps at the end took away.
+    fn check_sizes(&mut self) {
+        let criteria = &self.settings.criteria;
+        if self.accepted.len() < 2
+            || !without_size(&sizes(&self.case, criteria, &self.current), criteria)
+        {
+            return;
+        }
+        let (mut hypothesis, mut point) =
+            (self.current.hypothesis.clone(), self.current.point.clone());
+        let Some(last) = hypothesis.terms.pop() else {
+            return;
+        };
+        let left = point.e.len() - last.effect.info().parameters.len();
+        point.e.truncate(left);
+        let effort = Effort::full(self.settings.budget.steps);
+        let without = fit(&self.case, &self.basis, &hypothesis, point, effort);
+        self.go_on_with(without);
+        self.accepted.pop();
+        let label = last.label();
+        self.ranking.retain(|r| r.term.label() != label);
+    }
+
     fn go_on_with(&mut self, fit: Fit) {
         self.current = fit;
         self.gap = measured(&self.case, &self.current);
     }
 
-    /// Goes on to the optimum of what is accepted: refits of candidates have few steps, and gains of loops trade with
-    /// much else along narrow valleys.
-    fn rest(&mut self) {
-        if self.accepted.is_empty() || self.current.rests(&self.case) {
-            return;
-        }
-        let effort = Effort::full(self.settings.budget.steps);
-        let (hypothesis, point) = (&self.current.hypothesis, self.current.point.clone());
-        let rested = fit(&self.case, &self.basis, hypothesis, point, effort);
-        if rested.train.objective() < self.current.train.objective() {
-            self.go_on_with(rested);
-        }
-    }
-
     /// Contacts, resonances and bristles are stiff, and sticking within a step leaves an error of
     /// its own: the end of the fit has finer substeps, if the likelihood agrees.
     fn finish(&mut self) {
-        self.rest();
         let criteria = &self.settings.criteria;
         let stiff = self.accepted.iter().any(has_state);
         let finer = stiff
@@ -460,59 +485,6 @@ impl<'a> Forward<'a> {
             misfit,
             residue,
             refits: self.refits,
-        }
-    }
-}
-
-/// A derived velocity that does not follow from its positions as stated.
-#[derive(Debug)]
-pub(super) struct Lagging {
-    pub(super) term: Term,
-    constant: Magnitude,
-    /// Mismatch of reading and positions without the lag over that with it.
-    pub(super) ratio: f64,
-}
-
-impl Lagging {
-    /// The joint whose reading is furthest from its positions, if there is one, with the effect of
-    /// the library that is a lag of the reading and nothing else.
-    fn find(case: &Case, settings: &Settings) -> Option<Self> {
-        let effect = settings
-            .effects
-            .iter()
-            .find(|e| e.info().parameters.len() == 1 && e.plain().velocity_lag(&[1.0]).is_some())?;
-        let [constant] = effect.info().parameters else {
-            return None;
-        };
-        channel::consistency(case, &settings.criteria)
-            .into_iter()
-            .enumerate()
-            .filter_map(|(joint, c)| c.filter(|c| c.lagging).map(|c| (joint, c)))
-            .max_by(|a, b| a.1.mismatch.total_cmp(&b.1.mismatch))
-            .map(|(joint, c)| Lagging {
-                term: Term {
-                    effect: effect.clone(),
-                    joint,
-                },
-                constant: Magnitude {
-                    name: constant.name.to_owned(),
-                    value: c.lag,
-                    unit: constant.si.to_owned(),
-                    std: c.lag_std,
-                },
-                ratio: c.mismatch / c.with_lag.max(1e-12),
-            })
-    }
-
-    fn named(&self) -> Named {
-        let info = self.term.effect.info();
-        Named {
-            effect: info.id.to_owned(),
-            joint: self.term.shown_joint(),
-            parameters: vec![self.constant.clone()],
-            regime: info.regime.to_owned(),
-            share: None,
-            share_interval: None,
         }
     }
 }

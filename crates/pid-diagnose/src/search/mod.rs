@@ -14,6 +14,7 @@ mod evidence;
 mod exchange;
 mod forward;
 mod intervals;
+mod lagging;
 mod loops;
 mod magnitude;
 mod measure;

@@ -1,6 +1,6 @@
 //! Odds among the candidates of a search.
 
-use super::forward::Lagging;
+use super::lagging::Lagging;
 use super::refit::Refit;
 use crate::criteria::Criteria;
 use crate::diagnosis::Ranked;
