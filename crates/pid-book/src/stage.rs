@@ -73,8 +73,9 @@ fn inputs(k: &Gains<f64>) -> Points {
     let of = |i: usize| {
         let t = STEP * i as f64;
         let target = SPEED * (t.clamp(MOVES[0], MOVES[1]) - MOVES[0]);
-        let [_, Point { r, rate }] =
-            followed(&servo, k, &mut memory, (target, STEP), (t, STEP), 0.0);
+        let moves = (MOVES[0]..MOVES[1]).contains(&t);
+        let own = (target, if moves { SPEED } else { 0.0 });
+        let [_, Point { r, rate }] = followed(&servo, k, &mut memory, own, (t, STEP), 0.0);
         (t, output(k, (r, rate), (0.0, 0.0)))
     };
     let all: Points = (0..steps).map(of).collect();

@@ -142,7 +142,7 @@ fn seen(servo: &Servo, k: &Gains<f64>, (r, j): (&Record, usize)) -> Vec<[f64; 3]
     let (mut velocity, mut integral) = (v[0], 0.0);
     let most = servo.velocity_limit.unwrap_or(f64::INFINITY);
     let of = |i: usize| {
-        let own = (r.u[j][i], h);
+        let own = (r.u[j][i], (r.u[j][i] - r.u[j][i.saturating_sub(1)]) / h);
         let [_, Point { r: target, rate }] =
             shaped(servo, k, &mut memory, own, (h * i as f64, h), 0.0);
         // Readings of a while ago, along a straight line between samples.

@@ -350,7 +350,7 @@ impl<D: Pick> Machine<'_, D> {
         ([v + (w - v) * middle, end], -middle + 1.0)
     }
 
-    /// Output of the loop of joint `j` for a target over the substep from `t` (one comes every so many seconds), with the slopes that the
+    /// Output of the loop of joint `j` for a target with its velocity over the substep from `t`, with the slopes that the
     /// step takes implicitly (none where the loop closes over a gear or holds its output), and how far into the
     /// substep the state lies that it answers to, s.
     #[inline(always)]
@@ -358,7 +358,7 @@ impl<D: Pick> Machine<'_, D> {
         &self,
         state: &mut State<D>,
         (j, own): (usize, Loop<'_, D>),
-        target: (D, f64),
+        target: (D, D),
         (t, dt): (f64, f64),
     ) -> (Output<D>, f64) {
         let (servo, k) = own;

@@ -135,8 +135,8 @@ impl<D: Pick> Machine<'_, D> {
         let mut answer = None;
         if let Some(own) = self.loops[j] {
             u = self.through(state, commands, (j, true), u);
-            let spacing = if commands.linear { dt } else { commands.h };
-            let (out, ahead) = self.answer(state, (j, own), (u, spacing), (t, dt));
+            let rate = self.target_rate(state, commands, j, u);
+            let (out, ahead) = self.answer(state, (j, own), (u, rate), (t, dt));
             u = out.u;
             answer = Some((out, ahead.max(0.0)));
         }
@@ -195,6 +195,26 @@ impl<D: Pick> Machine<'_, D> {
             Some(_) if v < 0.0 => -1,
             Some(_) => 0,
         };
+    }
+
+    /// Velocity of the target `r` of joint `j`, if its loop feeds it forward: its difference from the one before over the
+    /// time between.
+    #[inline(always)]
+    fn target_rate(&self, state: &mut State<D>, commands: &Commands<'_>, j: usize, r: D) -> D {
+        if self.loops[j].is_none_or(|(_, k)| k.ahead.is_none()) {
+            return D::nil();
+        }
+        let spacing = if commands.linear {
+            commands.dt
+        } else {
+            commands.h
+        };
+        let before = Commands {
+            t: commands.t - spacing,
+            ..*commands
+        };
+        let now = D::constant(before.now());
+        (r - self.through(state, &before, (j, true), now)) / spacing
     }
 
     /// An input of joint `j` through the effects before the position loop of its drive, or after it;

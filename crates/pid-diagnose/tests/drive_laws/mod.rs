@@ -129,6 +129,15 @@ fn loops() -> Vec<(Loop, String)> {
         ),
         with(
             Loop {
+                ahead: Some(0.8),
+                hz: Some(50.0),
+                ..PD
+            },
+            pd,
+            "velocity_feed_forward = 0.8\nrate_hz = 50.0\n",
+        ),
+        with(
+            Loop {
                 ahead: Some(1.0),
                 target_filter: Some(0.03),
                 hz: Some(500.0),

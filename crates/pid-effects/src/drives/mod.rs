@@ -276,7 +276,7 @@ mod tests {
         let mut memory = target::Shaped::at_rest(0.0);
         let mut at = |i: u32| {
             let t = 0.01 * f64::from(i);
-            let [_, end] = target::followed(&own, &k, &mut memory, (t, 0.01), (t, 0.01), 0.0);
+            let [_, end] = target::followed(&own, &k, &mut memory, (t, 1.0), (t, 0.01), 0.0);
             (end.r, end.rate)
         };
         (0..100).map(&mut at).collect()
@@ -338,9 +338,7 @@ mod tests {
             ..K
         };
         let plain = ramp(none, fed);
-        // From the second target on.
-        close(plain[0].1, 0.0);
-        close(plain[1].1, 0.5);
+        close(plain[0].1, 0.5);
         close(plain[99].1, 0.5);
         // Targets every 40 ms go by 40 mrad.
         let held = Shaping {
@@ -362,7 +360,7 @@ mod tests {
         };
         let kept = (-0.01_f64 / 0.05).exp();
         let filtered = ramp(none, filtered);
-        close(filtered[1].1, 0.5 * (1.0 - kept));
-        close(filtered[2].1, 0.5 * (1.0 - kept * kept));
+        close(filtered[0].1, 0.5 * (1.0 - kept));
+        close(filtered[1].1, 0.5 * (1.0 - kept * kept));
     }
 }

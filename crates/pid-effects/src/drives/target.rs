@@ -20,12 +20,12 @@ pub struct Shaped<D> {
     moving: Moving<D>,
 }
 
-/// The velocity of a target, from one target to the next.
+/// The velocity of a target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Moving<D> {
-    /// The target before.
-    before: D,
-    /// When the next one comes, s since the start of what was recorded.
+    /// The target that was taken before, at a lower rate, and when, s since the start of what was recorded.
+    before: (D, f64),
+    /// When the next one is taken.
     due: f64,
     rate: D,
     /// Behind the filter.
@@ -50,7 +50,7 @@ impl<D: Scalar> Shaped<D> {
             slewed: r,
             filtered: r,
             moving: Moving {
-                before: r,
+                before: (r, f64::NEG_INFINITY),
                 due: f64::NEG_INFINITY,
                 rate: D::nil(),
                 filtered: D::nil(),
@@ -66,7 +66,7 @@ impl<D: Scalar> Shaped<D> {
             slewed: of(self.slewed),
             filtered: of(self.filtered),
             moving: Moving {
-                before: of(self.moving.before),
+                before: (of(self.moving.before.0), self.moving.before.1),
                 due: self.moving.due,
                 rate: of(self.moving.rate),
                 filtered: of(self.moving.filtered),
@@ -88,22 +88,21 @@ fn next_period(t: f64, period: f64, slack: f64) -> f64 {
     (((t + slack) / period).floor() + 1.0) * period
 }
 
-/// Moves the memory on by `dt` from `t` (s, since the start of what was recorded) under the target `r`, which comes
-/// every `spacing`, s. Returns what the loop follows: `lead` beyond the middle of that time, at most at its end, and
-/// at its end. A loop that reads has its target moved on by a whole period before it holds its output: by half of one
-/// on average.
+/// Moves the memory on by `dt` from `t` (s, since the start of what was recorded) under the target `r` with a velocity.
+/// Returns what the loop follows: `lead` beyond the middle of that time, at most at its end, and at its end. A loop
+/// that reads has its target moved on by a whole period before it holds its output: by half of one on average.
 #[inline(always)]
 pub fn followed<D: Scalar>(
     servo: &Servo,
     k: &Gains<D>,
     memory: &mut Shaped<D>,
-    (r, spacing): (D, f64),
+    (r, rate): (D, D),
     (t, dt): (f64, f64),
     lead: f64,
 ) -> [Point<D>; 2] {
     let middle = (0.5 * dt + lead).min(dt);
     let times = [middle, dt];
-    let rates = velocity(servo, k, &mut memory.moving, (r, spacing), (t, times));
+    let rates = velocity(servo, k, &mut memory.moving, (r, rate), (t, times));
     let positions = match k.shapes(servo) {
         true => position(servo, k, memory, r, (t, times)),
         false => [r, r],
@@ -149,27 +148,31 @@ fn position<D: Scalar>(
     both
 }
 
-/// The share of its velocity that is fed forward, at the same times: a target less the one before it over the time
-/// between, within the largest speed and behind the filter.
+/// The share of its velocity that is fed forward, at the same times, within the largest speed and behind the filter.
+/// Targets that are taken at a lower rate go from one that is taken to the next.
 #[inline(always)]
 fn velocity<D: Scalar>(
     servo: &Servo,
     k: &Gains<D>,
     memory: &mut Moving<D>,
-    (r, spacing): (D, f64),
+    (r, rate): (D, D),
     (t, times): (f64, [f64; 2]),
 ) -> [D; 2] {
     let Some(share) = k.ahead else {
         return [D::nil(); 2];
     };
-    let period = servo.shaping.rate_hz.map_or(spacing, |rate| 1.0 / rate);
     let slack = 1e-3 * times[1];
-    if t >= memory.due - slack {
-        if memory.due.is_finite() {
-            memory.rate = (r - memory.before) / period;
+    match servo.shaping.rate_hz {
+        None => memory.rate = rate,
+        Some(hz) if t >= memory.due - slack => {
+            let (before, at) = memory.before;
+            if at.is_finite() {
+                memory.rate = (r - before) / (t - at);
+            }
+            memory.before = (r, t);
+            memory.due = next_period(t, 1.0 / hz, slack);
         }
-        memory.before = r;
-        memory.due = next_period(t, period, slack);
+        Some(_) => {}
     }
     let rate = match k.target_speed {
         Some(speed) => memory.rate.limit(-speed, speed),

@@ -20,7 +20,7 @@ static INFO: Info = Info {
     kind: Kind::Channel,
     class: Class::InputTiming,
     has_joint: true,
-    parameters: &[parameter("share", "1", Unit::Share, -0.5, 1.5)],
+    parameters: &[parameter("share", "1", Unit::Share, 0.0, 1.5)],
     starts: &[&[0.8]],
     amplitudes: &[0],
     confusions: &[
