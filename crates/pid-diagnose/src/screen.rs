@@ -425,9 +425,11 @@ impl Reference<'_> {
         }
     }
 
-    /// Whether the starts of a term are compared with the nominal parameters of its joint free.
+    /// Whether the starts of a term are compared with the nominal parameters of its joint free: gains of a loop that
+    /// were fitted without a stage make up for it.
     fn beside_joint(&self, term: &Term) -> bool {
-        self.budget.starts_beside_joint && term.effect.info().has_joint
+        let asked = self.budget.starts_beside_joint || term.effect.stage().is_some();
+        asked && term.effect.info().has_joint
     }
 
     /// A few steps from a start, along directions of the nominal parameters of a joint and the parameters of the
