@@ -2,7 +2,7 @@
 
 use pid_page::{Axis, Ink, Plot, Range};
 
-use crate::views::{Curve, View};
+use crate::curves::{Curve, View};
 
 /// Colours and sizes; a page has them in its style sheet.
 const STYLE: &str = "<style>text{font:11.5px system-ui,sans-serif;fill:#2b3440}\

@@ -7,6 +7,7 @@
 use std::path::PathBuf;
 
 mod catalogue;
+mod curves;
 mod draw;
 mod reference;
 mod stage;

@@ -7,7 +7,7 @@ use pid_effects::drives::{Gains, Seen, unlimited};
 use pid_effects::effect::Effect;
 use pid_interpret::nominal::{Gain, Servo, ServoLaw};
 
-use crate::views::{POSITION, Points, TIME, View, along, pair};
+use crate::curves::{POSITION, Points, TIME, View, along, pair};
 
 /// Gains of the loop, A/rad and A·s/rad.
 const KP: f64 = 20.0;

@@ -6,34 +6,10 @@ use std::f64::consts::{PI, TAU};
 use pid_effects::effect::{After, Class, Commands, Effect, Site};
 
 use crate::Failure;
+use crate::curves::{Curve, POINTS, POSITION, Points, TIME, VELOCITY, View, along, pair};
 use crate::reference::{JOINT, Reference};
 use crate::stage::stage;
 
-/// A quantity along an axis: its name and unit.
-pub(crate) type Quantity = (&'static str, &'static str);
-
-pub(crate) type Points = Vec<(f64, f64)>;
-
-/// A curve with its name; the robot without the effect is drawn dashed.
-pub(crate) struct Curve {
-    pub(crate) name: &'static str,
-    pub(crate) without: bool,
-    pub(crate) points: Points,
-}
-
-/// What a plot shows.
-pub(crate) struct View {
-    pub(crate) what: &'static str,
-    pub(crate) x: Quantity,
-    pub(crate) y: Quantity,
-    pub(crate) curves: Vec<Curve>,
-}
-
-pub(crate) const POSITION: Quantity = ("position", "rad");
-const VELOCITY: Quantity = ("velocity", "rad/s");
-pub(crate) const TIME: Quantity = ("time", "s");
-/// Points of a curve.
-const POINTS: usize = 241;
 /// A change below this share of the largest value does not show.
 const SHOWS: f64 = 1e-6;
 
@@ -92,10 +68,6 @@ pub(crate) fn view(robot: &Reference, effect: &dyn Effect) -> Result<View, Failu
     })
 }
 
-pub(crate) fn along(from: f64, to: f64) -> impl Iterator<Item = f64> {
-    (0..POINTS).map(move |i| from + (to - from) * i as f64 / (POINTS - 1) as f64)
-}
-
 /// Curves without and with the effect; `None` where they are the same.
 fn compared(
     (from, to): (f64, f64),
@@ -105,21 +77,6 @@ fn compared(
     let without: Points = along(from, to).map(|x| (x, without(x))).collect();
     let with: Points = along(from, to).map(|x| (x, with(x))).collect();
     differ(&without, &with).then(|| pair(without, with))
-}
-
-pub(crate) fn pair(without: Points, with: Points) -> Vec<Curve> {
-    vec![
-        Curve {
-            name: "without the effect",
-            without: true,
-            points: without,
-        },
-        Curve {
-            name: "with it",
-            without: false,
-            points: with,
-        },
-    ]
 }
 
 fn differ(a: &[(f64, f64)], b: &[(f64, f64)]) -> bool {

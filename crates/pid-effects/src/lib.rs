@@ -43,6 +43,7 @@ pub mod effect;
 pub mod effects;
 mod equal_when;
 pub mod nominal;
+mod parameter;
 mod read_off;
 pub mod scalar;
 mod smooth;
