@@ -14,7 +14,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use pid_data::Role;
-use pid_interpret::nominal::{Gain, Role as Kind, ServoLaw};
+use pid_interpret::nominal::Role as Kind;
 use rayon::prelude::*;
 
 use crate::case::Case;
@@ -87,9 +87,11 @@ pub fn candidates(
         }
         let joints = if info.has_joint { case.n() } else { 1 };
         for joint in 0..joints {
+            // Where a drive has a position loop that can have this stage and does not state it.
+            let servo = case.nominal.description.servo(joint);
             if effect
                 .stage()
-                .is_some_and(|stage| !lacks(case, joint, stage))
+                .is_some_and(|stage| servo.is_none_or(|servo| !servo.lacks(stage)))
             {
                 continue;
             }
@@ -122,15 +124,6 @@ pub fn candidates(
         }
     }
     out
-}
-
-/// Whether the position loop of a joint lacks a stage that it can have.
-fn lacks(case: &Case, joint: usize, stage: Gain) -> bool {
-    let servo = case.nominal.description.servo(joint);
-    servo.is_some_and(|servo| {
-        let uses_velocity = servo.law != ServoLaw::P;
-        !servo.has(stage) && (uses_velocity || !stage.needs_velocity())
-    })
 }
 
 /// Scores all candidates on top of a fit, best first; with the fit's derivatives along the basis,

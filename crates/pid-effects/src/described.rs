@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use pid_interpret::nominal::{
-    self as description, Effect as Stated, EffectParameter, Fault, NominalError, ServoLaw, Written,
+    self as description, Effect as Stated, EffectParameter, Fault, NominalError, Written,
 };
 use pid_toml::{Place, nearest};
 
@@ -87,7 +87,7 @@ fn term(
                 );
                 return refuse("a joint whose loop has it", mend);
             }
-            Some(servo) if servo.law == ServoLaw::P && stage.needs_velocity() => {
+            Some(servo) if !servo.lacks(stage) => {
                 let mend = "the law \"p\" does not use the velocity: leave it out";
                 return refuse("a loop without velocity", mend.to_owned());
             }

@@ -120,13 +120,23 @@ impl Fit {
     }
 
     /// Whether its quadratic model has no more than a fit's end leaves to gain within the ranges.
-    pub(crate) fn rests(&self, case: &Case) -> bool {
+    fn rests(&self, case: &Case) -> bool {
         if self.quadratic.g.len() != self.point.theta.len() + self.point.e.len() {
             return false;
         }
         let room = step::room(&self.point, &ranges(case, &self.hypothesis));
         let (x, _) = self.quadratic.minimise(&room.0, &room.1);
         -2.0 * self.quadratic.at(&x) < REST.0 + REST.1 * self.train.objective()
+    }
+
+    /// The fit from its point on, where it has not come to its optimum and that leaves less.
+    pub(crate) fn rested(&self, case: &Case, basis: &Basis, steps: usize) -> Option<Fit> {
+        if self.rests(case) {
+            return None;
+        }
+        let effort = Effort::full(steps);
+        let further = fit(case, basis, &self.hypothesis, self.point.clone(), effort);
+        (further.train.objective() < self.train.objective()).then_some(further)
     }
 
     /// The fitted model, to be run along a record.

@@ -289,13 +289,11 @@ impl<'a> Forward<'a> {
     /// Goes on to the optimum of what is accepted: refits of candidates have few steps, and gains of loops trade with
     /// much else along narrow valleys. Of two effects one may have nothing left to do there.
     fn rest(&mut self) {
-        if self.accepted.is_empty() || self.current.rests(&self.case) {
+        if self.accepted.is_empty() {
             return;
         }
-        let effort = Effort::full(self.settings.budget.steps);
-        let (hypothesis, point) = (&self.current.hypothesis, self.current.point.clone());
-        let rested = fit(&self.case, &self.basis, hypothesis, point, effort);
-        if rested.train.objective() < self.current.train.objective() {
+        let steps = self.settings.budget.steps;
+        if let Some(rested) = self.current.rested(&self.case, &self.basis, steps) {
             self.go_on_with(rested);
         }
     }
@@ -363,7 +361,7 @@ impl<'a> Forward<'a> {
     /// Takes the last of two effects back whose size the finer substeps at the end took away.
     fn check_sizes(&mut self) {
         let criteria = &self.settings.criteria;
-        if self.accepted.len() < 2
+        if self.accepted.len() != 2
             || !without_size(&sizes(&self.case, criteria, &self.current), criteria)
         {
             return;

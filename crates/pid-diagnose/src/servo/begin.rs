@@ -4,8 +4,8 @@
 use pid_interpret::links;
 use pid_interpret::nominal::{Gain, Servo, ServoGain, ServoLaw};
 
-use super::followed::{Fitted, Followed, SLOWEST, followed};
-use super::{Recorded, at, needed};
+use super::followed::{Fitted, Followed, SLOWED, SLOWEST, followed};
+use super::{Recorded, at, fastest, needed};
 use crate::case::{Case, CaseError, Record};
 use crate::constants::Constants;
 
@@ -141,7 +141,7 @@ impl Start<'_> {
             let least = match g {
                 Gain::Kp if cascade => SLOW,
                 Gain::Kp | Gain::Gravity | Gain::VelocityAhead => 0.0,
-                Gain::TargetSpeed => self.slowest(),
+                Gain::TargetSpeed => SLOWED * fastest(case, j),
                 Gain::Kd | Gain::Kv => DAMPED * critical,
                 Gain::Ki => SLOW * if cascade { DAMPED * critical } else { kp },
                 _ => self.shortest(),
@@ -153,12 +153,6 @@ impl Start<'_> {
         };
         let unknown = servo.gains().filter(|&g| stated(g).is_none());
         Ok(unknown.map(of).collect())
-    }
-
-    /// The least largest speed: a tenth of the fastest motion.
-    fn slowest(&self) -> f64 {
-        let speeds = self.case.records.iter().flat_map(|r| &r.smooth_v[self.j]);
-        0.1 * speeds.fold(1e-9, |most: f64, v| most.max(v.abs()))
     }
 
     /// The shortest time that is looked at: the records have samples no closer.

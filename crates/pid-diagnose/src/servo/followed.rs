@@ -3,6 +3,7 @@
 use nalgebra::{DVector, SMatrix, SVector};
 use pid_interpret::nominal::{Gain, Servo, ServoLaw};
 
+use super::fastest;
 use crate::case::{Case, Record};
 use crate::drives::target::{Point, Shaped, followed as shaped};
 use crate::drives::{Gains, filter};
@@ -18,11 +19,12 @@ const TURNS: usize = 6;
 pub(super) const SLOWEST: f64 = 0.5;
 /// Least and largest kp of a cascade that is looked for, 1/s: position loops of drives have 3 to 100.
 const CASCADES: (f64, f64) = (1.0, 300.0);
-/// Largest delay of a loop's readings that is looked for, s.
+/// Largest delay of a loop's readings that is looked for, s: that of the effect `feedback_delay`.
 const LATEST: f64 = 0.1;
-/// An unknown largest speed is looked for down to this share of the fastest motion.
-const SLOWED: f64 = 0.05;
-/// Shares of the target's velocity that are looked at.
+/// An unknown largest speed is looked for down to this share of the fastest motion: a joint that follows its target
+/// does not overshoot to twice its speed.
+pub(super) const SLOWED: f64 = 0.5;
+/// Shares of the target's velocity that are looked at: none, half, all. A fit goes on from the best.
 const AHEAD: [f64; 3] = [0.0, 0.5, 1.0];
 /// Ratio of a number that is looked at to the one before.
 const FINER: f64 = 1.5;
@@ -81,8 +83,7 @@ pub(super) fn followed(case: &Case, j: usize, inputs: &[Fitted<'_>]) -> Option<F
     };
     let times = [Gain::TargetTime, Gain::VelocityTime].map(|gain| row(gain, (step, SLOWEST)));
     let late = row(Gain::FeedbackDelay, (step, LATEST));
-    let speeds = inputs.iter().flat_map(|own| &own.record.smooth_v[j]);
-    let fastest = speeds.fold(1e-9, |most: f64, v| most.max(v.abs()));
+    let fastest = fastest(case, j);
     let slower = match servo.has(Gain::TargetSpeed) {
         true => row(Gain::TargetSpeed, (SLOWED * fastest, fastest)),
         false => vec![f64::INFINITY],

@@ -116,13 +116,15 @@ pub fn commanded(
     Ok((nominal.clone().with_servos(servos), records))
 }
 
+/// Largest speed of a joint in the records, above zero.
+fn fastest(case: &Case, j: usize) -> f64 {
+    let speeds = case.records.iter().flat_map(|r| &r.smooth_v[j]);
+    speeds.fold(1e-9, |most: f64, v| most.max(v.abs()))
+}
+
 /// Forces that the motions take under the nominal structure, friction included: `[record][joint][sample]`.
 pub(crate) fn needed(case: &Case) -> Vec<Vec<Vec<f64>>> {
-    let largest = |j: usize| {
-        let speeds = case.records.iter().flat_map(|r| &r.smooth_v[j]);
-        speeds.fold(1e-9, |m: f64, v| m.max(v.abs()))
-    };
-    let speed: Vec<f64> = (0..case.n()).map(largest).collect();
+    let speed: Vec<f64> = (0..case.n()).map(|j| fastest(case, j)).collect();
     let own = case.records.iter();
     own.map(|r| needed_along(case, r, &speed)).collect()
 }

@@ -350,8 +350,8 @@ impl<D: Pick> Machine<'_, D> {
         ([v + (w - v) * middle, end], -middle + 1.0)
     }
 
-    /// Output of the loop of joint `j` for a target with its velocity over the substep from `t`, with the slopes that the
-    /// step takes implicitly (none where the loop closes over a gear or holds its output), and how far into the
+    /// Output of the loop of joint `j` for a target with its velocity over the substep from `t`, with the slopes that
+    /// the step takes implicitly (none where the loop closes over a gear or holds its output), and how far into the
     /// substep the state lies that it answers to, s.
     #[inline(always)]
     pub(super) fn answer(

@@ -197,8 +197,8 @@ impl<D: Pick> Machine<'_, D> {
         };
     }
 
-    /// Velocity of the target `r` of joint `j`, if its loop feeds it forward: its difference from the one before over the
-    /// time between.
+    /// Velocity of the target `r` of joint `j`, if its loop feeds it forward: what it differs from the one before by,
+    /// over the time between.
     #[inline(always)]
     fn target_rate(&self, state: &mut State<D>, commands: &Commands<'_>, j: usize, r: D) -> D {
         if self.loops[j].is_none_or(|(_, k)| k.ahead.is_none()) {

@@ -1,6 +1,6 @@
 //! A loop of the position around one of the velocity: w = kp (r − q) + f within ± velocity_limit with
-//! a share f of the target's velocity, u = kv (w − v) + z, dz/dt = ki (w − v) (W. Leonhard, Control of Electrical Drives,
-//! 2001, chapter 15).
+//! a share f of the target's velocity, u = kv (w − v) + z, dz/dt = ki (w − v) (W. Leonhard, Control of
+//! Electrical Drives, 2001, chapter 15).
 //! The loop of the current inside is a lag of the input: the effect `actuator_lag`.
 
 use pid_interpret::nominal::Servo;

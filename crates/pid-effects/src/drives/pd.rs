@@ -1,4 +1,4 @@
-//! Proportional with damping by the velocity: u = kp (r − q) − kd (v − f), with a share f of the target's velocity.
+//! Proportional with damping by the velocity: u = kp (r − q) − kd (v − f), f a share of the target's velocity.
 
 use super::{Gains, Output, Seen, p};
 use crate::scalar::Scalar;

@@ -88,7 +88,8 @@ fn next_period(t: f64, period: f64, slack: f64) -> f64 {
     (((t + slack) / period).floor() + 1.0) * period
 }
 
-/// Moves the memory on by `dt` from `t` (s, since the start of what was recorded) under the target `r` with a velocity.
+/// Moves the memory on by `dt` from `t` (s, since the start of what was recorded) under the target `r` and its
+/// velocity.
 /// Returns what the loop follows: `lead` beyond the middle of that time, at most at its end, and at its end. A loop
 /// that reads has its target moved on by a whole period before it holds its output: by half of one on average.
 #[inline(always)]

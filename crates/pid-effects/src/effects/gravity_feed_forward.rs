@@ -1,4 +1,5 @@
-//! The drive makes up for gravity by itself: u + s ĝ(q)/k̂ with the gravity ĝ and the motor gain k̂ that the drive knows.
+//! The drive makes up for gravity by itself: u + s ĝ(q)/k̂ with the gravity ĝ and the motor gain k̂ that the drive
+//! knows.
 //!
 //! Source: M. Takegaki, S. Arimoto, Journal of Dynamic Systems, Measurement, and Control 103, 1981.
 

@@ -41,7 +41,8 @@ pub enum Servos {
     /// Legs of three joints under a policy instead of other robots: damped loops at 1 kHz with unknown gains take
     /// targets at 50 Hz.
     Legs,
-    /// One elastic joint or one loop that reads late each, of a size that has the loop ring, in place of the plan's causes.
+    /// One elastic joint or one loop that reads late each, of a size that has the loop ring, in place of the plan's
+    /// causes.
     Resonant,
     /// One stage of a loop that its description does not state each, in place of the plan's causes.
     Unstated,

@@ -61,6 +61,11 @@ impl ServoLaw {
         }
     }
 
+    /// Whether it uses the velocity.
+    pub fn uses_velocity(self) -> bool {
+        self != ServoLaw::P
+    }
+
     /// Whether it has an integral.
     pub fn integrates(self) -> bool {
         self.gains().contains(&Gain::Ki)
@@ -151,6 +156,11 @@ impl Servo {
         self.numbers[gain as usize].is_some()
     }
 
+    /// Whether the loop can have a stage that it does not state.
+    pub fn lacks(&self, stage: Gain) -> bool {
+        !self.has(stage) && (self.law.uses_velocity() || !stage.needs_velocity())
+    }
+
     /// Gives the loop a gain.
     pub fn set(&mut self, gain: Gain, value: ServoGain) {
         self.numbers[gain as usize] = Some(value);
@@ -184,7 +194,9 @@ impl Servo {
             ("target_step", self.shaping.step.is_some()),
             ("target_rate_hz", self.shaping.rate_hz.is_some()),
         ];
-        let numbers = Gain::BESIDE.map(|gain| (gain.key(), self.has(gain)));
+        let numbers = Gain::BESIDE
+            .iter()
+            .map(|&gain| (gain.key(), self.has(gain)));
         let mut all = keys.into_iter().chain(numbers);
         all.find_map(|(key, there)| there.then_some(key))
     }

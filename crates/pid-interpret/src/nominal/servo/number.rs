@@ -51,14 +51,7 @@ impl Gain {
         Gain::FeedbackDelay,
     ];
     /// Those of stages that may stand beside a law.
-    pub const BESIDE: [Gain; 6] = [
-        Gain::Gravity,
-        Gain::VelocityAhead,
-        Gain::TargetSpeed,
-        Gain::TargetTime,
-        Gain::VelocityTime,
-        Gain::FeedbackDelay,
-    ];
+    pub const BESIDE: &[Gain] = Self::ALL.split_at(Gain::Gravity as usize).1;
 
     /// Its key in a description.
     pub fn key(self) -> &'static str {

@@ -88,7 +88,7 @@ pub(in crate::nominal) fn servo(
         return Err(source.error(limit, item, "velocity_limit", "stated", mend));
     }
     for gain in Gain::ALL.into_iter().filter(|gain| gain.needs_velocity()) {
-        if let (Some(stated), true) = (raw.gain(gain), law == ServoLaw::P) {
+        if let (Some(stated), true) = (raw.gain(gain), !law.uses_velocity()) {
             let mend = "the law \"p\" does not use the velocity: leave it out";
             return Err(source.error(stated, item, gain.key(), "stated", mend));
         }
