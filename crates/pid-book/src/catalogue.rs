@@ -173,6 +173,7 @@ fn scale(unit: Unit) -> &'static str {
         Unit::Torque => "typical torque",
         Unit::Input => "typical input",
         Unit::Speed => "typical speed",
+        Unit::Acceleration => "squared typical speed over range",
         Unit::Range => "range of motion",
         Unit::Inertia => "inertia at the joint",
         Unit::Stiffness => "typical torque / range of motion",

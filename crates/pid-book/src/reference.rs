@@ -56,6 +56,7 @@ impl Reference {
             Unit::Torque => TORQUE,
             Unit::Input => self.input(),
             Unit::Speed => SPEED,
+            Unit::Acceleration => SPEED * SPEED / RANGE,
             Unit::Range => RANGE,
             Unit::Inertia => 0.05,
             Unit::Stiffness => TORQUE / RANGE,

@@ -192,6 +192,7 @@ impl Case {
             Unit::Torque => s.torque,
             Unit::Input => s.input,
             Unit::Speed => s.speed,
+            Unit::Acceleration => s.speed * s.speed / s.range,
             Unit::Range => s.range,
             Unit::Inertia => s.inertia,
             Unit::Stiffness => s.torque / s.range,

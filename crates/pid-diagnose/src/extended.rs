@@ -61,7 +61,7 @@ pub fn extended(case: &Case, found: &Evidence) -> description::Nominal {
     // What is found of the robot changes nothing in a drive that is found to know it.
     let mut terms = fit.hypothesis.terms.iter();
     let knowing = terms
-        .any(|term| term.effect.stage() == Some(Gain::Gravity))
+        .any(|term| term.effect.stage().is_some_and(Gain::needs_model))
         .then(|| nominal.clone().with_drive_models());
     knowing
         .as_ref()

@@ -54,7 +54,7 @@
 //!
 //! let mut settings = Settings::default();
 //! settings.effects.push(Arc::new(HardeningSpring));
-//! assert_eq!(settings.effects.len(), 33);
+//! assert_eq!(settings.effects.len(), 36);
 //! ```
 
 #[cfg(test)]

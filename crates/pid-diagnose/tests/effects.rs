@@ -160,8 +160,10 @@ fn point(id: &str) -> Vec<f64> {
         "actuator_lag" => vec![0.013],
         "input_delay" => vec![0.0137],
         "command_filter" | "feedback_delay" => vec![0.03],
+        "command_average" => vec![0.05],
         "command_speed_limit" => vec![1.2],
-        "gravity_feed_forward" | "velocity_feed_forward" => vec![0.7],
+        "command_acceleration_limit" => vec![6.0],
+        "gravity_feed_forward" | "inertia_feed_forward" | "velocity_feed_forward" => vec![0.7],
         "torque_saturation" => vec![0.06],
         "gain_error_nonlinear" => vec![0.2],
         "current_offset" => vec![0.11],
@@ -437,7 +439,7 @@ fn a_force_counts_only_inside_its_windows() {
 #[test]
 fn descriptions_are_complete() {
     let ids: Vec<&str> = effects::all().iter().map(|e| e.info().id).collect();
-    assert_eq!(ids.len(), 32);
+    assert_eq!(ids.len(), 35);
     for effect in effects::all() {
         let info = effect.info();
         assert!(

@@ -4,7 +4,7 @@ use pid_interpret::links;
 use pid_interpret::nominal::{self as servo, Role};
 use pid_symbolic::program::Element;
 
-use crate::nominal::Nominal;
+use crate::nominal::{DriveKnowledge, Nominal};
 use crate::scalar::Scalar;
 
 /// A constant of the robot. Bodies and coordinates count from 0, base to tip.
@@ -73,12 +73,12 @@ impl<'n, D: Scalar + Element> Constants<'n, D> {
         }
     }
 
-    /// Mass matrix and bias of the robot that the feed-forward of the drives knows: what is stated, or what
-    /// is stated of the drives.
-    pub fn known_to_drives(nominal: &Nominal) -> (links::Work<D>, Vec<f64>) {
-        let (p, gains) = nominal.known_to_drives::<D>();
-        let links = nominal.links.constants(&p);
-        (nominal.links.prepare(&p, &links), gains)
+    /// The robot that the feed-forward of the drives knows: what is stated, or what is stated of the drives; and what
+    /// its mass matrix and bias are evaluated with.
+    pub fn known_to_drives(nominal: &Nominal) -> (links::Work<D>, DriveKnowledge<D>) {
+        let known = nominal.known_to_drives::<D>();
+        let links = nominal.links.constants(&known.p);
+        (nominal.links.prepare(&known.p, &links), known)
     }
 
     /// Everything of mass matrix and bias that depends on constants alone.

@@ -74,6 +74,17 @@ pub struct Joint {
     pub torque_peak: Option<f64>,
 }
 
+/// What the feed-forward of the drives knows of a robot, joint by joint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DriveKnowledge<D> {
+    /// Parameters of the robot.
+    pub p: Vec<D>,
+    /// Torque or force per unit of the input.
+    pub gains: Vec<f64>,
+    /// Rotor inertias, kg·m² or kg.
+    pub rotors: Vec<f64>,
+}
+
 /// The nominal robot with its tolerances and what is said of the measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Nominal {
@@ -279,12 +290,11 @@ impl Nominal {
         }
     }
 
-    /// Parameters of the robot that the feed-forward of the drives knows, and the torque or force per unit
-    /// of the input that it counts with, joint by joint.
-    pub fn known_to_drives<D: Scalar>(&self) -> (Vec<D>, Vec<f64>) {
+    /// What the feed-forward of the drives knows of the robot.
+    pub fn known_to_drives<D: Scalar>(&self) -> DriveKnowledge<D> {
         let mut p: Vec<D> = self.parameters(&vec![D::nil(); self.size()]);
         let stated = self.description.tolerances();
-        let mut gains = vec![1.0; self.n()];
+        let (mut gains, mut rotors) = (vec![1.0; self.n()], vec![0.0; self.n()]);
         for (i, t) in stated.iter().enumerate() {
             let Some(j) = t.joint.filter(|j| *j < gains.len()) else {
                 continue;
@@ -294,11 +304,13 @@ impl Nominal {
             match t.role {
                 Role::Mass => p[i] = D::constant(of(known.map(|k| k.mass))),
                 Role::CenterOfMass(k) => p[i] = D::constant(of(known.map(|own| own.com[k]))),
+                Role::Inertia(k) => p[i] = D::constant(of(known.map(|own| own.inertia[k]))),
+                Role::RotorInertia => rotors[j] = of(known.map(|k| k.rotor_inertia)),
                 Role::Gain => gains[j] = of(known.map(|k| k.motor_gain)),
                 _ => {}
             }
         }
-        (p, gains)
+        DriveKnowledge { p, gains, rotors }
     }
 
     /// Value of the parameter at a place.

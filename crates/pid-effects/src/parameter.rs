@@ -14,6 +14,8 @@ pub enum Unit {
     Input,
     /// Typical speed of the joint.
     Speed,
+    /// Square of the typical speed of the joint over its range of motion.
+    Acceleration,
     /// Range of motion of the joint.
     Range,
     /// Angle, rad.

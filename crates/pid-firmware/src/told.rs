@@ -30,8 +30,11 @@ pub fn expression(id: &str) -> Option<&'static str> {
         "actuator_lag" => "nothing: it has a state; send u + T du/dt, T its time constant",
         "input_delay" => "nothing: it looks back in time; evaluate the reference one delay ahead",
         "command_filter"
+        | "command_average"
         | "command_speed_limit"
+        | "command_acceleration_limit"
         | "gravity_feed_forward"
+        | "inertia_feed_forward"
         | "velocity_feed_forward"
         | "feedback_delay" => {
             "nothing: it is a stage of the drive's position loop, which the code does not have"

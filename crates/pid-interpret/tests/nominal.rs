@@ -340,7 +340,8 @@ fn loops(n: &Nominal) -> Option<Servo> {
 fn stages_of_position_loops_are_read_and_written() {
     let lines = "law = \"cascade\"\nkp = 12.0\nkv = { value = 1.1, tolerance_rel = 0.2 }\nki = { unknown = true }\n\
                  gravity = { value = 0.9, tolerance = 0.9 }\nvelocity_limit = 3.0\nvelocity_filter_s = 0.01\nfeedback_delay_s = 0.004\ndead_band = 0.02\n\
-                 target_step = 0.001\ntarget_rate_hz = 50.0\ntarget_speed = { value = 2.0, tolerance_rel = 0.25 }\nvelocity_feed_forward = 0.8\ntarget_filter_s = { unknown = true }\n";
+                 target_step = 0.001\ntarget_rate_hz = 50.0\ntarget_speed = { value = 2.0, tolerance_rel = 0.25 }\nvelocity_feed_forward = 0.8\ninertia_feed_forward = { value = 0.5, tolerance = 0.5 }\n\
+                 target_acceleration = 9.0\ntarget_average_s = 0.05\ntarget_filter_s = { unknown = true }\n";
     let own = TEXT.replacen(
         "[[joint]]\nname = \"slide\"",
         &format!("[joint.drive]\n{lines}[[joint]]\nname = \"slide\""),
@@ -366,11 +367,15 @@ fn stages_of_position_loops_are_read_and_written() {
     assert_eq!(of(Gain::TargetSpeed), (Some(2.0), 0.5));
     assert_eq!(of(Gain::VelocityAhead), (Some(0.8), 0.0));
     assert_eq!(of(Gain::FeedbackDelay), (Some(0.004), 0.0));
+    assert_eq!(of(Gain::InertiaAhead), (Some(0.5), 0.5));
+    assert_eq!(of(Gain::TargetAcceleration), (Some(9.0), 0.0));
+    assert_eq!(of(Gain::TargetAverage), (Some(0.05), 0.0));
     let units = Gain::ALL.map(|gain| servo.unit(gain, "A", "rad"));
     assert_eq!(
         units,
         [
-            "1/s", "A*s/rad", "A/rad", "A*s/rad", "1", "1", "rad/s", "s", "s", "s"
+            "1/s", "A*s/rad", "A/rad", "A*s/rad", "1", "1", "1", "rad/s", "rad/s^2", "s", "s", "s",
+            "s"
         ]
     );
     assert_eq!(servo.beyond_equations(), Some("velocity_limit"));
@@ -387,6 +392,20 @@ fn stages_of_position_loops_are_read_and_written() {
     assert_eq!(mass(&again), 2.0 * mass(&nominal));
     let known = again.drive_model(0).unwrap();
     assert_eq!(known.mass, mass(&nominal));
+    let of = |role: Role| {
+        nominal
+            .tolerances()
+            .iter()
+            .find(|t| t.joint == Some(0) && t.role == role)
+    };
+    assert_eq!(
+        Some(known.rotor_inertia),
+        of(Role::RotorInertia).map(|t| t.nominal)
+    );
+    assert_eq!(
+        Some(known.inertia[2]),
+        of(Role::Inertia(2)).map(|t| t.nominal)
+    );
     assert_eq!(Some(known), heavier.drive_model(0));
 }
 

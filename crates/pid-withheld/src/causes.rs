@@ -99,14 +99,23 @@ pub enum Kind {
     SensorDelay {
         delay: f64,
     },
-    /// A stage of a position loop that its description does not state, as are the next four.
+    /// A stage of a position loop that its description does not state, as are the next seven.
     CommandFilter {
         time: f64,
     },
     CommandSpeedLimit {
         speed: f64,
     },
+    CommandAccelerationLimit {
+        acceleration: f64,
+    },
+    CommandAverage {
+        time: f64,
+    },
     GravityFeedForward {
+        share: f64,
+    },
+    InertiaFeedForward {
         share: f64,
     },
     VelocityFeedForward {
@@ -213,7 +222,10 @@ impl Kind {
             Kind::SensorDelay { .. } => "sensor_delay",
             Kind::CommandFilter { .. } => "command_filter",
             Kind::CommandSpeedLimit { .. } => "command_speed_limit",
+            Kind::CommandAccelerationLimit { .. } => "command_acceleration_limit",
+            Kind::CommandAverage { .. } => "command_average",
             Kind::GravityFeedForward { .. } => "gravity_feed_forward",
+            Kind::InertiaFeedForward { .. } => "inertia_feed_forward",
             Kind::VelocityFeedForward { .. } => "velocity_feed_forward",
             Kind::FeedbackDelay { .. } => "feedback_delay",
             Kind::SoftStop { .. }
@@ -270,9 +282,11 @@ impl Kind {
             | Kind::VelocityFilterLag { time }
             | Kind::CommandFilter { time } => ("time_constant_s", time),
             Kind::CommandSpeedLimit { speed } => ("speed", speed),
-            Kind::GravityFeedForward { share } | Kind::VelocityFeedForward { share } => {
-                ("share", share)
-            }
+            Kind::CommandAccelerationLimit { acceleration } => ("acceleration", acceleration),
+            Kind::CommandAverage { time } => ("time_s", time),
+            Kind::GravityFeedForward { share }
+            | Kind::InertiaFeedForward { share }
+            | Kind::VelocityFeedForward { share } => ("share", share),
             Kind::InputDelay { delay }
             | Kind::SensorDelay { delay }
             | Kind::FeedbackDelay { delay } => ("delay_s", delay),

@@ -1,5 +1,7 @@
 //! The position loop of one joint, step by step: what a target and the readings become at the motor.
 
+use std::collections::VecDeque;
+
 use serde::{Deserialize, Serialize};
 
 use crate::world::STEP;
@@ -52,6 +54,8 @@ pub struct Loop {
     pub gravity: Option<f64>,
     /// Share of the target's speed that it feeds forward.
     pub target_share: Option<f64>,
+    /// Share of the current that moves the robot, as the drive knows it, with the target's acceleration.
+    pub inertia: Option<f64>,
     /// Time constant of the filter of the speed, s.
     pub speed_filter: Option<f64>,
     /// How late it reads its encoder, s.
@@ -64,6 +68,10 @@ pub struct Loop {
     pub target_rate: Option<f64>,
     /// Largest speed of what is followed.
     pub target_speed: Option<f64>,
+    /// Acceleration of what is followed; it comes to rest at each target.
+    pub target_acceleration: Option<f64>,
+    /// Time over which what is followed is averaged, s.
+    pub target_average: Option<f64>,
     /// Time constant of the filter of the target, s.
     pub target_filter: Option<f64>,
     /// Rate of the loop, Hz; none: at every step.
@@ -77,10 +85,15 @@ pub(crate) struct Running<'a> {
     step: usize,
     due: usize,
     target_due: usize,
+    /// Where it rested first.
+    start: f64,
     /// The target as it was taken, as it moves, and as it is followed.
     taken: f64,
     moved: f64,
     followed: f64,
+    /// Its speed on the way there, and what it was at each step of the time over which it is averaged.
+    goes: f64,
+    trace: VecDeque<(f64, f64)>,
     speed: Option<f64>,
     integral: f64,
     current: f64,
@@ -96,7 +109,10 @@ struct Ahead {
     due: usize,
     last: Option<f64>,
     speed: f64,
+    growth: f64,
     smooth: f64,
+    /// Acceleration of what is followed.
+    acceleration: f64,
 }
 
 /// Steps in a period of a rate, Hz.
@@ -125,9 +141,12 @@ impl<'a> Running<'a> {
             step: 0,
             due: 0,
             target_due: origin % steps(own.target_rate),
+            start: target,
             taken: target,
             moved: target,
             followed: target,
+            goes: 0.0,
+            trace: VecDeque::new(),
             speed: None,
             integral: if integrates { current } else { 0.0 },
             current: 0.0,
@@ -136,7 +155,9 @@ impl<'a> Running<'a> {
                 due: origin % every,
                 last: None,
                 speed: 0.0,
+                growth: 0.0,
                 smooth: 0.0,
+                acceleration: 0.0,
             },
             past: Vec::new(),
         }
@@ -147,23 +168,34 @@ impl<'a> Running<'a> {
         self.step >= self.due
     }
 
-    /// Whether it makes up for gravity in the next step.
+    /// Whether it needs to know the robot in the next step.
     pub(crate) fn weighs(&self) -> bool {
-        self.own.gravity.is_some() && self.reads()
+        (self.own.gravity.is_some() || self.own.inertia.is_some()) && self.reads()
     }
 
-    /// The current over the next step; `weight` is the current that holds the robot as the drive knows it.
-    pub(crate) fn next(&mut self, target: f64, (q, v): (f64, f64), weight: f64) -> f64 {
-        let (q, v) = self.read_late((q, v));
+    /// Takes the target of the next step in. Returns the acceleration of what it follows.
+    pub(crate) fn aim(&mut self, target: f64) -> f64 {
         if self.step >= self.ahead.due {
             let own = &mut self.ahead;
             let time = own.every as f64 * STEP;
-            own.speed = own.last.map_or(0.0, |last| (target - last) / time);
+            let speed = own.last.map_or(0.0, |last| (target - last) / time);
+            own.growth = (speed - own.speed) / time;
+            own.speed = speed;
             own.last = Some(target);
             own.due += own.every;
         }
         if self.reads() {
-            self.read(target, (q, v), weight);
+            self.take(target);
+        }
+        self.ahead.acceleration
+    }
+
+    /// The current over the next step; `weight` is the current that holds the robot as the drive knows it, `push` that
+    /// which moves it as the targets are accelerated.
+    pub(crate) fn next(&mut self, now: (f64, f64), weight: f64, push: f64) -> f64 {
+        let now = self.read_late(now);
+        if self.reads() {
+            self.read(now, weight, push);
             self.due += steps(self.own.rate);
         }
         self.step += 1;
@@ -192,9 +224,11 @@ impl<'a> Running<'a> {
         (mix(after.0, before.0), mix(after.1, before.1))
     }
 
-    fn read(&mut self, target: f64, (q, v): (f64, f64), weight: f64) {
+    /// What becomes of the target over a period of the loop.
+    fn take(&mut self, target: f64) {
         let own = self.own;
-        let period = steps(own.rate) as f64 * STEP;
+        let every = steps(own.rate);
+        let period = every as f64 * STEP;
         if own.target_rate.is_none() || self.step >= self.target_due {
             self.taken = match own.target_step {
                 Some(step) => (target / step).round() * step,
@@ -204,16 +238,69 @@ impl<'a> Running<'a> {
                 self.target_due += steps(own.target_rate);
             }
         }
-        let most = own
-            .target_speed
-            .map_or(f64::INFINITY, |speed| speed * period);
-        self.moved += (self.taken - self.moved).clamp(-most, most);
-        self.followed += share(own.target_filter, period) * (self.moved - self.followed);
         let fastest = own.target_speed.unwrap_or(f64::INFINITY);
+        let (mut speed, mut growth) =
+            (self.ahead.speed.clamp(-fastest, fastest), self.ahead.growth);
+        if self.ahead.speed.abs() > fastest {
+            growth = 0.0;
+        }
+        match own.target_acceleration {
+            Some(most) => (speed, growth) = self.travel((fastest, most), every),
+            None => {
+                let most = fastest * period;
+                self.moved += (self.taken - self.moved).clamp(-most, most);
+                let now = (self.moved, speed);
+                self.trace.extend((0..every).map(|_| now));
+            }
+        }
+        let mut place = self.moved;
+        if let Some(time) = own.target_average {
+            let size = ((time / STEP).round() as usize).max(1);
+            // Before the first step it rested where it began.
+            while self.trace.len() < size {
+                self.trace.push_front((self.start, 0.0));
+            }
+            self.trace.drain(..self.trace.len() - size);
+            let time = size as f64 * STEP;
+            growth = (speed - self.trace[0].1) / time;
+            speed = (place - self.trace[0].0) / time;
+            place = self.trace.iter().map(|x| x.0).sum::<f64>() / size as f64;
+        } else {
+            self.trace.clear();
+        }
+        self.followed += share(own.target_filter, period) * (place - self.followed);
         let ahead = &mut self.ahead;
-        let goes = ahead.speed.clamp(-fastest, fastest);
-        ahead.smooth += share(own.target_filter, period) * (goes - ahead.smooth);
-        let ahead = own.target_share.map_or(0.0, |share| share * ahead.smooth);
+        ahead.smooth += share(own.target_filter, period) * (speed - ahead.smooth);
+        ahead.acceleration = match own.target_filter {
+            Some(time) => (speed - ahead.smooth) / time,
+            None => growth,
+        };
+    }
+
+    /// Goes to the target by steps, each with as much speed as it can still brake from. Returns speed and acceleration
+    /// at the end.
+    fn travel(&mut self, (fastest, most): (f64, f64), every: usize) -> (f64, f64) {
+        let mut gained = 0.0;
+        for _ in 0..every {
+            let way = self.taken - self.moved;
+            // It brakes by whole steps: v²/2a and half a step of v.
+            let half = 0.5 * most * STEP;
+            let brakes = (half * half + 2.0 * most * way.abs()).sqrt() - half;
+            let wanted = way.signum() * brakes.min(fastest);
+            gained = (wanted - self.goes).clamp(-most * STEP, most * STEP);
+            self.goes += gained;
+            self.moved += self.goes * STEP;
+            self.trace.push_back((self.moved, self.goes));
+        }
+        (self.goes, gained / STEP)
+    }
+
+    fn read(&mut self, (q, v): (f64, f64), weight: f64, push: f64) {
+        let own = self.own;
+        let period = steps(own.rate) as f64 * STEP;
+        let ahead = own
+            .target_share
+            .map_or(0.0, |share| share * self.ahead.smooth);
         let before = self.speed.unwrap_or(v);
         let speed = before + share(own.speed_filter, period) * (v - before);
         self.speed = Some(speed);
@@ -230,7 +317,8 @@ impl<'a> Running<'a> {
                 (own.kd * lack, own.ki * lack)
             }
         };
-        let rest = at_once + own.gravity.map_or(0.0, |share| share * weight);
+        let fed = |share: Option<f64>, current: f64| share.map_or(0.0, |share| share * current);
+        let rest = at_once + fed(own.gravity, weight) + fed(own.inertia, push);
         let wanted = rest + self.integral;
         // The integral waits while the current is at its end and would be pushed beyond.
         if wanted.abs() <= own.limit || wanted * growth <= 0.0 {
@@ -254,15 +342,24 @@ mod tests {
             speed_limit: None,
             gravity: None,
             target_share: None,
+            inertia: None,
             speed_filter: None,
             read_late: None,
             dead_band: None,
             target_step: None,
             target_rate: None,
             target_speed: None,
+            target_acceleration: None,
+            target_average: None,
             target_filter: None,
             rate: None,
         }
+    }
+
+    /// The current of a step under a target.
+    fn step(running: &mut Running<'_>, target: f64, now: (f64, f64), weight: f64) -> f64 {
+        running.aim(target);
+        running.next(now, weight, 0.0)
     }
 
     #[test]
@@ -275,7 +372,7 @@ mod tests {
         };
         let mut running = Running::new(&own, 0.0, 0.0, (20, 10));
         let out: Vec<f64> = (0..40)
-            .map(|i| running.next(f64::from(i), (0.0, 0.0), 0.0))
+            .map(|i| step(&mut running, f64::from(i), (0.0, 0.0), 0.0))
             .collect();
         assert!(out[..10].iter().all(|u| *u == 0.0), "{out:?}");
         assert!(out[10..30].iter().all(|u| *u == 100.0), "{out:?}");
@@ -283,7 +380,7 @@ mod tests {
         let own = Loop { limit: 1e3, ..own };
         let mut running = Running::new(&own, 0.0, 0.0, (20, 10));
         let out: Vec<f64> = (0..40)
-            .map(|i| running.next(f64::from(i), (0.0, 0.0), 0.0))
+            .map(|i| step(&mut running, f64::from(i), (0.0, 0.0), 0.0))
             .collect();
         assert_eq!(
             [out[9], out[10], out[29], out[30]],
@@ -299,7 +396,7 @@ mod tests {
             ..pd()
         };
         let mut running = Running::new(&own, 0.0, 0.0, (20, 0));
-        let u = running.next(0.4, (0.0, 0.3), 6.0);
+        let u = step(&mut running, 0.4, (0.0, 0.3), 6.0);
         assert!((u - (10.0 * 0.3 - 2.0 * 0.3 + 3.0)).abs() < 1e-12, "{u}");
         let own = Loop {
             law: Law::Cascade,
@@ -309,7 +406,7 @@ mod tests {
         };
         let mut running = Running::new(&own, 0.0, 0.7, (20, 0));
         // 10 · 0.4 asks for 4, gets 1.5.
-        let u = running.next(0.4, (0.0, 0.3), 0.0);
+        let u = step(&mut running, 0.4, (0.0, 0.3), 0.0);
         assert!(
             (u - (2.0 * 1.2 + 0.7 + 4.0 * 1.2 * STEP)).abs() < 1e-12,
             "{u}"
@@ -325,11 +422,47 @@ mod tests {
         let mut running = Running::new(&own, 0.0, 0.0, (20, 0));
         // Targets every 20 steps of 0.1 ms go by 4 mrad: 2 rad/s.
         let out: Vec<f64> = (0..60)
-            .map(|i| running.next(0.004 * f64::from(i / 20), (0.0, 0.0), 0.0))
+            .map(|i| step(&mut running, 0.004 * f64::from(i / 20), (0.0, 0.0), 0.0))
             .collect();
         assert_eq!(out[19], 0.0);
         assert!((out[20] - (10.0 * 0.004 + 2.0)).abs() < 1e-12, "{out:?}");
         assert!((out[59] - (10.0 * 0.008 + 2.0)).abs() < 1e-12, "{out:?}");
+    }
+
+    #[test]
+    fn a_profile_is_followed_and_averaged() {
+        // Half of 0.01 after the time in which 0.005 is gone at 4: 50 ms; all of it after 100 ms.
+        let own = Loop {
+            target_acceleration: Some(4.0),
+            ..pd()
+        };
+        let goes = |own: &Loop| {
+            let mut running = Running::new(own, 0.0, 0.0, (20, 0));
+            let mut at = |_| {
+                let acceleration = running.aim(0.01);
+                let u = running.next((0.0, 0.0), 0.0, acceleration);
+                (u / 10.0, acceleration)
+            };
+            (0..2000).map(&mut at).collect::<Vec<_>>()
+        };
+        let plain = goes(&own);
+        assert!((plain[499].0 - 0.005).abs() < 2e-5, "{:?}", plain[499]);
+        assert!((plain[1200].0 - 0.01).abs() < 1e-9, "{:?}", plain[1200]);
+        assert!((plain[200].1 - 4.0).abs() < 1e-9 && (plain[700].1 + 4.0).abs() < 1e-6);
+        // Over 40 ms more it is there 40 ms later, by half of that on average, and its acceleration grows along a line.
+        let soft = goes(&Loop {
+            target_average: Some(0.04),
+            ..own
+        });
+        assert!((soft[699].0 - 0.005).abs() < 2e-5, "{:?}", soft[699]);
+        assert!(soft[1350].0 < 0.01 - 1e-7 && (soft[1402].0 - 0.01).abs() < 1e-9);
+        assert!((soft[199].1 - 2.0).abs() < 0.02, "{:?}", soft[199]);
+        // What it accelerates with is fed forward.
+        let fed = goes(&Loop {
+            inertia: Some(0.5),
+            ..own
+        });
+        assert!((fed[200].0 - plain[200].0 - 0.2).abs() < 1e-9);
     }
 
     #[test]
@@ -340,7 +473,7 @@ mod tests {
         };
         let mut running = Running::new(&own, 0.0, 0.0, (20, 0));
         for i in 0..12 {
-            let out = running.next(0.0, (f64::from(i), 0.0), 0.0);
+            let out = step(&mut running, 0.0, (f64::from(i), 0.0), 0.0);
             let read = (f64::from(i) - 2.5).max(0.0);
             // Before the first reading it was there.
             if i != 2 {

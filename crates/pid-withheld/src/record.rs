@@ -188,14 +188,21 @@ impl<'a> Loops<'a> {
     /// Currents over the next step, in place of the targets.
     fn act(&mut self, applied: &mut [f64], readings: &[(f64, f64)]) {
         let n = readings.len();
-        let mut weight = vec![0.0; n];
+        let (mut weight, mut push) = (vec![0.0; n], vec![0.0; n]);
+        let targets = self.running.iter_mut().zip(&*applied);
+        let aims: Vec<f64> = targets.map(|(own, target)| own.aim(*target)).collect();
         if self.running.iter().any(Running::weighs) {
             let q: Vec<f64> = readings.iter().map(|r| r.0).collect();
-            let (_, bias) = self.model.mass_and_bias(&q, &vec![0.0; n]);
-            weight = (0..n).map(|j| bias[j] / self.model.gain[j]).collect();
+            let (mass, bias) = self.model.mass_and_bias(&q, &vec![0.0; n]);
+            let gain = &self.model.gain;
+            weight = (0..n).map(|j| bias[j] / gain[j]).collect();
+            let force = |j: usize| (0..n).map(|k| mass[(j, k)] * aims[k]).sum::<f64>();
+            push = (0..n)
+                .map(|j| (force(j) + self.model.rotor[j] * aims[j]) / gain[j])
+                .collect();
         }
         for (j, own) in self.running.iter_mut().enumerate() {
-            applied[j] = own.next(applied[j], readings[j], weight[j]);
+            applied[j] = own.next(readings[j], weight[j], push[j]);
         }
     }
 }

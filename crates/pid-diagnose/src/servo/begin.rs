@@ -4,8 +4,8 @@
 use pid_interpret::links;
 use pid_interpret::nominal::{Gain, Servo, ServoGain, ServoLaw};
 
-use super::followed::{Fitted, Followed, SLOWED, SLOWEST, followed};
-use super::{Recorded, at, fastest, needed};
+use super::followed::{EASED, Fitted, Followed, SLOWED, SLOWEST, followed};
+use super::{Recorded, at, fastest, hardest, needed};
 use crate::case::{Case, CaseError, Record};
 use crate::constants::Constants;
 
@@ -25,7 +25,7 @@ const OFF: f64 = 0.05;
 pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>, CaseError> {
     let mut warnings = Vec::new();
     let forces = needed(case);
-    let gravity: Vec<Vec<Vec<f64>>> = case.records.iter().map(|r| gravity(case, r)).collect();
+    let fed: Vec<Vec<Fed>> = case.records.iter().map(|r| fed(case, r)).collect();
     for j in 0..case.n() {
         let Some(servo) = case.nominal.description.servo(j).cloned() else {
             continue;
@@ -34,7 +34,8 @@ pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>,
             record: &case.records[i],
             joint: j,
             u,
-            gravity: gravity[i][j].clone(),
+            gravity: fed[i][j].gravity.clone(),
+            inertia: fed[i][j].inertia.clone(),
         };
         let own: Vec<Fitted<'_>> = (recorded.iter().enumerate())
             .filter_map(|(i, own)| Some(with(i, own[j].clone()?)))
@@ -82,7 +83,7 @@ pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>,
 /// no loop and for times.
 pub(super) fn reach(gain: Gain, size: f64) -> f64 {
     match gain {
-        Gain::Gravity | Gain::VelocityAhead => size.max(1.0),
+        Gain::Gravity | Gain::InertiaAhead | Gain::VelocityAhead => size.max(1.0),
         Gain::Kd | Gain::Ki => size,
         _ => UNKNOWN * size,
     }
@@ -140,8 +141,9 @@ impl Start<'_> {
             };
             let least = match g {
                 Gain::Kp if cascade => SLOW,
-                Gain::Kp | Gain::Gravity | Gain::VelocityAhead => 0.0,
+                Gain::Kp | Gain::Gravity | Gain::InertiaAhead | Gain::VelocityAhead => 0.0,
                 Gain::TargetSpeed => SLOWED * fastest(case, j),
+                Gain::TargetAcceleration => EASED * hardest(case, j),
                 Gain::Kd | Gain::Kv => DAMPED * critical,
                 Gain::Ki => SLOW * if cascade { DAMPED * critical } else { kp },
                 _ => self.shortest(),
@@ -162,17 +164,28 @@ impl Start<'_> {
     }
 }
 
-/// Inputs with which the drives make up for gravity along a record, `[joint][sample]`; none where no drive
-/// does.
-fn gravity(case: &Case, r: &Record) -> Vec<Vec<f64>> {
+/// Inputs of a drive along a record, sample by sample: with which its model makes up for gravity, and per acceleration
+/// of the joint alone.
+#[derive(Debug, Clone)]
+struct Fed {
+    gravity: Vec<f64>,
+    inertia: Vec<f64>,
+}
+
+/// The same of all joints; zero where no drive has a model.
+fn fed(case: &Case, r: &Record) -> Vec<Fed> {
     let n = case.n();
     let description = &case.nominal.description;
-    let fed = |j| description.servo(j).is_some_and(|s| s.has(Gain::Gravity));
-    let mut out = vec![vec![0.0; r.len()]; n];
-    if !(0..n).any(fed) {
+    let none = || Fed {
+        gravity: vec![0.0; r.len()],
+        inertia: vec![0.0; r.len()],
+    };
+    let mut out = vec![none(); n];
+    let has_model = |j| description.servo(j).is_some_and(Servo::has_model);
+    if !(0..n).any(has_model) {
         return out;
     }
-    let (mut work, gains) = Constants::<f64>::known_to_drives(&case.nominal);
+    let (mut work, known) = Constants::<f64>::known_to_drives(&case.nominal);
     let (mut q, v, mut bias) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     for k in 0..r.len() {
         (q.iter_mut().zip(&r.smooth_q)).for_each(|(q, smooth)| *q = smooth[k]);
@@ -184,7 +197,9 @@ fn gravity(case: &Case, r: &Record) -> Vec<Vec<f64>> {
         let programs = &case.nominal.links;
         programs.evaluate(&mut work, &at, f64::sin_cos, &mut bias);
         for j in 0..n {
-            out[j][k] = bias[j] / gains[j];
+            let own = work.mass()[j * (j + 3) / 2] + known.rotors[j];
+            out[j].gravity[k] = bias[j] / known.gains[j];
+            out[j].inertia[k] = own / known.gains[j];
         }
     }
     out

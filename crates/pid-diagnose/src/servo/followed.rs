@@ -3,9 +3,9 @@
 use nalgebra::{DVector, SMatrix, SVector};
 use pid_interpret::nominal::{Gain, Servo, ServoLaw};
 
-use super::fastest;
+use super::{fastest, hardest};
 use crate::case::{Case, Record};
-use crate::drives::target::{Point, Shaped, followed as shaped};
+use crate::drives::target::{Motion, Shaped, followed as shaped};
 use crate::drives::{Gains, filter};
 
 /// Share of the limit beyond which a sample tells nothing of the gains.
@@ -24,12 +24,15 @@ const LATEST: f64 = 0.1;
 /// An unknown largest speed is looked for down to this share of the fastest motion: a joint that follows its target
 /// does not overshoot to twice its speed.
 pub(super) const SLOWED: f64 = 0.5;
+/// An unknown acceleration of a profile is looked for from this share of the hardest one of the motion to as many times
+/// it: what a profile asks for a joint follows softened, or overshoots.
+pub(super) const EASED: f64 = 0.25;
 /// Shares of the target's velocity that are looked at: none, half, all. A fit goes on from the best.
 const AHEAD: [f64; 3] = [0.0, 0.5, 1.0];
 /// Ratio of a number that is looked at to the one before.
 const FINER: f64 = 1.5;
 /// Most numbers in which a law is linear, an offset included.
-const WIDEST: usize = 5;
+const WIDEST: usize = 6;
 
 /// A law fitted to inputs by least squares.
 pub(super) struct Followed {
@@ -41,25 +44,55 @@ pub(super) struct Followed {
     pub(super) explained: f64,
 }
 
-/// One record with inputs of a joint, and the input with which its drive makes up for gravity.
+/// One record with inputs of a joint, the input with which its drive makes up for gravity, and that with which it
+/// accelerates by one unit.
 pub(super) struct Fitted<'a> {
     pub(super) record: &'a Record,
     pub(super) joint: usize,
     pub(super) u: Vec<f64>,
     pub(super) gravity: Vec<f64>,
+    pub(super) inertia: Vec<f64>,
 }
 
-/// Numbers of a loop in which its law is not linear.
-#[derive(Debug, Clone, Copy)]
-struct Curved {
-    /// Of a cascade: its velocity is limited.
-    kp: f64,
-    /// Infinite where nothing limits it.
-    target_speed: f64,
-    ahead: f64,
-    target_time: f64,
-    velocity_time: f64,
-    feedback_delay: f64,
+/// Numbers of a loop in the order of [`Gain::ALL`].
+type Numbers = [f64; Gain::ALL.len()];
+
+/// Numbers in which a law is not linear. Those of a group are looked at together, with the others where they are best.
+const CURVED: [&[Gain]; 3] = [
+    &[Gain::Kp, Gain::TargetTime, Gain::VelocityTime],
+    &[Gain::TargetSpeed, Gain::VelocityAhead, Gain::FeedbackDelay],
+    &[Gain::TargetAcceleration, Gain::TargetAverage],
+];
+
+/// Values of a number of a loop that are looked at, that which changes least first.
+fn row(case: &Case, (j, servo): (usize, &Servo), gain: Gain, step: f64) -> Vec<f64> {
+    let stated = servo.gain(gain).value;
+    if !servo.has(gain) || stated.is_some() {
+        return vec![stated.unwrap_or(0.0)];
+    }
+    let between = |least: f64, most: f64| -> Vec<f64> {
+        let all = std::iter::successors(Some(least), |x| Some(x * FINER));
+        all.take_while(|x| *x <= most).collect()
+    };
+    let mut out = match gain {
+        Gain::Kp if servo.law == ServoLaw::Cascade => between(CASCADES.0, CASCADES.1),
+        Gain::TargetSpeed => {
+            let fastest = fastest(case, j);
+            between(SLOWED * fastest, fastest)
+        }
+        Gain::TargetAcceleration => {
+            let hardest = hardest(case, j);
+            between(EASED * hardest, hardest / EASED)
+        }
+        Gain::VelocityAhead => AHEAD.to_vec(),
+        Gain::FeedbackDelay => between(step, LATEST),
+        gain if gain.is_time() => between(step, SLOWEST),
+        _ => vec![0.0],
+    };
+    if matches!(gain, Gain::TargetSpeed | Gain::TargetAcceleration) {
+        out.reverse();
+    }
+    out
 }
 
 /// Fits the law of a joint to inputs along the records, an offset free; unknown numbers in which it is not
@@ -68,84 +101,44 @@ pub(super) fn followed(case: &Case, j: usize, inputs: &[Fitted<'_>]) -> Option<F
     let servo = case.nominal.description.servo(j)?;
     let steps = inputs.iter().map(|own| own.record.h);
     let step = steps.fold(SLOWEST, f64::min);
-    let row = |gain: Gain, (least, most): (f64, f64)| -> Vec<f64> {
-        let stated = servo.gain(gain).value;
-        match (servo.has(gain), stated) {
-            (true, None) => std::iter::successors(Some(least), |x| Some(x * FINER))
-                .take_while(|x| *x <= most)
-                .collect(),
-            _ => vec![stated.unwrap_or(0.0)],
-        }
-    };
-    let kp = match servo.law {
-        ServoLaw::Cascade => row(Gain::Kp, CASCADES),
-        _ => vec![0.0],
-    };
-    let times = [Gain::TargetTime, Gain::VelocityTime].map(|gain| row(gain, (step, SLOWEST)));
-    let late = row(Gain::FeedbackDelay, (step, LATEST));
-    let fastest = fastest(case, j);
-    let slower = match servo.has(Gain::TargetSpeed) {
-        true => row(Gain::TargetSpeed, (SLOWED * fastest, fastest)),
-        false => vec![f64::INFINITY],
-    };
-    let ahead = match (
-        servo.has(Gain::VelocityAhead),
-        servo.gain(Gain::VelocityAhead).value,
-    ) {
-        (true, None) => AHEAD.to_vec(),
-        (_, stated) => vec![stated.unwrap_or(0.0)],
-    };
-    let mut best: Option<(Followed, Curved)> = None;
-    let tried = |best: &mut Option<(Followed, Curved)>, at: Curved| {
-        let least = best.as_ref().map_or(f64::NEG_INFINITY, |b| b.0.explained);
-        let fit = fitted(servo, at, inputs).filter(|fit| fit.explained > least);
-        *best = fit.map(|fit| (fit, at)).or(best.take());
-    };
-    let fast = *slower.last()?;
-    for &kp in &kp {
-        for &target_time in &times[0] {
-            for &velocity_time in &times[1] {
-                let at = Curved {
-                    kp,
-                    target_speed: fast,
-                    ahead: ahead[0],
-                    target_time,
-                    velocity_time,
-                    feedback_delay: late[0],
-                };
-                tried(&mut best, at);
+    let rows = Gain::ALL.map(|gain| row(case, (j, servo), gain, step));
+    let mut from = rows
+        .each_ref()
+        .map(|row| row.first().copied().unwrap_or(0.0));
+    let mut best: Option<(Followed, Numbers)> = None;
+    for group in CURVED {
+        let sizes = group.iter().map(|&gain| rows[gain as usize].len());
+        for n in 0..sizes.product() {
+            let (mut at, mut left) = (from, n);
+            for &gain in group {
+                let row = &rows[gain as usize];
+                at[gain as usize] = row[left % row.len()];
+                left /= row.len();
             }
+            let least = best.as_ref().map_or(f64::NEG_INFINITY, |b| b.0.explained);
+            let fit = fitted(servo, &at, inputs).filter(|fit| fit.explained > least);
+            best = fit.map(|fit| (fit, at)).or(best);
         }
-    }
-    // The others where those are best.
-    let from = best.as_ref()?.1;
-    for &target_speed in &slower {
-        for &ahead in &ahead {
-            for &feedback_delay in &late {
-                let at = Curved {
-                    target_speed,
-                    ahead,
-                    feedback_delay,
-                    ..from
-                };
-                tried(&mut best, at);
-            }
-        }
+        from = best.as_ref()?.1;
     }
     best.map(|(fit, _)| fit)
 }
 
-/// What a law multiplies its gains with, sample by sample: errors, velocities and integrals of errors; of a
-/// cascade the velocity that lacks and its integral.
-fn seen(servo: &Servo, k: &Gains<f64>, (r, j): (&Record, usize)) -> Vec<[f64; 3]> {
+/// What a law multiplies its gains with, sample by sample: errors, velocities and integrals of errors, of a cascade the
+/// velocity that lacks and its integral; and the acceleration of the target.
+fn seen(servo: &Servo, k: &Gains<f64>, (r, j): (&Record, usize)) -> Vec<([f64; 3], f64)> {
     let (q, v, h) = (&r.smooth_q[j], &r.smooth_v[j], r.h);
     let mut memory = Shaped::at_rest(r.u[j][0]);
     let (mut velocity, mut integral) = (v[0], 0.0);
     let most = servo.velocity_limit.unwrap_or(f64::INFINITY);
     let of = |i: usize| {
-        let own = (r.u[j][i], (r.u[j][i] - r.u[j][i.saturating_sub(1)]) / h);
-        let [_, Point { r: target, rate }] =
-            shaped(servo, k, &mut memory, own, (h * i as f64, h), 0.0);
+        let before = |n: usize| r.u[j][i.saturating_sub(n)];
+        let target = Motion {
+            r: before(0),
+            rate: (before(0) - before(1)) / h,
+            acceleration: (before(0) - 2.0 * before(1) + before(2)) / (h * h),
+        };
+        let [_, target] = shaped(servo, k, &mut memory, &target, (h * i as f64, h), 0.0);
         // Readings of a while ago, along a straight line between samples.
         let x = (i as f64 - k.feedback_delay.unwrap_or(0.0) / h).max(0.0);
         let before = x as usize;
@@ -154,62 +147,82 @@ fn seen(servo: &Servo, k: &Gains<f64>, (r, j): (&Record, usize)) -> Vec<[f64; 3]
             of[before] + (next - of[before]) * x.fract()
         };
         let (q, v) = (read(q), read(v));
-        let error = target - q;
+        let error = target.r - q;
         let band = servo.dead_band.unwrap_or(0.0);
         let error = error - error.clamp(-band, band);
         velocity = match k.velocity_time {
             Some(time) => filter::after(velocity, v, time, h),
             None => v,
         };
+        let rate = k.ahead.unwrap_or(0.0) * target.rate;
         let lacks = match servo.law {
             ServoLaw::Cascade => (k.kp * error + rate).clamp(-most, most) - velocity,
             _ => error,
         };
         integral += lacks * h;
-        match servo.law {
+        let row = match servo.law {
             ServoLaw::Cascade => [lacks, integral, 0.0],
             _ => [error, rate - velocity, integral],
-        }
+        };
+        (row, target.acceleration)
     };
     (0..r.len()).map(of).collect()
 }
 
+/// A share of what a drive's model makes up for, as a number of a law that is linear in it.
+#[derive(Debug, Clone, Copy)]
+struct Fed {
+    /// What is stated of it, zero where it is not known.
+    known: f64,
+    /// Its place in a row where it is not known.
+    free: Option<usize>,
+}
+
+impl Fed {
+    /// Of a loop; rows are `width` wide and grow where it is not known.
+    fn of(servo: &Servo, gain: Gain, width: &mut usize) -> Self {
+        let stated = servo.gain(gain).value;
+        let free = (servo.has(gain) && stated.is_none()).then_some(*width);
+        *width += usize::from(free.is_some());
+        Fed {
+            known: stated.unwrap_or(0.0),
+            free,
+        }
+    }
+
+    /// What it adds that is known; what is not goes into a row.
+    fn add(&self, row: &mut [f64; WIDEST], input: f64) -> f64 {
+        if let Some(place) = self.free {
+            row[place] = input;
+        }
+        self.known * input
+    }
+}
+
 /// The same fit with the numbers in which the law is not linear.
-fn fitted(servo: &Servo, curved: Curved, inputs: &[Fitted<'_>]) -> Option<Followed> {
-    let k = Gains::of(|gain| {
-        let value = match gain {
-            Gain::Kp => curved.kp,
-            Gain::VelocityAhead => curved.ahead,
-            Gain::TargetSpeed => curved.target_speed,
-            Gain::TargetTime => curved.target_time,
-            Gain::VelocityTime => curved.velocity_time,
-            Gain::FeedbackDelay => curved.feedback_delay,
-            _ => 0.0,
-        };
-        servo.has(gain).then_some(value)
-    });
+fn fitted(servo: &Servo, curved: &Numbers, inputs: &[Fitted<'_>]) -> Option<Followed> {
+    let k = Gains::of(|gain| servo.has(gain).then_some(curved[gain as usize]));
     let cascade = servo.law == ServoLaw::Cascade;
-    let share = servo.gain(Gain::Gravity).value;
-    let free = servo.has(Gain::Gravity) && share.is_none();
-    let known = share.unwrap_or(0.0);
     let columns = match servo.law {
         ServoLaw::P => 1,
         ServoLaw::Pd | ServoLaw::Cascade => 2,
         _ => 3,
     };
+    let mut width = 1 + columns;
+    let gravity = Fed::of(servo, Gain::Gravity, &mut width);
+    let inertia = Fed::of(servo, Gain::InertiaAhead, &mut width);
     let mut samples = Samples {
-        width: 1 + columns + usize::from(free),
+        width,
         limit: servo.limit.unwrap_or(f64::INFINITY),
         all: Vec::new(),
     };
     for own in inputs {
-        let seen = seen(servo, &k, (own.record, own.joint)).into_iter();
-        for (([a, b, c], &u), &gravity) in seen.zip(&own.u).zip(&own.gravity) {
-            let mut row = [1.0, a, b, c, 0.0];
-            if free {
-                row[1 + columns] = gravity;
-            }
-            let known = known * gravity;
+        let seen = seen(servo, &k, (own.record, own.joint));
+        for (i, ([a, b, c], acceleration)) in seen.into_iter().enumerate() {
+            let mut row = [1.0, a, b, c, 0.0, 0.0];
+            let known = gravity.add(&mut row, own.gravity[i])
+                + inertia.add(&mut row, own.inertia[i] * acceleration);
+            let u = own.u[i];
             if u.is_finite() {
                 samples.all.push(Sample { row, known, u });
             }
@@ -217,25 +230,26 @@ fn fitted(servo: &Servo, curved: Curved, inputs: &[Fitted<'_>]) -> Option<Follow
     }
     let x = samples.law()?;
     let at = |i: usize| if i <= columns { x[i] } else { 0.0 };
+    let share = |own: &Fed| own.free.map_or(own.known, |place| x[place]);
     let gains = Gain::ALL.map(|gain| match gain {
-        Gain::Kp if cascade => curved.kp,
+        Gain::Kp if cascade => curved[gain as usize],
         Gain::Kv => at(1),
         Gain::Kp => at(1),
         Gain::Ki if cascade => at(2),
         Gain::Kd => at(2),
         Gain::Ki => at(3),
-        Gain::Gravity if free => x[1 + columns],
-        Gain::Gravity => known,
-        Gain::VelocityAhead => curved.ahead,
-        Gain::TargetSpeed if servo.has(gain) => curved.target_speed,
-        Gain::TargetTime => curved.target_time,
-        Gain::VelocityTime => curved.velocity_time,
-        Gain::FeedbackDelay => curved.feedback_delay,
-        _ => 0.0,
+        Gain::Gravity => share(&gravity),
+        Gain::InertiaAhead => share(&inertia),
+        gain => curved[gain as usize],
     });
     let found = Followed {
         gains,
-        stiffness: at(1) * if cascade { curved.kp } else { 1.0 },
+        stiffness: at(1)
+            * if cascade {
+                gains[Gain::Kp as usize]
+            } else {
+                1.0
+            },
         explained: 1.0 - samples.left(&x) / samples.variance().max(1e-300),
     };
     Some(found).filter(|f| f.gains.iter().all(|x| x.is_finite()))
@@ -358,7 +372,7 @@ mod tests {
             // Neither correlated with the errors nor small beside the limit.
             let noise = 0.3 * limit * (911.0 * t).sin();
             Sample {
-                row: [1.0, error, -velocity, 0.0, 0.0],
+                row: [1.0, error, -velocity, 0.0, 0.0, 0.0],
                 known: 0.0,
                 u: (kp * error - kd * velocity).clamp(-limit, limit) + noise,
             }

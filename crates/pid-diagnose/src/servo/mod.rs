@@ -122,6 +122,15 @@ fn fastest(case: &Case, j: usize) -> f64 {
     speeds.fold(1e-9, |most: f64, v| most.max(v.abs()))
 }
 
+/// Largest acceleration of a joint in the records, by its smoothed velocities, above zero.
+fn hardest(case: &Case, j: usize) -> f64 {
+    let along = |r: &Record| {
+        let jumps = r.smooth_v[j].windows(2).map(|v| (v[1] - v[0]).abs());
+        jumps.fold(1e-9, f64::max) / r.h
+    };
+    case.records.iter().map(along).fold(1e-9, f64::max)
+}
+
 /// Forces that the motions take under the nominal structure, friction included: `[record][joint][sample]`.
 pub(crate) fn needed(case: &Case) -> Vec<Vec<Vec<f64>>> {
     let speed: Vec<f64> = (0..case.n()).map(|j| fastest(case, j)).collect();

@@ -128,6 +128,7 @@ impl Linear<'_> {
             v,
             ahead: 0.0,
             gravity: 0.0,
+            inertia: 0.0,
         }
     }
 

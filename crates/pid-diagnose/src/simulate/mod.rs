@@ -13,6 +13,7 @@ use std::borrow::Cow;
 use pid_interpret::links;
 
 use crate::constants::{Constant, Constants};
+use crate::drives::target::Shaped;
 use crate::effect::{Gear, Law, Pick};
 use crate::hypothesis::Hypothesis;
 use crate::known::Known;
@@ -42,6 +43,8 @@ pub struct State<D> {
     pub(crate) loops: Vec<Memory<D>>,
     /// What the drives whose loops read late moved through.
     past: Vec<Past<D>>,
+    /// What has become of the targets of position loops; empty where there are none.
+    shaped: Vec<Shaped<D>>,
     /// What the links' velocities have changed by since mass matrix and bias were evaluated.
     gained: Vec<D>,
 }
@@ -60,6 +63,7 @@ impl State<f64> {
             acceleration: all(&self.acceleration),
             loops: self.loops.iter().map(Memory::lift).collect(),
             past: self.past.iter().map(Past::lift).collect(),
+            shaped: (self.shaped.iter().map(|own| own.map(D::constant))).collect(),
             gained: all(&self.gained),
         }
     }
@@ -251,6 +255,10 @@ impl<'h, D: Pick> Machine<'h, D> {
     pub(crate) fn rest(&mut self, q: &[f64], v: &[f64], u: &[f64]) -> State<D> {
         let n = self.n();
         let lift = |x: &[f64]| x.iter().map(|&x| D::constant(x)).collect::<Vec<D>>();
+        let looped = match self.loops.iter().any(Option::is_some) {
+            true => n,
+            false => 0,
+        };
         let mut state = State {
             q: lift(q),
             v: lift(v),
@@ -261,6 +269,7 @@ impl<'h, D: Pick> Machine<'h, D> {
             acceleration: vec![D::nil(); n + self.rotors.len()],
             loops: vec![Memory::new(); n],
             past: vec![Past::new(); n],
+            shaped: vec![Shaped::at_rest(D::nil()); looped],
             gained: vec![D::nil(); n],
         };
         self.rest_bias(&state.q.clone());

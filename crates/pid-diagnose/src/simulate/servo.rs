@@ -6,11 +6,11 @@ use pid_interpret::nominal::{Role as Part, Servo, ServoLaw};
 
 use super::{Machine, State};
 use crate::constants::{Constant, Constants};
-use crate::drives::target::{Point, Shaped, followed};
+use crate::drives::target::{Motion, Shaped, followed};
 use crate::drives::{Gains, Output, Seen, at_rest, filter, integrated, output};
-use crate::effect::Pick;
+use crate::effect::{Commands, Pick};
 use crate::hypothesis::Hypothesis;
-use crate::nominal::EncoderSide;
+use crate::nominal::{DriveKnowledge, EncoderSide};
 
 /// The loop of a joint with its gains.
 pub(super) type Loop<'h, D> = (&'h Servo, Gains<D>);
@@ -28,8 +28,8 @@ pub(crate) struct Memory<D> {
     switched: f64,
     /// When it reads next, s since the start of what was recorded.
     due: f64,
-    /// What has become of the target.
-    shaped: Shaped<D>,
+    /// What it follows.
+    follows: Motion<D>,
     /// The velocity behind its filter.
     velocity: D,
 }
@@ -43,7 +43,7 @@ impl Memory<f64> {
             limited: self.limited,
             switched: self.switched,
             due: self.due,
-            shaped: self.shaped.map(D::constant),
+            follows: self.follows.map(D::constant),
             velocity: D::constant(self.velocity),
         }
     }
@@ -67,28 +67,29 @@ impl<D: Pick> Memory<D> {
             limited: false,
             switched: f64::NEG_INFINITY,
             due: f64::NEG_INFINITY,
-            shaped: Shaped::at_rest(D::nil()),
+            follows: Motion::at_rest(D::nil()),
             velocity: D::nil(),
         }
     }
 }
 
-/// Whether a drive makes up for gravity.
+/// Whether a drive makes up for gravity or inertia.
 fn makes_up<D: Copy>(own: &Option<Loop<'_, D>>) -> bool {
-    own.is_some_and(|(_, k)| k.gravity.is_some())
+    own.is_some_and(|(_, k)| k.gravity.is_some() || k.inertia.is_some())
 }
 
 /// The robot as the feed-forward of the drives knows it.
 pub(super) struct Model<D> {
     links: links::Work<D>,
-    /// Torque or force per unit of the input, joint by joint.
-    gains: Vec<f64>,
+    known: DriveKnowledge<D>,
     /// Where it was evaluated last, and the velocity, which is none.
     q: Vec<D>,
     still: Vec<D>,
     bias: Vec<D>,
-    /// Input that makes up for gravity, joint by joint, where its loop read last.
+    /// Inputs that make up for gravity and for the acceleration of the targets, joint by joint, where its loop read
+    /// last.
     gravity: Vec<D>,
+    inertia: Vec<D>,
 }
 
 impl<D: Pick> Model<D> {
@@ -99,16 +100,33 @@ impl<D: Pick> Model<D> {
         if !loops.iter().any(makes_up) {
             return None;
         }
-        let (links, gains) = Constants::known_to_drives(nominal);
+        let (links, known) = Constants::known_to_drives(nominal);
         let zero = || vec![D::nil(); n];
         Some(Model {
             links,
-            gains,
+            known,
             q: zero(),
             still: zero(),
             bias: zero(),
             gravity: zero(),
+            inertia: zero(),
         })
+    }
+
+    /// Notes what makes up for gravity at a joint where it was evaluated.
+    fn weigh(&mut self, j: usize) {
+        self.gravity[j] = self.bias[j] / self.known.gains[j];
+    }
+
+    /// Notes what accelerates a joint there as the targets do.
+    fn accelerate(&mut self, j: usize, loops: &[Memory<D>]) {
+        let lower = self.links.mass();
+        let entry = |i: usize, j: usize| lower[i * (i + 1) / 2 + j];
+        let mut force = loops[j].follows.acceleration * self.known.rotors[j];
+        for (i, own) in loops.iter().enumerate() {
+            force += entry(i.max(j), i.min(j)) * own.follows.acceleration;
+        }
+        self.inertia[j] = force / self.known.gains[j];
     }
 }
 
@@ -119,13 +137,14 @@ const LEAST: f64 = 1e-3;
 
 /// What a loop sees.
 #[inline(always)]
-fn seen<D>(r: D, ahead: D, (q, v): (D, D), gravity: D) -> Seen<D> {
+fn seen<D: Pick>((r, ahead): (D, D), (q, v): (D, D), (gravity, inertia): (D, D)) -> Seen<D> {
     Seen {
         r,
         q,
         v,
         ahead,
         gravity,
+        inertia,
     }
 }
 
@@ -285,6 +304,66 @@ impl<D: Pick> Machine<'_, D> {
         self.sense(j, q, v)
     }
 
+    /// What the loops follow over the substep from `t`, those that read in it.
+    #[inline(always)]
+    pub(super) fn follow(
+        &self,
+        state: &mut State<D>,
+        commands: &[Commands<'_>],
+        (t, dt): (f64, f64),
+    ) {
+        for (j, own) in commands.iter().enumerate() {
+            let Some((servo, k)) = self.loops[j] else {
+                continue;
+            };
+            let target = self.target(state, own, (j, &k));
+            let held = held(servo, dt);
+            if held.is_some() && t < state.loops[j].due - 1e-3 * dt {
+                continue;
+            }
+            let (length, lead) = match held {
+                Some(period) => (period, 0.0),
+                None => (dt, 0.5 * period(servo)),
+            };
+            let shaped = &mut state.shaped[j];
+            let both = followed(servo, &k, shaped, &target, (t, length), lead);
+            // One that reads at the start of the substep follows what its target becomes over a period.
+            state.loops[j].follows = both[usize::from(held.is_some())];
+        }
+    }
+
+    /// The target of a joint, with velocity and acceleration if its loop uses them: what it differs from the one before
+    /// by, over the time between.
+    #[inline(always)]
+    fn target(
+        &self,
+        state: &mut State<D>,
+        commands: &Commands<'_>,
+        (j, k): (usize, &Gains<D>),
+    ) -> Motion<D> {
+        let spacing = if commands.linear {
+            commands.dt
+        } else {
+            commands.h
+        };
+        let mut before = |steps: f64| {
+            let own = Commands {
+                t: commands.t - spacing * steps,
+                ..*commands
+            };
+            self.through(state, &own, (j, true), D::constant(own.now()))
+        };
+        let mut out = Motion::at_rest(before(0.0));
+        if k.needs_rates() {
+            let last = before(1.0);
+            out.rate = (out.r - last) / spacing;
+            if k.inertia.is_some() {
+                out.acceleration = (out.rate - (last - before(2.0)) / spacing) / spacing;
+            }
+        }
+        out
+    }
+
     /// What the drives' model makes up for at the positions that their loops read over the substep from
     /// `t`: in its middle, or at its start where a loop reads there and holds its output.
     #[inline(always)]
@@ -294,7 +373,7 @@ impl<D: Pick> Machine<'_, D> {
         };
         for holds in [false, true] {
             let reads = |j: usize| match self.loops[j] {
-                Some((servo, k)) if k.gravity.is_some() => {
+                Some((servo, _)) if makes_up(&self.loops[j]) => {
                     let period = held(servo, dt);
                     period.is_some() == holds && (!holds || t >= state.loops[j].due - 1e-3 * dt)
                 }
@@ -313,7 +392,10 @@ impl<D: Pick> Machine<'_, D> {
             }
             self.evaluate_model(&mut model);
             for j in (0..self.n()).filter(|&j| reads(j)) {
-                model.gravity[j] = model.bias[j] / model.gains[j];
+                model.weigh(j);
+                if self.loops[j].is_some_and(|(_, k)| k.inertia.is_some()) {
+                    model.accelerate(j, &state.loops);
+                }
             }
         }
         self.model = Some(model);
@@ -331,11 +413,12 @@ impl<D: Pick> Machine<'_, D> {
         programs.evaluate(&mut model.links, &at, D::sine_cosine, &mut model.bias);
     }
 
-    /// Input with which the model of the drive of a joint makes up for gravity.
-    fn gravity(&self, j: usize) -> D {
-        self.model
-            .as_ref()
-            .map_or_else(D::nil, |own| own.gravity[j])
+    /// Inputs with which the model of the drive of a joint makes up for gravity and inertia.
+    fn fed(&self, j: usize) -> (D, D) {
+        match &self.model {
+            Some(own) => (own.gravity[j], own.inertia[j]),
+            None => (D::nil(), D::nil()),
+        }
     }
 
     /// The velocity that a loop uses in place of the one it reads, in the middle and at the end of `dt`, and
@@ -350,21 +433,23 @@ impl<D: Pick> Machine<'_, D> {
         ([v + (w - v) * middle, end], -middle + 1.0)
     }
 
-    /// Output of the loop of joint `j` for a target with its velocity over the substep from `t`, with the slopes that
-    /// the step takes implicitly (none where the loop closes over a gear or holds its output), and how far into the
+    /// Output of the loop of joint `j` for what it follows over the substep from `t`, with the slopes that the step takes
+    /// implicitly (none where the loop closes over a gear or holds its output), and how far into the
     /// substep the state lies that it answers to, s.
     #[inline(always)]
     pub(super) fn answer(
         &self,
         state: &mut State<D>,
         (j, own): (usize, Loop<'_, D>),
-        target: (D, D),
         (t, dt): (f64, f64),
     ) -> (Output<D>, f64) {
         let (servo, k) = own;
-        let gravity = self.gravity(j);
+        let fed = self.fed(j);
         let memory = state.loops[j];
         let mut next = memory;
+        let follows = &memory.follows;
+        let rate = k.ahead.map_or_else(D::nil, |share| share * follows.rate);
+        let target = (follows.r, rate);
         let none = |u| {
             let (stiffness, damping) = (D::nil(), D::nil());
             let out = Output {
@@ -380,12 +465,10 @@ impl<D: Pick> Machine<'_, D> {
             }
             // It reads at the start of the substep.
             let first = memory.due.is_infinite();
-            let [_, Point { r, rate }] =
-                followed(servo, &k, &mut next.shaped, target, (t, period), 0.0);
             let (q, v) = self.reading(state, j, t, (0.0, dt));
             let before = if first { v } else { memory.velocity };
             let ([_, v], _) = self.filtered(&own, before, v, period);
-            let at = seen(r, rate, (q, v), gravity);
+            let at = seen(target, (q, v), fed);
             next.velocity = v;
             next.integral = integrated(servo, &k, &at, (memory.integral, period));
             next.held = output(servo, &k, &at, next.integral).u;
@@ -395,12 +478,10 @@ impl<D: Pick> Machine<'_, D> {
             state.loops[j] = next;
             return none(next.held);
         }
-        let lead = 0.5 * period(servo);
-        let [Point { r, rate }, _] = followed(servo, &k, &mut next.shaped, target, (t, dt), lead);
         let ahead = ahead(servo, dt);
         let (q, v) = self.reading(state, j, t, (ahead, dt));
         let ([v, end], moves) = self.filtered(&own, memory.velocity, v, dt);
-        let at = seen(r, rate, (q, v), gravity);
+        let at = seen(target, (q, v), fed);
         next.velocity = end;
         next.integral = integrated(servo, &k, &at, (memory.integral, dt));
         let out = output(servo, &k, &at, (memory.integral + next.integral) * 0.5);
@@ -423,9 +504,7 @@ impl<D: Pick> Machine<'_, D> {
                 model.q[j] = self.reading(state, j, self.begin, START).0;
             }
             self.evaluate_model(&mut model);
-            for j in 0..self.n() {
-                model.gravity[j] = model.bias[j] / model.gains[j];
-            }
+            (0..self.n()).for_each(|j| model.weigh(j));
             self.model = Some(model);
         }
         let of = |j: usize| {
@@ -434,13 +513,13 @@ impl<D: Pick> Machine<'_, D> {
                 return r;
             };
             let (q, v) = self.reading(state, j, self.begin, START);
-            let gravity = self.gravity(j);
-            let at = seen(r, D::nil(), (q, v), gravity);
+            let at = seen((r, D::nil()), (q, v), (self.fed(j).0, D::nil()));
             let needed = self.bias[j] / self.constants.get(Constant::Gain(j));
             let integral = at_rest(servo, &k, &at, needed);
+            state.shaped[j] = Shaped::at_rest(r);
             state.loops[j] = Memory {
                 integral,
-                shaped: Shaped::at_rest(r),
+                follows: Motion::at_rest(r),
                 velocity: v,
                 ..state.loops[j]
             };

@@ -37,6 +37,7 @@ impl<D: Pick> Machine<'_, D> {
         }
         self.place_links(state, dt);
         self.remember(state, t);
+        self.follow(state, commands, (t, dt));
         self.feed_forward(state, (t, dt));
         self.add_forces(state, t, dt);
         let mut rotor = 0;
@@ -134,9 +135,7 @@ impl<D: Pick> Machine<'_, D> {
         let mut u = D::constant(commands.now());
         let mut answer = None;
         if let Some(own) = self.loops[j] {
-            u = self.through(state, commands, (j, true), u);
-            let rate = self.target_rate(state, commands, j, u);
-            let (out, ahead) = self.answer(state, (j, own), (u, rate), (t, dt));
+            let (out, ahead) = self.answer(state, (j, own), (t, dt));
             u = out.u;
             answer = Some((out, ahead.max(0.0)));
         }
@@ -197,30 +196,10 @@ impl<D: Pick> Machine<'_, D> {
         };
     }
 
-    /// Velocity of the target `r` of joint `j`, if its loop feeds it forward: what it differs from the one before by,
-    /// over the time between.
-    #[inline(always)]
-    fn target_rate(&self, state: &mut State<D>, commands: &Commands<'_>, j: usize, r: D) -> D {
-        if self.loops[j].is_none_or(|(_, k)| k.ahead.is_none()) {
-            return D::nil();
-        }
-        let spacing = if commands.linear {
-            commands.dt
-        } else {
-            commands.h
-        };
-        let before = Commands {
-            t: commands.t - spacing,
-            ..*commands
-        };
-        let now = D::constant(before.now());
-        (r - self.through(state, &before, (j, true), now)) / spacing
-    }
-
     /// An input of joint `j` through the effects before the position loop of its drive, or after it;
     /// without a loop all effects are after it.
     #[inline(always)]
-    fn through(
+    pub(super) fn through(
         &self,
         state: &mut State<D>,
         commands: &Commands<'_>,

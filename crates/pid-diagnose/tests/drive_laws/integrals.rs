@@ -28,6 +28,9 @@ fn staged() -> (Loop, Case) {
     let own = Loop {
         ahead: Some(0.8),
         speed: Some(1.2),
+        acceleration: Some(9.0),
+        average: Some(0.05),
+        inertia: Some(0.7),
         target_filter: Some(0.04),
         velocity_filter: Some(0.01),
         late: Some(0.0046),
@@ -37,6 +40,9 @@ fn staged() -> (Loop, Case) {
     let stages = [
         ("velocity_feed_forward", 0.7),
         ("target_speed", 1.1),
+        ("target_acceleration", 8.0),
+        ("target_average_s", 0.0433),
+        ("inertia_feed_forward", 0.6),
         ("target_filter_s", 0.05),
         ("velocity_filter_s", 0.011),
         // Between two substeps: a reading at the start of one has a slope to either side.

@@ -1,5 +1,7 @@
 //! A pendulum on a drive: symplectic Euler at 20 µs with friction by impulses, the loop written a second time.
 
+use std::collections::VecDeque;
+
 use pid_data::{
     Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
 };
@@ -21,6 +23,8 @@ const COULOMB: f64 = 0.15;
 const VISCOUS: f64 = 0.12;
 const GAIN: f64 = 1.8;
 const G: f64 = 9.81;
+/// Moment of the bar about its hinge with the rotor.
+const INERTIA: f64 = BAR[0] * BAR[1] * BAR[1] + BAR[2] + BAR[3];
 
 /// A loop as the integrator knows it.
 #[derive(Debug, Clone, Copy, Default)]
@@ -33,6 +37,8 @@ pub(super) struct Loop {
     pub(super) cascade: Option<f64>,
     /// Share of gravity and the mass that the drive believes in.
     pub(super) gravity: Option<(f64, f64)>,
+    /// Share of the torque that accelerates the bar as the target does.
+    pub(super) inertia: Option<f64>,
     /// Share of the target's velocity.
     pub(super) ahead: Option<f64>,
     pub(super) velocity_filter: Option<f64>,
@@ -42,6 +48,9 @@ pub(super) struct Loop {
     pub(super) step: Option<f64>,
     pub(super) target_hz: Option<f64>,
     pub(super) speed: Option<f64>,
+    /// Acceleration of a profile, and over which time it is averaged.
+    pub(super) acceleration: Option<f64>,
+    pub(super) average: Option<f64>,
     pub(super) target_filter: Option<f64>,
     pub(super) limit: Option<f64>,
     pub(super) hz: Option<f64>,
@@ -50,11 +59,17 @@ pub(super) struct Loop {
 /// What the loop remembers.
 #[derive(Default)]
 struct Inside {
-    /// Velocity of the target.
+    /// Velocity and acceleration of the target.
     rate: f64,
+    growth: f64,
     ahead: f64,
+    /// The target that was taken last, and what becomes of it.
+    target: f64,
     taken: f64,
     slewed: f64,
+    /// Velocity of the profile, and its positions and velocities before now.
+    goes: f64,
+    trace: VecDeque<(f64, f64)>,
     followed: f64,
     velocity: f64,
     integral: f64,
@@ -64,6 +79,48 @@ struct Inside {
 }
 
 impl Loop {
+    /// What has become of the target after a period: position, velocity, acceleration.
+    fn shaped(&self, inside: &mut Inside, dt: f64) -> (f64, f64, f64) {
+        let most = self.speed.unwrap_or(f64::INFINITY);
+        let (mut rate, mut growth) = (inside.rate.clamp(-most, most), inside.growth);
+        if inside.rate.abs() > most {
+            growth = 0.0;
+        }
+        for _ in 0..(dt / STEP).round() as usize {
+            let way = inside.taken - inside.slewed;
+            match self.acceleration {
+                Some(a) => {
+                    // As fast as it can still brake from by whole steps.
+                    let half = 0.5 * a * STEP;
+                    let brakes = (half * half + 2.0 * a * way.abs()).sqrt() - half;
+                    let gained = way.signum() * brakes.min(most) - inside.goes;
+                    growth = gained.clamp(-a * STEP, a * STEP) / STEP;
+                    inside.goes += growth * STEP;
+                    inside.slewed += inside.goes * STEP;
+                    rate = inside.goes;
+                }
+                None => inside.slewed += way.clamp(-most * STEP, most * STEP),
+            }
+            inside.trace.push_back((inside.slewed, rate));
+        }
+        let Some(time) = self.average else {
+            inside.trace.clear();
+            return (inside.slewed, rate, growth);
+        };
+        let size = (time / STEP).round() as usize;
+        while inside.trace.len() < size {
+            inside.trace.push_front((0.0, 0.0));
+        }
+        inside.trace.drain(..inside.trace.len() - size);
+        let old = inside.trace[0];
+        let sum: f64 = inside.trace.iter().map(|x| x.0).sum();
+        (
+            sum / size as f64,
+            (inside.slewed - old.0) / time,
+            (rate - old.1) / time,
+        )
+    }
+
     /// The current after reading `q`, `v` at time `t`.
     fn current(&self, inside: &mut Inside, r: f64, (q, v): (f64, f64), t: f64) -> f64 {
         let dt = self.hz.map_or(STEP, |hz| 1.0 / hz);
@@ -74,17 +131,20 @@ impl Loop {
         if t + 1e-9 >= inside.next_target {
             inside.taken = self.step.map_or(r, |step| (r / step).round() * step);
             inside.next_target += self.target_hz.map_or(dt, |hz| 1.0 / hz);
+            if let Some(hz) = self.target_hz {
+                let rate = (r - inside.target) * hz;
+                (inside.rate, inside.growth) = (rate, (rate - inside.rate) * hz);
+                inside.target = r;
+            }
         }
-        let way = inside.taken - inside.slewed;
-        inside.slewed += self
-            .speed
-            .map_or(way, |most| way.clamp(-most * dt, most * dt));
+        let (place, rate, growth) = self.shaped(inside, dt);
         let share = |time: Option<f64>| time.map_or(1.0, |time| 1.0 - (-dt / time).exp());
-        inside.followed += share(self.target_filter) * (inside.slewed - inside.followed);
-        let rate = self
-            .speed
-            .map_or(inside.rate, |most| inside.rate.clamp(-most, most));
+        inside.followed += share(self.target_filter) * (place - inside.followed);
         inside.ahead += share(self.target_filter) * (rate - inside.ahead);
+        let growth = match self.target_filter {
+            Some(time) => (rate - inside.ahead) / time,
+            None => growth,
+        };
         let ahead = self.ahead.unwrap_or(0.0) * inside.ahead;
         inside.velocity += share(self.velocity_filter) * (v - inside.velocity);
         let mut error = inside.followed - q;
@@ -103,7 +163,7 @@ impl Loop {
         };
         let feed = self.gravity.map_or(0.0, |(share, mass)| {
             share * mass * G * BAR[1] * q.sin() / GAIN
-        });
+        }) + self.inertia.unwrap_or(0.0) * INERTIA * growth / GAIN;
         let limit = self.limit.unwrap_or(f64::INFINITY);
         let before = direct + inside.integral + feed;
         if before.abs() <= limit || before * rate < 0.0 {
@@ -125,7 +185,10 @@ impl Loop {
         let mut past = vec![(q, v); late + 1];
         for (k, r) in targets.iter().enumerate() {
             out.push(q);
-            inside.rate = (r - targets[k.saturating_sub(1)]) / H;
+            let rate = (r - targets[k.saturating_sub(1)]) / H;
+            if self.target_hz.is_none() {
+                (inside.rate, inside.growth) = (rate, (rate - inside.rate) / H);
+            }
             for s in 0..steps {
                 let t = k as f64 * H + s as f64 * STEP;
                 let now = (k * steps + s) % (late + 1);
@@ -233,6 +296,7 @@ pub(super) const PD: Loop = Loop {
     kv: 0.0,
     cascade: None,
     gravity: None,
+    inertia: None,
     ahead: None,
     velocity_filter: None,
     late: None,
@@ -240,6 +304,8 @@ pub(super) const PD: Loop = Loop {
     step: None,
     target_hz: None,
     speed: None,
+    acceleration: None,
+    average: None,
     target_filter: None,
     limit: Some(6.0),
     hz: None,

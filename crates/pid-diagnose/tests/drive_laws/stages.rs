@@ -40,7 +40,22 @@ fn unstated() -> Vec<(Loop, String, &'static str, f64)> {
         late: Some(0.02),
         ..PD
     };
+    let profile = Loop {
+        acceleration: Some(4.0),
+        ..PD
+    };
+    let average = Loop {
+        average: Some(0.12),
+        ..PD
+    };
+    let pushed = Loop {
+        inertia: Some(0.8),
+        ..PD
+    };
     vec![
+        (profile, pd.clone(), "command_acceleration_limit", 4.0),
+        (average, pd.clone(), "command_average", 0.12),
+        (pushed, pd.clone(), "inertia_feed_forward", 0.8),
         (late, pd.clone(), "feedback_delay", 0.02),
         (filter, pd.clone(), "command_filter", 0.06),
         (speed, pd.clone(), "command_speed_limit", 0.8),

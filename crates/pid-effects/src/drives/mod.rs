@@ -5,7 +5,7 @@
 //! ```text
 //! target r -> effects on the command -> shaping ([`target`]) -> error less the dead band
 //!          -> law on the position and the velocity as read, late and filtered, less a share of the target's
-//!          -> plus feed-forward of gravity, within ± limit
+//!          -> plus feed-forward of gravity and inertia, within ± limit
 //!          -> effects between drive and motor -> motor gain -> joint
 //! ```
 //!
@@ -14,6 +14,7 @@
 //! substeps (an IMEX step; U. M. Ascher, S. J. Ruuth, R. J. Spiteri, Applied Numerical Mathematics 25,
 //! 1997).
 
+mod average;
 mod cascade;
 mod dead_band;
 pub mod filter;
@@ -21,6 +22,7 @@ mod integral;
 mod p;
 mod pd;
 mod pid;
+mod profile;
 pub mod target;
 
 use pid_interpret::nominal::{Gain, Servo, ServoLaw, Shaping};
@@ -42,10 +44,16 @@ pub struct Gains<D> {
     pub kv: D,
     /// Share of the gravity that the drive's model knows.
     pub gravity: Option<D>,
+    /// Share of the inertia that the drive's model knows.
+    pub inertia: Option<D>,
     /// Share of the velocity of the target.
     pub ahead: Option<D>,
     /// Largest speed of what is followed.
     pub target_speed: Option<D>,
+    /// Acceleration of what is followed.
+    pub target_acceleration: Option<D>,
+    /// Time over which what is followed is averaged, s.
+    pub target_average: Option<D>,
     /// Time constant of the filter of the target, s.
     pub target_time: Option<D>,
     /// Time constant of the filter of the velocity, s.
@@ -64,8 +72,11 @@ impl<D: Scalar> Gains<D> {
             ki: own(Gain::Ki),
             kv: own(Gain::Kv),
             gravity: of(Gain::Gravity),
+            inertia: of(Gain::InertiaAhead),
             ahead: of(Gain::VelocityAhead),
             target_speed: of(Gain::TargetSpeed),
+            target_acceleration: of(Gain::TargetAcceleration),
+            target_average: of(Gain::TargetAverage),
             target_time: of(Gain::TargetTime),
             velocity_time: of(Gain::VelocityTime),
             feedback_delay: of(Gain::FeedbackDelay),
@@ -74,8 +85,18 @@ impl<D: Scalar> Gains<D> {
 
     /// Whether something becomes of the target before the loop follows it.
     fn shapes(&self, servo: &Servo) -> bool {
-        let stages = [self.target_speed, self.target_time];
+        let stages = [
+            self.target_speed,
+            self.target_acceleration,
+            self.target_average,
+            self.target_time,
+        ];
         servo.shaping != Shaping::default() || stages.iter().any(Option::is_some)
+    }
+
+    /// Whether the loop uses velocity or acceleration of its target.
+    pub fn needs_rates(&self) -> bool {
+        self.ahead.is_some() || self.inertia.is_some()
     }
 }
 
@@ -92,6 +113,8 @@ pub struct Seen<D> {
     pub ahead: D,
     /// Input with which the drive's model makes up for gravity.
     pub gravity: D,
+    /// Input with which it accelerates as the targets do.
+    pub inertia: D,
 }
 
 /// Output of a loop.
@@ -117,6 +140,9 @@ pub fn unlimited<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>, integral:
     };
     if let Some(share) = k.gravity {
         out.u += share * at.gravity;
+    }
+    if let Some(share) = k.inertia {
+        out.u += share * at.inertia;
     }
     if !open {
         out.stiffness = D::nil();
@@ -160,6 +186,7 @@ pub fn falls(law: ServoLaw, k: &Gains<f64>) -> Option<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
+    use super::target::Motion;
     use super::*;
     use num_dual::Dual64;
 
@@ -175,6 +202,7 @@ mod tests {
         v: -0.4,
         ahead: 0.3,
         gravity: 0.6,
+        inertia: -0.8,
     };
     const K: Gains<f64> = Gains {
         kp: 10.0,
@@ -182,8 +210,11 @@ mod tests {
         ki: 5.0,
         kv: 1.5,
         gravity: None,
+        inertia: None,
         ahead: None,
         target_speed: None,
+        target_acceleration: None,
+        target_average: None,
         target_time: None,
         velocity_time: None,
         feedback_delay: None,
@@ -205,17 +236,18 @@ mod tests {
         slow.velocity_limit = Some(2.0);
         let out = output(&slow, &K, &AT, 0.0);
         assert!((out.u - 3.6).abs() < 1e-15 && out.stiffness == 0.0 && out.damping == 1.5);
-        // 0.1 rad of the error of 0.3 do not count; 0.9 of the gravity of 0.6 are added.
+        // 0.1 rad of the error of 0.3 do not count; 0.9 of the gravity of 0.6 and half of what accelerates are added.
         let mut banded = servo(ServoLaw::Pd, None);
         banded.dead_band = Some(0.1);
         let k = Gains {
             gravity: Some(0.9),
+            inertia: Some(0.5),
             ..K
         };
-        assert!((output(&banded, &k, &AT, 0.0).u - (2.0 + 1.4 + 0.54)).abs() < 1e-15);
+        assert!((output(&banded, &k, &AT, 0.0).u - (2.0 + 1.4 + 0.14)).abs() < 1e-15);
         banded.dead_band = Some(0.35);
         let out = output(&banded, &k, &AT, 0.0);
-        assert!((out.u - (1.4 + 0.54)).abs() < 1e-15 && out.stiffness == 0.0);
+        assert!((out.u - (1.4 + 0.14)).abs() < 1e-15 && out.stiffness == 0.0);
     }
 
     #[test]
@@ -232,6 +264,7 @@ mod tests {
                 v: Dual64::new(AT.v, v),
                 ahead: lift(AT.ahead),
                 gravity: lift(AT.gravity),
+                inertia: lift(AT.inertia),
             };
             let slope = |q, v| output(&servo(law, None), &k, &at(q, v), lift(0.7)).u.eps;
             let own = output(&servo(law, None), &K, &AT, 0.7);
@@ -276,8 +309,13 @@ mod tests {
         let mut memory = target::Shaped::at_rest(0.0);
         let mut at = |i: u32| {
             let t = 0.01 * f64::from(i);
-            let [_, end] = target::followed(&own, &k, &mut memory, (t, 1.0), (t, 0.01), 0.0);
-            (end.r, end.rate)
+            let target = Motion {
+                r: t,
+                rate: 1.0,
+                acceleration: 0.0,
+            };
+            let [_, end] = target::followed(&own, &k, &mut memory, &target, (t, 0.01), 0.0);
+            (end.r, k.ahead.unwrap_or(0.0) * end.rate)
         };
         (0..100).map(&mut at).collect()
     }

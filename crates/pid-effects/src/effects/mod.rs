@@ -4,6 +4,8 @@ mod actuator_lag;
 mod backlash;
 mod base_tilt;
 mod cogging;
+mod command_acceleration_limit;
+mod command_average;
 mod command_filter;
 mod command_speed_limit;
 mod coulomb_asymmetry;
@@ -16,6 +18,7 @@ mod feedback_delay;
 mod friction_drift;
 mod gain_error_nonlinear;
 mod gravity_feed_forward;
+mod inertia_feed_forward;
 mod input_delay;
 mod joint_coupling;
 mod joint_elasticity;
@@ -37,6 +40,8 @@ pub use actuator_lag::ActuatorLag;
 pub use backlash::Backlash;
 pub use base_tilt::BaseTilt;
 pub use cogging::Cogging;
+pub use command_acceleration_limit::CommandAccelerationLimit;
+pub use command_average::CommandAverage;
 pub use command_filter::CommandFilter;
 pub use command_speed_limit::CommandSpeedLimit;
 pub use coulomb_asymmetry::CoulombAsymmetry;
@@ -49,6 +54,7 @@ pub use feedback_delay::FeedbackDelay;
 pub use friction_drift::FrictionDrift;
 pub use gain_error_nonlinear::GainErrorNonlinear;
 pub use gravity_feed_forward::GravityFeedForward;
+pub use inertia_feed_forward::InertiaFeedForward;
 pub use input_delay::InputDelay;
 pub use joint_coupling::JointCoupling;
 pub use joint_elasticity::JointElasticity;
@@ -89,8 +95,11 @@ pub fn all() -> Vec<Arc<dyn Effect>> {
         Arc::new(ActuatorLag),
         Arc::new(InputDelay),
         Arc::new(CommandFilter),
+        Arc::new(CommandAverage),
         Arc::new(CommandSpeedLimit),
+        Arc::new(CommandAccelerationLimit),
         Arc::new(GravityFeedForward),
+        Arc::new(InertiaFeedForward),
         Arc::new(VelocityFeedForward),
         Arc::new(FeedbackDelay),
         Arc::new(TorqueSaturation),

@@ -74,6 +74,7 @@ impl Loop {
             v: x[V],
             ahead: none,
             gravity: none,
+            inertia: none,
         };
         (k, at)
     }

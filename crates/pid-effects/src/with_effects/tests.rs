@@ -46,7 +46,10 @@ fn the_library_says_what_has_equations() {
         ("actuator_lag", Obstacle::Memory),
         ("input_delay", Obstacle::Delay),
         ("command_filter", Obstacle::Loop),
+        ("command_average", Obstacle::Loop),
         ("command_speed_limit", Obstacle::Loop),
+        ("command_acceleration_limit", Obstacle::Loop),
+        ("inertia_feed_forward", Obstacle::Loop),
         ("gravity_feed_forward", Obstacle::Loop),
         ("velocity_feed_forward", Obstacle::Loop),
         ("feedback_delay", Obstacle::Loop),
@@ -541,6 +544,9 @@ fn stages_of_loops_are_refused() {
         ("target_step = 0.01", "target_step"),
         ("target_rate_hz = 50.0", "target_rate_hz"),
         ("target_speed = 2.0", "target_speed"),
+        ("target_acceleration = 8.0", "target_acceleration"),
+        ("target_average_s = 0.1", "target_average_s"),
+        ("inertia_feed_forward = 1.0", "inertia_feed_forward"),
     ] {
         let text = format!("{ARM}\n[drive]\nlaw = \"pd\"\nkp = 3.0\nkd = 0.4\n{line}\n");
         let nominal = description::Nominal::parse("arm.toml", &text).expect(&text);

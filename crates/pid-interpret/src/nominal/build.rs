@@ -78,9 +78,16 @@ fn drive_models(
         let (mass, gain) = (&known.mass, &known.motor_gain);
         let some = "give the mass that the drive counts with, zero or more";
         let sign = "give the torque or force per unit of the input that the drive counts with";
+        let (inertia, rotor) = (
+            known.inertia.as_ref().unwrap_or(&joint.inertia),
+            known.rotor_inertia.as_ref().unwrap_or(&joint.rotor_inertia),
+        );
+        let turns = "give the rotor inertia that the drive counts with, zero or more";
         Ok(Some(DriveModel {
             mass: source.number(mass, &item, "mass", |x| x >= 0.0, some)?,
             com: source.list(&known.com, &item, "com")?,
+            inertia: source.list(inertia, &item, "inertia")?,
+            rotor_inertia: source.number(rotor, &item, "rotor_inertia", |x| x >= 0.0, turns)?,
             motor_gain: source.number(gain, &item, "motor_gain", |x| x != 0.0, sign)?,
         }))
     };

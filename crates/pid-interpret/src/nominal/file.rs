@@ -78,6 +78,8 @@ pub(super) struct RawJoint {
 pub(super) struct RawDriveModel {
     pub(super) mass: Spanned<f64>,
     pub(super) com: Spanned<[f64; 3]>,
+    pub(super) inertia: Option<Spanned<[f64; 6]>>,
+    pub(super) rotor_inertia: Option<Spanned<f64>>,
     pub(super) motor_gain: Spanned<f64>,
 }
 

@@ -272,8 +272,7 @@ impl Nominal {
 
     /// What the feed-forward of the drives knows of all joints, where a drive has one.
     fn known_to_drives(&self) -> Vec<Option<DriveModel>> {
-        let fed = |servo: &Servo| servo.has(Gain::Gravity);
-        match self.servos.iter().flatten().any(fed) {
+        match self.servos.iter().flatten().any(Servo::has_model) {
             true => self.stated_to_drives(),
             false => self.drive_models.clone(),
         }
@@ -301,6 +300,8 @@ impl Nominal {
             match t.role {
                 Role::Mass => out.mass = t.nominal,
                 Role::CenterOfMass(k) => out.com[k] = t.nominal,
+                Role::Inertia(k) => out.inertia[k] = t.nominal,
+                Role::RotorInertia => out.rotor_inertia = t.nominal,
                 Role::Gain => out.motor_gain = t.nominal,
                 _ => {}
             }

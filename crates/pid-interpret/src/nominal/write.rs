@@ -147,6 +147,8 @@ impl Nominal {
             line(out, "[joint.drive_model]");
             line(out, &format!("mass = {:?}", known.mass));
             line(out, &format!("com = {:?}", known.com));
+            line(out, &format!("inertia = {:?}", known.inertia));
+            line(out, &format!("rotor_inertia = {:?}", known.rotor_inertia));
             line(out, &format!("motor_gain = {:?}", known.motor_gain));
         }
     }

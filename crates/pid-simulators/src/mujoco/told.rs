@@ -178,8 +178,11 @@ fn load(id: &str) -> Option<Row> {
 fn stage(id: &str) -> Option<Row> {
     Some(match id {
         "command_filter"
+        | "command_average"
         | "command_speed_limit"
+        | "command_acceleration_limit"
         | "gravity_feed_forward"
+        | "inertia_feed_forward"
         | "velocity_feed_forward"
         | "feedback_delay" => (
             Who::Nobody,

@@ -80,12 +80,15 @@ pub(super) fn loops(
             speed_limit: cascade.then(|| joint.room.speed * x(0.6, 1.5)),
             gravity: share,
             target_share: None,
+            inertia: None,
             speed_filter,
             read_late: None,
             dead_band: banded.then(|| size * x(0.002, 0.01)),
             target_step: stepped.then(|| size * x(0.002, 0.02)),
             target_rate: held.then_some(50.0),
             target_speed: slowed.then(|| joint.room.speed * x(0.4, 1.0)),
+            target_acceleration: None,
+            target_average: None,
             target_filter,
             rate,
         });
@@ -190,6 +193,10 @@ pub(super) fn resonance(
 const FILTERS: std::ops::Range<f64> = 0.02..0.08;
 /// Largest speeds that are not stated, shares of the fastest motion.
 const SPEEDS: std::ops::Range<f64> = 0.3..0.7;
+/// Accelerations of profiles that are not stated, shares of that of a sine as wide and fast as the motion; and times
+/// over which targets are averaged, s.
+const ACCELERATIONS: std::ops::Range<f64> = 0.3..1.0;
+const AVERAGES: std::ops::Range<f64> = 0.04..0.16;
 /// Shares of feed-forward that is not stated.
 const SHARES: std::ops::Range<f64> = 0.5..1.0;
 /// Least torque of gravity, a share of the largest usual one, that a feed-forward shows against.
@@ -207,7 +214,7 @@ pub(super) fn hide(
     let own = &robot.joints[joint];
     let falls = pull[joint] > PULL * own.torque;
     let which = loop {
-        let which = random.random_range(0..5);
+        let which = random.random_range(0..8);
         let fits = match which {
             2 => falls,
             3 => loops[joint].law != Law::P,
@@ -220,11 +227,17 @@ pub(super) fn hide(
     let (time, speed) = (random.random_range(FILTERS), random.random_range(SPEEDS));
     let (speed, share) = (speed * own.room.speed, random.random_range(SHARES));
     let delay = random.random_range(LATE) / swings(robot, inertia, loops, joint);
+    let most = own.room.speed.powi(2) / own.room.amplitude;
+    let acceleration = random.random_range(ACCELERATIONS) * most;
+    let average = random.random_range(AVERAGES);
     let bare = |own: &mut Loop| match which {
         0 => own.target_filter = None,
         1 => own.target_speed = None,
         2 => own.gravity = None,
         4 => own.read_late = None,
+        5 => own.target_acceleration = None,
+        6 => own.target_average = None,
+        7 => own.inertia = None,
         _ => own.target_share = None,
     };
     loops.iter_mut().for_each(bare);
@@ -234,6 +247,9 @@ pub(super) fn hide(
         1 => Kind::CommandSpeedLimit { speed },
         2 => Kind::GravityFeedForward { share },
         4 => Kind::FeedbackDelay { delay },
+        5 => Kind::CommandAccelerationLimit { acceleration },
+        6 => Kind::CommandAverage { time: average },
+        7 => Kind::InertiaFeedForward { share },
         _ => Kind::VelocityFeedForward { share },
     };
     let hidden = &mut loops[joint];
@@ -242,6 +258,11 @@ pub(super) fn hide(
         Kind::CommandSpeedLimit { speed } => hidden.target_speed = Some(speed),
         Kind::GravityFeedForward { share } => hidden.gravity = Some(share),
         Kind::FeedbackDelay { delay } => hidden.read_late = Some(delay),
+        Kind::CommandAccelerationLimit { acceleration } => {
+            hidden.target_acceleration = Some(acceleration);
+        }
+        Kind::CommandAverage { time } => hidden.target_average = Some(time),
+        Kind::InertiaFeedForward { share } => hidden.inertia = Some(share),
         _ => hidden.target_share = Some(share),
     }
     (Cause { kind, joint }, stated)

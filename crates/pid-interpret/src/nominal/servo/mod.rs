@@ -11,8 +11,9 @@
 //! ```
 //!
 //! with q and v̂ of a while ago, v̂ less a share of the target's velocity, which a cascade adds to w instead, and plus
-//! a share of the gravity that the drive's model knows, in the unit of the joint's `input`, within ± `limit` (K. J.
-//! Åström, T. Hägglund, PID Controllers, 1995, chapter 3; W. Leonhard, Control of Electrical Drives, 2001, chapter 15).
+//! shares of what the drive's model needs against gravity and for the acceleration of the targets, in the unit of the
+//! joint's `input`, within ± `limit` (K. J. Åström, T. Hägglund, PID Controllers, 1995, chapter 3; W. Leonhard,
+//! Control of Electrical Drives, 2001, chapter 15).
 
 mod number;
 mod read;
@@ -72,8 +73,9 @@ impl ServoLaw {
     }
 }
 
-/// What a drive makes of a target before its loop follows it, in this order; then come the largest speed of
-/// [`Gain::TargetSpeed`] and the filter of [`Gain::TargetTime`].
+/// What a drive makes of a target before its loop follows it, in this order; then come the largest speed and the
+/// acceleration of [`Gain::TargetSpeed`] and [`Gain::TargetAcceleration`], the average of [`Gain::TargetAverage`] and
+/// the filter of [`Gain::TargetTime`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Shaping {
     /// Step of the target, rad or m: the nearest multiple is followed.
@@ -89,6 +91,10 @@ pub struct DriveModel {
     pub mass: f64,
     /// Its centre of mass in its frame, m.
     pub com: [f64; 3],
+    /// Its inertia about that, kg·m²: xx, yy, zz, xy, xz, yz.
+    pub inertia: [f64; 6],
+    /// Rotor inertia of the joint, kg·m² or kg.
+    pub rotor_inertia: f64,
     /// Torque or force per unit of the joint's input.
     pub motor_gain: f64,
 }
@@ -98,6 +104,8 @@ impl Default for DriveModel {
         Self {
             mass: 0.0,
             com: [0.0; 3],
+            inertia: [0.0; 6],
+            rotor_inertia: 0.0,
             motor_gain: 1.0,
         }
     }
@@ -156,6 +164,11 @@ impl Servo {
         self.numbers[gain as usize].is_some()
     }
 
+    /// Whether the drive needs a model of the robot.
+    pub fn has_model(&self) -> bool {
+        self.gains().any(Gain::needs_model)
+    }
+
     /// Whether the loop can have a stage that it does not state.
     pub fn lacks(&self, stage: Gain) -> bool {
         !self.has(stage) && (self.law.uses_velocity() || !stage.needs_velocity())
@@ -179,9 +192,12 @@ impl Servo {
             Gain::Kd | Gain::Kv => format!("{input}*s/{position}"),
             Gain::Ki if self.law == ServoLaw::Cascade => format!("{input}/{position}"),
             Gain::Ki => format!("{input}/({position}*s)"),
-            Gain::Gravity | Gain::VelocityAhead => "1".to_owned(),
+            Gain::Gravity | Gain::InertiaAhead | Gain::VelocityAhead => "1".to_owned(),
             Gain::TargetSpeed => format!("{position}/s"),
-            Gain::TargetTime | Gain::VelocityTime | Gain::FeedbackDelay => "s".to_owned(),
+            Gain::TargetAcceleration => format!("{position}/s^2"),
+            Gain::TargetAverage | Gain::TargetTime | Gain::VelocityTime | Gain::FeedbackDelay => {
+                "s".to_owned()
+            }
         }
     }
 

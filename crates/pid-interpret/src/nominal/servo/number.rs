@@ -24,10 +24,16 @@ pub enum Gain {
     Kv,
     /// Share of the gravity of its model that the drive makes up for.
     Gravity,
+    /// Share of the input that moves its model of the robot as the targets are accelerated.
+    InertiaAhead,
     /// Share of the target's velocity that the loop adds to the velocity it wants.
     VelocityAhead,
     /// Largest speed at which what is followed goes to the target, rad/s or m/s.
     TargetSpeed,
+    /// Acceleration with which what is followed goes to the target and brakes before it, rad/s² or m/s².
+    TargetAcceleration,
+    /// Time over which what is followed is averaged, s.
+    TargetAverage,
     /// Time constant of a filter of the target, s.
     TargetTime,
     /// Time constant of a filter of the velocity that the loop uses, s.
@@ -38,14 +44,17 @@ pub enum Gain {
 
 impl Gain {
     /// All of them.
-    pub const ALL: [Gain; 10] = [
+    pub const ALL: [Gain; 13] = [
         Gain::Kp,
         Gain::Kd,
         Gain::Ki,
         Gain::Kv,
         Gain::Gravity,
+        Gain::InertiaAhead,
         Gain::VelocityAhead,
         Gain::TargetSpeed,
+        Gain::TargetAcceleration,
+        Gain::TargetAverage,
         Gain::TargetTime,
         Gain::VelocityTime,
         Gain::FeedbackDelay,
@@ -61,8 +70,11 @@ impl Gain {
             Gain::Ki => "ki",
             Gain::Kv => "kv",
             Gain::Gravity => "gravity",
+            Gain::InertiaAhead => "inertia_feed_forward",
             Gain::VelocityAhead => "velocity_feed_forward",
             Gain::TargetSpeed => "target_speed",
+            Gain::TargetAcceleration => "target_acceleration",
+            Gain::TargetAverage => "target_average_s",
             Gain::TargetTime => "target_filter_s",
             Gain::VelocityTime => "velocity_filter_s",
             Gain::FeedbackDelay => "feedback_delay_s",
@@ -73,8 +85,13 @@ impl Gain {
     pub fn is_time(self) -> bool {
         matches!(
             self,
-            Gain::TargetTime | Gain::VelocityTime | Gain::FeedbackDelay
+            Gain::TargetAverage | Gain::TargetTime | Gain::VelocityTime | Gain::FeedbackDelay
         )
+    }
+
+    /// Whether it is a share of what a drive's model of the robot says.
+    pub fn needs_model(self) -> bool {
+        matches!(self, Gain::Gravity | Gain::InertiaAhead)
     }
 
     /// Whether the gain of a law has the sign of the motor gain.
@@ -95,7 +112,7 @@ impl Gain {
     fn may_vanish(self) -> bool {
         matches!(
             self,
-            Gain::Kd | Gain::Ki | Gain::Gravity | Gain::VelocityAhead
+            Gain::Kd | Gain::Ki | Gain::Gravity | Gain::InertiaAhead | Gain::VelocityAhead
         )
     }
 }
@@ -228,11 +245,18 @@ fn signed(law: ServoLaw, gain: Gain, sign: f64) -> String {
             "give the share of gravity that the drive makes up for, as in 1.0, or leave the key out"
                 .to_owned()
         }
+        (Gain::InertiaAhead, _) => {
+            "give the share of inertia that the drive makes up for, as in 1.0, or leave the key out"
+                .to_owned()
+        }
         (Gain::VelocityAhead, _) => {
             "give the share of the target's velocity that the loop adds, as in 1.0, or leave the key out"
                 .to_owned()
         }
         (Gain::TargetSpeed, _) => "give a speed above zero, or leave the key out".to_owned(),
+        (Gain::TargetAcceleration, _) => {
+            "give an acceleration above zero, or leave the key out".to_owned()
+        }
         (gain, _) if gain.is_time() => {
             "give a time above zero, in seconds, or leave the key out".to_owned()
         }
