@@ -137,6 +137,7 @@ fn simulated(
         known: Default::default(),
         outliers: Vec::new(),
         loop_warnings: Vec::new(),
+        staged: Vec::new(),
         shared_lag: 0.0,
         ahead: 1.0,
     };

@@ -1,7 +1,7 @@
 //! Records made ready, with noise levels and typical sizes. The module `prepare` makes them so.
 
 use pid_data::{Role, signal};
-use pid_interpret::nominal::Role as Part;
+use pid_interpret::nominal::{Gain, Role as Part};
 
 pub use crate::case_error::CaseError;
 use crate::drives::{Gains, slopes};
@@ -10,6 +10,19 @@ use crate::hypothesis::{Hypothesis, Run};
 use crate::known::Known;
 use crate::nominal::Nominal;
 pub use crate::outlier::{Channel, Outlier};
+
+/// A stage of a loop that is not stated, where the law of the loop with it explains the motion best.
+#[derive(Debug, Clone)]
+pub(crate) struct Staged {
+    /// Its joint.
+    pub joint: usize,
+    /// Which stage.
+    pub stage: Gain,
+    /// Its number, SI.
+    pub value: f64,
+    /// Gains of the loop beside it, by their places among the values of the robot.
+    pub gains: Vec<(usize, f64)>,
+}
 
 /// How the velocity of a joint is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -140,6 +153,8 @@ pub struct Case {
     pub known: Known,
     /// Readings that were taken for errors of the recording and left out.
     pub outliers: Vec<Outlier>,
+    /// Where effects that are stages of position loops start, as the laws fit the motion.
+    pub(crate) staged: Vec<Staged>,
     /// What is odd about position loops.
     pub loop_warnings: Vec<String>,
     /// Time constant of the filter that all measured velocities share, s; zero unless the readings of

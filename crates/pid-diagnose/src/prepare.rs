@@ -191,6 +191,7 @@ impl Case {
             known: Known::of(&nominal.description).map_err(NominalError::from)?,
             outliers,
             loop_warnings: Vec::new(),
+            staged: Vec::new(),
             shared_lag: 0.0,
             ahead: 1.0,
             nominal,

@@ -26,6 +26,7 @@ use crate::fit::{
     linearise, log_dets, ranges, value, value_below,
 };
 use crate::hypothesis::Hypothesis;
+use crate::servo;
 
 use std::sync::{Arc, Mutex};
 
@@ -264,10 +265,11 @@ impl Reference<'_> {
             .iter()
             .filter(|(t, _)| t.effect.info().amplitudes.is_empty())
             .collect();
-        let jobs: Vec<(usize, &Vec<f64>)> = terms
-            .iter()
-            .enumerate()
-            .flat_map(|(i, (_, s))| s.iter().map(move |s| (i, s)))
+        let jobs: Vec<(usize, Point)> = (terms.iter().enumerate())
+            .flat_map(|(i, (term, starts))| {
+                let own = self.starts(term, starts).into_iter();
+                own.map(move |at| (i, at))
+            })
             .collect();
         // A start that neither gains nor is the lowest of its candidate, or loses far more than that one, is known
         // to after a part of the records.
@@ -275,8 +277,9 @@ impl Reference<'_> {
         let lowest: Vec<Mutex<f64>> = terms.iter().map(|_| Mutex::new(f64::INFINITY)).collect();
         let values: Vec<(usize, Point, f64)> = jobs
             .par_iter()
-            .filter_map(|&(i, start)| {
-                let (hypothesis, at) = self.with(&terms[i].0, start);
+            .filter_map(|(i, at)| {
+                let (i, at) = (*i, at.clone());
+                let (hypothesis, _) = self.with(&terms[i].0, &[]);
                 let case = self.compared_on(&terms[i].0);
                 let gains = all_gains(case, &hypothesis, &at);
                 let spread: f64 = log_dets(case, &gains, Role::Train).iter().sum();
@@ -457,6 +460,20 @@ impl Reference<'_> {
             columns[(rotor, order.len())] = 1.0;
         }
         columns
+    }
+
+    /// The points at which a term is looked at first: its starts, and where the law of its loop with it explains the
+    /// motion, with the gains that it has there.
+    fn starts(&self, term: &Term, starts: &[Vec<f64>]) -> Vec<Point> {
+        let mut out: Vec<Point> = starts.iter().map(|s| self.with(term, s).1).collect();
+        for own in &self.case.staged {
+            if let Some((e, theta)) = servo::start(self.case, own, term, &self.fit.point.theta) {
+                let mut at = self.with(term, &e).1;
+                at.theta = theta;
+                out.push(at);
+            }
+        }
+        out
     }
 
     /// The hypothesis at hand with a further term, and its point.

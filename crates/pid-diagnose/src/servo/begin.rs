@@ -5,7 +5,7 @@ use pid_interpret::links;
 use pid_interpret::nominal::{Gain, Servo, ServoGain, ServoLaw};
 
 use super::followed::{EASED, Fitted, Followed, SLOWED, SLOWEST, followed};
-use super::{Recorded, at, fastest, hardest, needed};
+use super::{Recorded, at, fastest, hardest, needed, staged};
 use crate::case::{Case, CaseError, Record};
 use crate::constants::Constants;
 
@@ -43,21 +43,15 @@ pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>,
             .collect();
         let measured = match own.is_empty() {
             true => None,
-            false => followed(case, j, &own),
+            false => followed(case, (j, &servo), &own),
         };
         let measured = measured.filter(|f| f.explained > FOLLOWED && f.stiffness.abs() > 0.0);
         let gain = case.nominal.gain(j);
-        let from_motion = || {
-            let inputs = forces
-                .iter()
-                .enumerate()
-                .map(|(i, own)| with(i, own[j].iter().map(|f| f / gain).collect()));
-            followed(case, j, &inputs.collect::<Vec<_>>())
-        };
-        let unknown = servo.gains().any(|g| servo.gain(g).value.is_none());
-        let found = match measured.is_none() && unknown {
-            true => from_motion(),
-            false => None,
+        let inputs: Vec<Fitted<'_>> = match measured.is_some() {
+            true => own,
+            false => (forces.iter().enumerate())
+                .map(|(i, own)| with(i, own[j].iter().map(|f| f / gain).collect()))
+                .collect(),
         };
         let start = Start {
             case,
@@ -69,12 +63,18 @@ pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>,
                 .as_ref()
                 .and_then(|found| start.contradicted(found)),
         );
-        if !unknown {
-            continue;
-        }
-        for (gain, value) in start.of(measured.as_ref().or(found.as_ref()))? {
+        let found = measured.or_else(|| followed(case, (j, &servo), &inputs));
+        let laws = match &found {
+            Some(found) => staged::laws(case, (j, &servo), &inputs, found),
+            None => Vec::new(),
+        };
+        let wider = found.as_ref().and_then(|own| staged::decided(&laws, own));
+        let starts = start.of((found.as_ref(), wider))?;
+        let further = staged::starts(case, j, &servo, &laws);
+        for (gain, value) in starts {
             case.nominal.begin_servo(j, gain, value);
         }
+        case.staged.extend(further);
     }
     Ok(warnings)
 }
@@ -113,7 +113,10 @@ impl Start<'_> {
     }
 
     /// Where the unknown gains start, and how far from there they may lie.
-    fn of(&self, found: Option<&Followed>) -> Result<Vec<(Gain, ServoGain)>, CaseError> {
+    fn of(
+        &self,
+        (found, wider): (Option<&Followed>, Option<&Followed>),
+    ) -> Result<Vec<(Gain, ServoGain)>, CaseError> {
         let (case, j, servo) = (self.case, self.j, self.servo);
         let gain = case.nominal.gain(j);
         let sign = gain.signum();
@@ -132,7 +135,7 @@ impl Start<'_> {
             _ => stiffness,
         };
         let critical = 2.0 * (kp.max(0.0) * gain.abs() * case.scale[j].inertia).sqrt() / gain.abs();
-        let of = |g: Gain| {
+        let one = |g: Gain, found: Option<&Followed>| {
             let value = found.map_or(f64::NAN, |f| f.gains[g as usize]);
             let sign = if g.follows_motor(servo.law) {
                 sign
@@ -149,7 +152,17 @@ impl Start<'_> {
                 _ => self.shortest(),
             };
             let value = (value * sign).max(least);
-            let half_width = reach(g, value);
+            (value, reach(g, value), sign)
+        };
+        let of = |g: Gain| {
+            let (mut value, mut half_width, sign) = one(g, found);
+            if let (Some(wider), true) = (wider, servo.law.gains().contains(&g)) {
+                // From the least to the largest of both.
+                let (other, reach, _) = one(g, Some(wider));
+                let low = (value - half_width).min(other - reach);
+                let high = (value + half_width).max(other + reach);
+                (value, half_width) = (0.5 * (low + high), 0.5 * (high - low));
+            }
             let value = Some(value * sign);
             (g, ServoGain { value, half_width })
         };
@@ -172,7 +185,7 @@ struct Fed {
     inertia: Vec<f64>,
 }
 
-/// The same of all joints; zero where no drive has a model.
+/// The same of all joints; zero where no drive has a loop.
 fn fed(case: &Case, r: &Record) -> Vec<Fed> {
     let n = case.n();
     let description = &case.nominal.description;
@@ -181,8 +194,7 @@ fn fed(case: &Case, r: &Record) -> Vec<Fed> {
         inertia: vec![0.0; r.len()],
     };
     let mut out = vec![none(); n];
-    let has_model = |j| description.servo(j).is_some_and(Servo::has_model);
-    if !(0..n).any(has_model) {
+    if !description.has_servos() {
         return out;
     }
     let (mut work, known) = Constants::<f64>::known_to_drives(&case.nominal);

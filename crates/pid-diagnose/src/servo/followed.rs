@@ -97,8 +97,11 @@ fn row(case: &Case, (j, servo): (usize, &Servo), gain: Gain, step: f64) -> Vec<f
 
 /// Fits the law of a joint to inputs along the records, an offset free; unknown numbers in which it is not
 /// linear are those of a row of them that explain most.
-pub(super) fn followed(case: &Case, j: usize, inputs: &[Fitted<'_>]) -> Option<Followed> {
-    let servo = case.nominal.description.servo(j)?;
+pub(super) fn followed(
+    case: &Case,
+    (j, servo): (usize, &Servo),
+    inputs: &[Fitted<'_>],
+) -> Option<Followed> {
     let steps = inputs.iter().map(|own| own.record.h);
     let step = steps.fold(SLOWEST, f64::min);
     let rows = Gain::ALL.map(|gain| row(case, (j, servo), gain, step));

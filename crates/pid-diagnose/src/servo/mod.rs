@@ -5,6 +5,7 @@ mod begin;
 mod centre;
 mod followed;
 mod stable;
+mod staged;
 
 use pid_data::{Dataset, InputQuantity};
 use pid_interpret::links;
@@ -18,6 +19,7 @@ use crate::regular;
 pub(crate) use begin::begin;
 pub(crate) use centre::{centred, recentred};
 pub(crate) use stable::checked;
+pub(crate) use staged::start;
 
 /// Share of the largest speed over which dry friction changes its sign.
 const REST: f64 = 0.02;
