@@ -17,6 +17,9 @@ const DAMPED: f64 = 0.5;
 const SLOW: f64 = 0.2;
 /// Share of the variance of a recorded input that the law must explain to be compared with it.
 const FOLLOWED: f64 = 0.95;
+/// Share of the variance of the forces of a motion that a law with a further stage must explain at least to stand in
+/// for one that pushes away from the targets: a target with the wrong sign is none.
+const ROUGHLY: f64 = 0.5;
 /// Deviation of a stated gain from that of the recorded input that is worth a warning, beyond the tolerance.
 const OFF: f64 = 0.05;
 
@@ -68,8 +71,13 @@ pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>,
             Some(found) => staged::laws(case, (j, &servo), &inputs, found),
             None => Vec::new(),
         };
+        // Where the law alone pushes away from the targets, one with a further stage may not.
+        let pushes = |f: &&Followed| f.stiffness * gain.signum() > 0.0;
+        let own = found.as_ref().filter(pushes);
         let wider = found.as_ref().and_then(|own| staged::decided(&laws, own));
-        let starts = start.of((found.as_ref(), wider))?;
+        let follows = |f: &&Followed| pushes(f) && f.explained > ROUGHLY;
+        let own = own.or_else(|| staged::best(laws.iter().map(|(_, f)| f).filter(follows)));
+        let starts = start.of((own, wider.filter(pushes)))?;
         let further = staged::starts(case, j, &servo, &laws);
         for (gain, value) in starts {
             case.nominal.begin_servo(j, gain, value);

@@ -54,10 +54,14 @@ pub(super) fn laws(
     lacking.filter_map(with).collect()
 }
 
+/// The one of some laws that explains most.
+pub(super) fn best<'a>(laws: impl Iterator<Item = &'a Followed>) -> Option<&'a Followed> {
+    laws.max_by(|a, b| a.explained.total_cmp(&b.explained))
+}
+
 /// The law among them that leaves so little that its gains are nearer to the real ones.
 pub(super) fn decided<'a>(laws: &'a [(Gain, Followed)], own: &Followed) -> Option<&'a Followed> {
-    let best = laws.iter().map(|(_, law)| law);
-    let best = best.max_by(|a, b| a.explained.total_cmp(&b.explained))?;
+    let best = best(laws.iter().map(|(_, law)| law))?;
     (1.0 - best.explained < DECIDED * (1.0 - own.explained)).then_some(best)
 }
 

@@ -4,6 +4,7 @@ use super::judge::{Gained, gained, grows, shrinks_its_own, sums_of};
 use super::{Grown, Partial, tuned};
 use crate::case::Case;
 use crate::criteria::Criteria;
+use crate::effect::Term;
 use crate::fit::fit_free_runs;
 use crate::gap::Gap;
 use crate::levels::WHOLE;
@@ -15,13 +16,15 @@ use crate::search::settings::Settings;
 use crate::search::shares::{Parts, Portion, parts, shares, taken_out};
 use crate::search::stand::{Sought, Stand};
 
-/// Where free runs on the train records lead, unless they grow on the test records.
+/// Where free runs on the train records lead, unless they grow on the test records beyond their scatter, or to more than
+/// what is nearly the same: one window in which a joint drifts away has a large scatter.
 fn freely(now: Stand, criteria: &Criteria) -> Stand {
     let Some(fit) = fit_free_runs(&now.case, &now.directions, &now.fit) else {
         return now;
     };
     let gap = measured(&now.case, &fit);
-    match grows(criteria, &now.gap, &gap) {
+    let more = gap.total >= criteria.near * now.gap.total;
+    match more || grows(criteria, &now.gap, &gap) {
         true => now,
         false => Stand { fit, gap, ..now },
     }
@@ -67,7 +70,8 @@ pub(super) fn in_shares(
     let (now, taken) = (&mut grown.now, &mut grown.taken);
     // Noise alone leaves no more than what is reached.
     let gaps = (&grown.before, floor.min(now.gap.total));
-    let (shares, small) = smallest_dropped(now, taken, settings, gaps);
+    let visited = &grown.visited;
+    let (shares, small) = smallest_dropped((now, taken), visited, settings, gaps);
     if let Some(last) = grown.rounds.last_mut() {
         last.dropped.extend(small);
     }
@@ -94,8 +98,9 @@ pub(super) fn in_shares(
     }
 }
 
-/// A stand without one of its effects, all other parameters to free runs from where they are.
-fn stand_without(now: &Stand, criteria: &Criteria, i: usize) -> Stand {
+/// A stand without one of its effects, all other parameters to free runs from where they are; or from where the same
+/// effects were on the way, in the same order, if free runs leave less there.
+fn stand_without(now: &Stand, visited: &[Stand], criteria: &Criteria, i: usize) -> Stand {
     let fit = taken_out(&now.case, &now.directions, &now.fit, i);
     let less = Stand {
         gap: measured(&now.case, &fit),
@@ -103,15 +108,23 @@ fn stand_without(now: &Stand, criteria: &Criteria, i: usize) -> Stand {
         directions: now.directions.clone(),
         fit,
     };
-    freely(less, criteria)
+    let labels = |s: &Stand| -> Vec<String> {
+        let terms = s.fit.hypothesis.terms.iter();
+        terms.map(Term::label).collect()
+    };
+    let own = labels(&less);
+    let same = visited.iter().filter(|s| labels(s) == own);
+    let all = same.cloned().chain([less.clone()]);
+    let best = all.min_by(|a, b| a.gap.total.total_cmp(&b.gap.total));
+    freely(best.unwrap_or(less), criteria)
 }
 
 /// Drops effects of hardly any share, the smallest first, and those that are smaller than their
 /// deviation, unless free runs leave more without them than is nearly the same. The gaps with and without
 /// each of the others with their shares, and the labels of those dropped.
 fn smallest_dropped(
-    now: &mut Stand,
-    taken: &mut Vec<(Refit, f64)>,
+    (now, taken): (&mut Stand, &mut Vec<(Refit, f64)>),
+    visited: &[Stand],
     settings: &Settings,
     (before, floor): (&Gap, f64),
 ) -> (Vec<(Parts, Portion)>, Vec<String>) {
@@ -125,7 +138,7 @@ fn smallest_dropped(
         let small = smallest.filter(|&i| own[i].share < criteria.least_share);
         let sizes = sizes(&now.case, criteria, &now.fit);
         let small = small.or_else(|| (0..own.len()).find(|&i| sizes[i] <= 1.0));
-        let less = small.map(|i| (i, stand_without(now, criteria, i)));
+        let less = small.map(|i| (i, stand_without(now, visited, criteria, i)));
         // A window in which one joint drifts away hides the shares of effects at the others.
         let nearly_same = |(i, less): &(usize, Stand)| {
             let term = &now.fit.hypothesis.terms[*i];

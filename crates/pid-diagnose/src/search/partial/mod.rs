@@ -74,6 +74,8 @@ struct Grown {
     taken: Vec<(Refit, f64)>,
     /// Where it began, without any.
     first: Stand,
+    /// Where it was after each round.
+    visited: Vec<Stand>,
     /// Whether effects were taken that left more than none does.
     given_up: bool,
     /// Candidates of the first round that were not taken, best first, alike.
@@ -385,7 +387,7 @@ fn grown(
     }
     let first = now.clone();
     let shown = shown(&now.case, &base.point.theta, settings);
-    let (mut taken, mut rounds) = (Vec::new(), Vec::new());
+    let (mut taken, mut rounds, mut visited) = (Vec::new(), Vec::new(), Vec::new());
     let (mut refits, mut others) = (0, None);
     let everything = Asked {
         only: &|_| true,
@@ -426,6 +428,7 @@ fn grown(
         if taken.len() > 1 && !settings.watch.stopped() {
             rounds.extend(exchange(&mut now, &mut taken, settings, sensors, &shown));
         }
+        visited.push(now.clone());
         // One effect went in circles with another.
         let circles = rounds
             .last()
@@ -440,6 +443,7 @@ fn grown(
         now,
         taken,
         first,
+        visited,
         given_up: false,
         others: others.unwrap_or_default(),
         rounds,
