@@ -16,8 +16,8 @@ use crate::search::settings::Settings;
 use crate::search::shares::{Parts, Portion, parts, shares, taken_out};
 use crate::search::stand::{Sought, Stand};
 
-/// Where free runs on the train records lead, unless they grow on the test records beyond their scatter, or to more than
-/// what is nearly the same: one window in which a joint drifts away has a large scatter.
+/// Where free runs on the train records lead, unless they grow on the test records beyond their scatter, or to more
+/// than what is nearly the same: one window in which a joint drifts away has a large scatter.
 fn freely(now: Stand, criteria: &Criteria) -> Stand {
     let Some(fit) = fit_free_runs(&now.case, &now.directions, &now.fit) else {
         return now;
