@@ -332,7 +332,7 @@ impl<D: Pick> Machine<'_, D> {
         }
     }
 
-    /// The target of a joint, with velocity and acceleration if its loop uses them: what it differs from the one before
+    /// The target of a joint, with velocity and acceleration if a loop uses them: what it differs from the one before
     /// by, over the time between.
     #[inline(always)]
     fn target(
@@ -341,6 +341,9 @@ impl<D: Pick> Machine<'_, D> {
         commands: &Commands<'_>,
         (j, k): (usize, &Gains<D>),
     ) -> Motion<D> {
+        // A drive that feeds inertia forward counts with the accelerations of all targets.
+        let accelerates = |own: &Option<Loop<'_, D>>| own.is_some_and(|(_, k)| k.inertia.is_some());
+        let accelerates = self.model.is_some() && self.loops.iter().any(accelerates);
         let spacing = if commands.linear {
             commands.dt
         } else {
@@ -354,10 +357,10 @@ impl<D: Pick> Machine<'_, D> {
             self.through(state, &own, (j, true), D::constant(own.now()))
         };
         let mut out = Motion::at_rest(before(0.0));
-        if k.needs_rates() {
+        if accelerates || k.ahead.is_some() {
             let last = before(1.0);
             out.rate = (out.r - last) / spacing;
-            if k.inertia.is_some() {
+            if accelerates {
                 out.acceleration = (out.rate - (last - before(2.0)) / spacing) / spacing;
             }
         }
@@ -433,8 +436,8 @@ impl<D: Pick> Machine<'_, D> {
         ([v + (w - v) * middle, end], -middle + 1.0)
     }
 
-    /// Output of the loop of joint `j` for what it follows over the substep from `t`, with the slopes that the step takes
-    /// implicitly (none where the loop closes over a gear or holds its output), and how far into the
+    /// Output of the loop of joint `j` for what it follows over the substep from `t`, with the slopes that the step
+    /// takes implicitly (none where the loop closes over a gear or holds its output), and how far into the
     /// substep the state lies that it answers to, s.
     #[inline(always)]
     pub(super) fn answer(
@@ -526,5 +529,60 @@ impl<D: Pick> Machine<'_, D> {
             output(servo, &k, &at, integral).u
         };
         (0..targets.len()).map(of).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::Term;
+    use crate::nominal::Nominal;
+
+    /// A drive that feeds inertia forward counts with the targets of joints whose drives do not.
+    #[test]
+    fn inertia_is_fed_forward_for_the_targets_of_all_joints() {
+        const H: f64 = 4e-3;
+        const ACCELERATION: f64 = 3.0;
+        let drive = "[drive]\nlaw = \"pd\"\nkp = 50.0\nkd = 5.0\n\n[[joint]]";
+        let text = include_str!("../../robots/ur10e.toml").replacen("[[joint]]", drive, 1);
+        let nominal = Nominal::parse(&text, "ur10e.toml".as_ref()).expect("a description");
+        let q = [0.3, -0.8, 0.9, 0.2, 0.4, 0.1];
+        let effect = crate::effects::by_id("inertia_feed_forward").expect("an effect");
+        let hypothesis = Hypothesis::new(vec![Term { effect, joint: 1 }]);
+        let constants = Constants::new(&nominal, &vec![0.0; nominal.size()]);
+        let mut machine = Machine::<f64>::new(constants, &hypothesis, vec![1.0]);
+        let mut state = machine.rest(&q, &[0.0; 6], &q);
+        // The third joint alone has a target that is accelerated.
+        let target = |j: usize, k: i32| match j {
+            2 => q[j] + 0.5 * ACCELERATION * (H * f64::from(k)).powi(2),
+            _ => q[j],
+        };
+        let targets: Vec<Vec<f64>> = (0..6)
+            .map(|j| (0..10).map(|k| target(j, k)).collect())
+            .collect();
+        let of = |u| Commands {
+            u,
+            h: H,
+            linear: false,
+            begin: 0.0,
+            t: 5.0 * H,
+            dt: 1e-6,
+            others: 0.0,
+        };
+        let commands: Vec<Commands<'_>> = targets.iter().map(|u| of(u)).collect();
+        machine.step(&mut state, &commands, Some(1e-6));
+        let (mut work, known) = Constants::<f64>::known_to_drives(&nominal);
+        let at = links::At {
+            q: &q,
+            v: &[0.0; 6],
+            force: None,
+        };
+        let mut bias = [0.0; 6];
+        (nominal.links).evaluate(&mut work, &at, f64::sin_cos, &mut bias);
+        // Row 2, column 1 of the lower triangle.
+        let expected = work.mass()[4] * ACCELERATION / known.gains[1];
+        let (_, fed) = machine.fed(1);
+        assert!(expected.abs() > 0.01, "{expected}");
+        assert!((fed / expected - 1.0).abs() < 1e-6, "{fed} {expected}");
     }
 }

@@ -93,11 +93,6 @@ impl<D: Scalar> Gains<D> {
         ];
         servo.shaping != Shaping::default() || stages.iter().any(Option::is_some)
     }
-
-    /// Whether the loop uses velocity or acceleration of its target.
-    pub fn needs_rates(&self) -> bool {
-        self.ahead.is_some() || self.inertia.is_some()
-    }
 }
 
 /// What a loop sees, averaged over a substep.

@@ -101,10 +101,7 @@ pub fn followed<D: Scalar>(
 ) -> [Motion<D>; 2] {
     let middle = (0.5 * dt + lead).min(dt);
     let times = [middle, dt];
-    let mut own = *target;
-    if k.needs_rates() {
-        own = moving(servo, &mut memory.moving, target, (t, dt));
-    }
+    let mut own = moving(servo, &mut memory.moving, target, (t, dt));
     if !k.shapes(servo) {
         return [own; 2];
     }

@@ -1,4 +1,5 @@
-//! The drive goes to its targets along a profile with a limited acceleration: |d²r_p/dt²| ≤ a, and r_p rests at r, before the position loop.
+//! The drive goes to its targets along a profile with a limited acceleration: |d²r_p/dt²| ≤ a, and r_p rests at r,
+//! before the position loop.
 //!
 //! Source: L. Biagiotti, C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, section 3.2.
 

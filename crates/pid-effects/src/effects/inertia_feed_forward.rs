@@ -1,4 +1,5 @@
-//! The drive feeds the acceleration of its targets forward: u + s (M̂(q) r̈)/k̂ with the mass matrix M̂ and the motor gain k̂ that the drive knows.
+//! The drive feeds the acceleration of its targets forward: u + s (M̂(q) r̈)/k̂ with the mass matrix M̂ and the motor
+//! gain k̂ that the drive knows.
 //!
 //! Source: W. Leonhard, Control of Electrical Drives, 2001, chapter 15.
 

@@ -1,5 +1,5 @@
-//! The drive feeds the velocity of its targets forward: v̂ − s ṙ in place of v̂ in the position loop; in a cascade
-//! w + s ṙ.
+//! The drive feeds the velocity of its targets forward: v̂ − s ṙ in place of v̂ in the position loop; in a
+//! cascade w + s ṙ.
 //!
 //! Source: W. Leonhard, Control of Electrical Drives, 2001, chapter 15.
 
