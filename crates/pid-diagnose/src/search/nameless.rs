@@ -106,7 +106,7 @@ pub(super) fn described(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{SIZE, named, pendulum_under};
+    use crate::bench::{SIZE, among_a_dozen, named, pendulum_under};
     use crate::constants::Constants;
     use crate::diagnosis::Verdict;
     use crate::effect::{Class, Commands, Forces, Info, Kind, Law, Model, Site, Unit, parameter};
@@ -215,7 +215,7 @@ mod tests {
     fn a_stop_is_unknown_and_its_force_is_shown() {
         let (k, from) = (3.0, 0.3);
         let case = swung(&stop(), &[k, from]);
-        let d = crate::search::diagnose(&case, &Settings::default());
+        let d = crate::search::diagnose(&case, &among_a_dozen());
         assert_eq!(d.verdict, Verdict::Unknown);
         let law = d.remainder.and_then(|r| r.nameless);
         let law = law.expect("a force over the position");

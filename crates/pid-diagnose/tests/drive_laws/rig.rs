@@ -252,10 +252,24 @@ fn targets(random: &mut ChaCha8Rng, record: usize) -> Vec<f64> {
 
 /// Records of the bar behind a loop, three to fit and two to test.
 pub(super) fn records(own: &Loop, stribeck: Option<[f64; 2]>, load: f64, seed: u64) -> Dataset {
+    read_with(READING, own, (stribeck, load), seed)
+}
+
+/// The same without noise, Stribeck friction and load.
+pub(super) fn exact_records(own: &Loop, seed: u64) -> Dataset {
+    read_with(0.0, own, (None, 0.0), seed)
+}
+
+fn read_with(
+    reading: f64,
+    own: &Loop,
+    (stribeck, load): (Option<[f64; 2]>, f64),
+    seed: u64,
+) -> Dataset {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let record = |i: usize| {
         let r = targets(&mut random, i);
-        let noise = |q: f64| q + READING * random.sample::<f64, _>(StandardNormal);
+        let noise = |q: f64| q + reading * random.sample::<f64, _>(StandardNormal);
         Experiment {
             name: format!("r{i}"),
             role: if i < 3 { Role::Train } else { Role::Test },

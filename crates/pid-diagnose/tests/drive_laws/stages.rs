@@ -5,7 +5,7 @@ use pid_diagnose::loop_gain::Told;
 use pid_diagnose::nominal::Nominal;
 
 use super::rig::{BAR, CASCADE, Loop, PD, described, records};
-use super::{about, diagnosed, gains_hold, told};
+use super::{about, gains_hold, told, told_from_rivals};
 
 /// Loops with such a stage, their descriptions, the effect, and its value.
 fn unstated() -> Vec<(Loop, String, &'static str, f64)> {
@@ -68,7 +68,7 @@ fn unstated() -> Vec<(Loop, String, &'static str, f64)> {
 fn a_stage_that_is_not_stated_is_named_with_its_size() {
     for (own, drive, id, truth) in unstated() {
         let dataset = records(&own, None, 0.0, 21);
-        let report = diagnosed(&drive, &dataset);
+        let report = told_from_rivals(&drive, &dataset);
         let d = report.diagnosis();
         assert_eq!(
             (d.verdict.word(), d.verdict.joint()),
@@ -102,7 +102,7 @@ fn a_largest_speed_and_a_share_of_the_velocity_are_told_from_nothing() {
         about(1.25),
         about(9.0)
     );
-    let report = diagnosed(&drive, &records(&own, None, 0.0, 22));
+    let report = told_from_rivals(&drive, &records(&own, None, 0.0, 22));
     let d = report.diagnosis();
     assert_eq!(d.verdict.word(), "none", "{d:?}");
     let truth = [

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::exchange::exchange;
 use super::readings;
 use super::shown::{Shown, shown, take_shown};
-use crate::bench::{Draw, SIZE, named, pendulum};
+use crate::bench::{Draw, SIZE, among_a_dozen, named, pendulum};
 use crate::case::Case;
 use crate::diagnosis::{Diagnosis, Round, Verdict};
 use crate::fit::{Effort, Point, basis, fit};
@@ -38,7 +38,7 @@ fn three_effects_beside_coloured_noise_are_all_named_with_their_shares() {
     let three = named(&["cogging", "quadratic_drag", "spring"]);
     let mut case = pendulum(&three, &e, 8.0, &|_| {});
     coloured(&mut case, 5e-4);
-    let d = diagnose(&case, &Settings::default());
+    let d = diagnose(&case, &among_a_dozen());
     let mut found = labels(&d);
     found.sort_unstable();
     assert_eq!(found, ["cogging", "quadratic_drag", "spring"], "{d:?}");
@@ -83,7 +83,7 @@ fn a_lag_that_the_reading_shows_is_asked_for_by_itself() {
         }
     }
     coloured(&mut case, 5e-4);
-    let d = diagnose(&case, &Settings::default());
+    let d = diagnose(&case, &among_a_dozen());
     let asked = |round: &Round| -> Vec<String> {
         round.candidates.iter().map(|c| c.label.clone()).collect()
     };
@@ -199,7 +199,7 @@ fn a_search_that_is_stopped_has_the_budget_so_far() {
     coloured(&mut case, 5e-4);
     let settings = Settings {
         watch: Watch::new(Arc::new(Stopper::default())),
-        ..Settings::default()
+        ..among_a_dozen()
     };
     let d = diagnose(&case, &settings);
     // The first round was under way; no other one began.
@@ -207,7 +207,7 @@ fn a_search_that_is_stopped_has_the_budget_so_far() {
     let taken = d.rounds[0].candidates.iter().find(|c| c.refused.is_none());
     let taken = taken.expect("an effect is taken");
     assert!(taken.label.starts_with(&*d.effects[0].effect), "{taken:?}");
-    let all = diagnose(&case, &Settings::default());
+    let all = diagnose(&case, &among_a_dozen());
     assert!(all.rounds.len() > 1 && labels(&all).contains(&"spring"));
 }
 
