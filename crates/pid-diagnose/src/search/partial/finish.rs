@@ -1,6 +1,7 @@
 //! How a list of effects ends: all parameters to free runs, without what is hardly there, in shares.
 
 use super::judge::{Gained, gained, grows, shrinks_its_own, sums_of};
+use super::starts::begun_again;
 use super::{Grown, Partial, tuned};
 use crate::case::Case;
 use crate::criteria::Criteria;
@@ -31,7 +32,7 @@ fn freely(now: Stand, criteria: &Criteria) -> Stand {
 }
 
 /// Where a list of effects leads whose parameters are all fitted over the whole horizon, if that leaves
-/// less, and then to free runs, unless more than `most` is left only then.
+/// less, those of effects with states begun again, and then to free runs, unless more than `most` is left only then.
 pub(super) fn ended(
     case: &Case,
     part: f64,
@@ -46,6 +47,9 @@ pub(super) fn ended(
         if whole.gap.total < now.gap.total {
             now = whole;
         }
+    }
+    for i in 0..now.fit.hypothesis.terms.len() {
+        now = begun_again(now, i, WHOLE, settings, sensors);
     }
     if settings.watch.stopped() {
         return now;

@@ -21,6 +21,7 @@ mod judge;
 mod law;
 mod read_off;
 mod shown;
+mod starts;
 #[cfg(test)]
 mod tests;
 
@@ -51,6 +52,7 @@ use finish::{ended, in_shares};
 use judge::{at_an_end, gained, grows, judge, refused, sums_of};
 pub(super) use law::with_law;
 use shown::{shown, stays, take_shown};
+use starts::{begun_again, last_of};
 
 /// What the library explains, and what it is judged against.
 struct Partial {
@@ -212,17 +214,6 @@ fn round(
         exchange: false,
     };
     (tried, round, taken)
-}
-
-/// Parameters of a term in the fits of which it is the last.
-fn last_of(fits: &[Fit], term: &Term) -> Vec<Vec<f64>> {
-    let own = fits.iter().filter(|fit| {
-        let last = fit.hypothesis.terms.last();
-        last.is_some_and(|last| last.label() == term.label())
-    });
-    let size = term.effect.info().parameters.len();
-    own.map(|fit| fit.point.e[fit.point.e.len() - size..].to_vec())
-        .collect()
 }
 
 /// What is said of candidates behind the one taken.
@@ -418,6 +409,10 @@ fn grown(
         };
         let before = now.gap.total;
         now = next;
+        if now.gap.total >= settings.criteria.near * evidence.floor {
+            let last = now.fit.hypothesis.terms.len() - 1;
+            now = begun_again(now, last, part, settings, sensors);
+        }
         taken.push(tried.remove(i));
         others.get_or_insert(tried);
         let shows = |label: &str| stays(&shown, label);
