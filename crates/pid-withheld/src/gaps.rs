@@ -40,11 +40,12 @@ pub struct Gaps {
 }
 
 impl Gaps {
-    /// From free runs on the test records `runs`, cut into windows of `window` rows.
-    pub(crate) fn new(setup: &Setup<'_>, runs: &[Run], window: usize) -> Self {
+    /// From free runs on the test records `runs`, cut into windows of `window` rows; `rough`: near enough for
+    /// a draw.
+    pub(crate) fn new(setup: &Setup<'_>, runs: &[Run], window: usize, rough: bool) -> Self {
         let count = setup.causes.len();
         let all = mean_square(&errors(setup, runs, window, &|_| true));
-        let refit = (count > 0).then(|| Refit::new(setup, runs, window, all));
+        let refit = (count > 0).then(|| Refit::new(setup, runs, window, (all, rough)));
         let square = |on: &(dyn Fn(usize) -> bool + Sync)| match &refit {
             None => all,
             Some(refit) => refit.square(setup, runs, window, on),

@@ -148,7 +148,7 @@ impl Drawn {
 
     /// Halves the windows of free runs until noise leaves little at their ends.
     fn steady(&mut self) {
-        while self.robot.horizon > 2.0 * SHORTEST && self.gaps(&[], 1).all > STEADY {
+        while self.robot.horizon > 2.0 * SHORTEST && self.gaps(&[], true).all > STEADY {
             self.robot.horizon *= 0.5;
         }
     }
@@ -180,12 +180,12 @@ impl Drawn {
             .collect()
     }
 
-    /// The gaps on the first test records, `most` of them.
-    fn gaps(&self, causes: &[Cause], most: usize) -> Gaps {
+    /// The gaps on the test records; `rough` ones are those on the first, near enough for a draw.
+    fn gaps(&self, causes: &[Cause], rough: bool) -> Gaps {
         self.with(causes, |setup| {
-            let runs = self.tests(setup, most);
+            let runs = self.tests(setup, if rough { 1 } else { usize::MAX });
             if runs.iter().all(|run| run.held(&self.robot)) {
-                Gaps::new(setup, &runs, self.window())
+                Gaps::new(setup, &runs, self.window(), rough)
             } else {
                 Gaps::out_of_hand(causes.len())
             }
@@ -258,9 +258,9 @@ impl Study for UntidyPlan {
         let numbers = numbers(&mut random);
         let causes = match numbers {
             (0, _) => Vec::new(),
-            _ => like.draw(numbers, &|causes| drawn.gaps(causes, 1), &mut random),
+            _ => like.draw(numbers, &|causes| drawn.gaps(causes, true), &mut random),
         };
-        let gaps = drawn.gaps(&causes, usize::MAX);
+        let gaps = drawn.gaps(&causes, false);
         let (mess, texts) = drawn.with(&causes, |setup| {
             let texts = (0..drawn.records.len()).map(|k| drawn.record(setup, k));
             (*setup.mess, texts.collect::<Vec<_>>())
