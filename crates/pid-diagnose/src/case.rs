@@ -5,7 +5,7 @@ use pid_interpret::nominal::{Gain, Role as Part};
 
 pub use crate::case_error::CaseError;
 use crate::drives::{Gains, slopes};
-use crate::effect::Unit;
+use crate::effect::{Parameter, Term, Unit};
 use crate::hypothesis::{Hypothesis, Run};
 use crate::known::Known;
 use crate::nominal::Nominal;
@@ -197,6 +197,17 @@ impl Case {
             slopes(servo.law, &Gains::of(|gain| place(gain).map(value)))[0]
         });
         self.nominal.gain(joint) * per_input
+    }
+
+    /// The starts of a term's parameters, SI.
+    pub(crate) fn starts(&self, term: &Term) -> Vec<Vec<f64>> {
+        let info = term.effect.info();
+        let unit = |p: &Parameter| self.unit(p.unit, term.joint);
+        let scaled = |start: &&[f64]| {
+            let each = start.iter().zip(info.parameters);
+            each.map(|(x, p)| x * unit(p)).collect()
+        };
+        info.starts.iter().map(scaled).collect()
     }
 
     /// Size of a unit at a joint, in SI.

@@ -105,23 +105,10 @@ pub fn candidates(
             {
                 continue;
             }
-            let starts = info
-                .starts
-                .iter()
-                .map(|s| {
-                    s.iter()
-                        .zip(info.parameters)
-                        .map(|(x, p)| x * case.unit(p.unit, joint))
-                        .collect()
-                })
-                .collect();
-            out.push((
-                Term {
-                    effect: effect.clone(),
-                    joint,
-                },
-                starts,
-            ));
+            let effect = effect.clone();
+            let term = Term { effect, joint };
+            let starts = case.starts(&term);
+            out.push((term, starts));
         }
     }
     out
