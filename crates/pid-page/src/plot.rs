@@ -279,31 +279,46 @@ pub struct Bar {
 }
 
 /// Horizontal bars with labels and values; the largest has the full length. `title` says what they show.
+///
+/// Bars are as long as labels and values leave room for; a drawing without room for them is wider.
 pub fn bars(title: &str, rows: &[Bar]) -> Markup {
-    /// Height of a row, least left end and full length of a bar.
+    /// Width of the drawing, height of a row and least left end of a bar.
+    const WIDTH: f64 = 460.0;
     const ROW: f64 = 26.0;
     const LEFT: f64 = 112.0;
-    const LENGTH: f64 = 130.0;
-    /// Width of a letter of a label where it is largest, on a phone.
-    const LETTER: f64 = 7.7;
-    let letters = rows.iter().map(|r| r.label.chars().count()).max();
-    let left = (LETTER * letters.unwrap_or(0) as f64 + 8.0).max(LEFT);
+    /// Most and least full length of a bar.
+    const LENGTH: (f64, f64) = (130.0, 40.0);
+    /// Between a label, its bar and its value.
+    const SPACE: f64 = 8.0;
+    let widest = rows.iter().map(|r| letters(&r.label)).fold(0.0, f64::max);
+    let left = (widest + SPACE).max(LEFT);
     let largest = rows.iter().map(|r| r.value).fold(1e-300, f64::max);
+    let share = |row: &Bar| Some(row.value / largest).filter(|s| s.is_finite() && *s > 0.0);
+    let end = |row: &Bar, full: f64| left + SPACE + full * share(row).unwrap_or(0.0);
+    let room = |row: &Bar| Some((WIDTH - end(row, 0.0) - letters(&row.text)) / share(row)?);
+    let full = rows.iter().filter_map(room).fold(LENGTH.0, f64::min);
+    let full = full.max(LENGTH.1);
+    let ends = rows.iter().map(|r| end(r, full) + letters(&r.text));
+    let width = ends.fold(WIDTH, f64::max).ceil();
     let words: Vec<String> = rows
         .iter()
         .map(|r| format!("{} {}", r.label, r.text))
         .collect();
     html! {
-        svg class="bars" viewBox=(format!("0 0 460 {}", ROW * rows.len() as f64)) role="img" {
+        svg class="bars" viewBox=(format!("0 0 {width} {}", ROW * rows.len() as f64)) role="img" {
             title { (title) ": " (words.join(", ")) "." }
             @for (i, row) in rows.iter().enumerate() {
                 @let y = ROW * i as f64;
-                @let share = row.value / largest;
-                @let length = if share.is_finite() { LENGTH * share.max(0.0) } else { 0.0 };
+                @let length = end(row, full) - end(row, 0.0);
                 text x="0" y=(y + 17.0) { (row.label) }
                 @if length >= 0.1 { rect x=(format!("{left:.1}")) y=(y + 6.0) height="14" rx="2" width=(format!("{length:.1}")) {} }
-                text x=(format!("{:.1}", left + 8.0 + length)) y=(y + 17.0) { (row.text) }
+                text x=(format!("{:.1}", end(row, full))) y=(y + 17.0) { (row.text) }
             }
         }
     }
+}
+
+/// Width of a text beside a bar where its letters are largest, on a phone; letters are at most so wide in the mean.
+fn letters(text: &str) -> f64 {
+    8.0 * text.chars().count() as f64
 }

@@ -89,6 +89,55 @@ fn an_interval_without_width_is_not_drawn() {
 }
 
 #[test]
+fn bars_leave_room_for_their_words() {
+    let row = |label: &str, value, text: &str| Bar {
+        label: label.into(),
+        value,
+        text: text.into(),
+    };
+    let short = [row("before", 0.2, "0.2"), row("after", 0.1, "0.1")];
+    let long = [
+        row("coulomb_asymmetry at joint 1", 0.52, "52 % (21 to 62 %)"),
+        row("left", 0.01, "1 % (a value with very many words to it)"),
+    ];
+    let longest = [
+        row(&"joint".repeat(8), 1.0, &"value".repeat(8)),
+        row("left", 0.0, ""),
+    ];
+    // Width of a letter on a phone, in the units of the drawing: its font is 14.5 of them.
+    let wide = |text: &str| 7.5 * text.chars().count() as f64;
+    for rows in [&short[..], &long, &longest] {
+        let svg = bars("Shares", rows).into_string();
+        let number = |tag: &str, name: &str| -> f64 {
+            let from = tag.split_once(&format!("{name}=\"")).expect(name).1;
+            from.split_once('"').expect(name).0.parse().expect(name)
+        };
+        let view = svg.split_once("viewBox=\"0 0 ").expect("a view").1;
+        let width: f64 = view
+            .split(' ')
+            .next()
+            .expect("a width")
+            .parse()
+            .expect("a width");
+        let texts: Vec<&str> = svg.split("<text ").skip(1).collect();
+        let ends = texts.iter().skip(1).step_by(2).map(|t| number(t, "x"));
+        for (row, at) in rows.iter().zip(ends) {
+            assert!(at + wide(&row.text) <= width, "{svg}");
+        }
+        let drawn: Vec<(f64, f64)> = svg
+            .split("<rect ")
+            .skip(1)
+            .map(|r| (number(r, "x"), number(r, "width")))
+            .collect();
+        assert!(rows.iter().all(|r| wide(&r.label) < drawn[0].0), "{svg}");
+        assert!(drawn[0].1 >= 40.0, "{svg}");
+        for ((_, length), row) in drawn.iter().zip(rows) {
+            assert!((length / drawn[0].1 - row.value / rows[0].value).abs() < 1e-2);
+        }
+    }
+}
+
+#[test]
 fn the_check_finds_what_is_not_in_order() {
     let good = page(html! { (plot((0.0, 1.0), (0.0, 1.0)).draw()) });
     assert!(pid_page_check::page(&good).is_ok());
