@@ -14,12 +14,13 @@ use pid_diagnose::hypothesis::{Hypothesis, Run};
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::predict::Runner;
 use pid_diagnose::report::Report;
-use pid_diagnose::search::Settings;
 use pid_diagnose::with_effects::{Assembled, Placed};
 use pid_fit::ident::{self, Likelihood, Progress};
 use pid_interpret::nominal as description;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+
+use crate::common::{A_THIRD, among};
 
 const ARM: &str = include_str!("../../pid-effects/src/with_effects/arm.toml");
 const STEP: f64 = 4e-3;
@@ -131,7 +132,7 @@ type Sight<'a> = (&'a [f64], usize);
 /// Diagnosis, extended model, its gap, its diagnosis, its identification.
 fn closed_loop(id: &str, e: &[f64], (sharpness, substeps): Sight<'_>) {
     let dataset = records(id, e);
-    let settings = Settings::default();
+    let settings = among(&A_THIRD);
     let report = Report::new(arm(), &dataset, &settings, false).expect("a diagnosis");
     let d = report.diagnosis();
     assert_eq!(
@@ -246,7 +247,7 @@ fn goes_round(
     (id, joint, parameters): (&str, &str, &[&str]),
     substeps: usize,
 ) {
-    let report = Report::new(nominal, dataset, &Settings::default(), false).expect("a diagnosis");
+    let report = Report::new(nominal, dataset, &among(&A_THIRD), false).expect("a diagnosis");
     let d = report.diagnosis();
     assert_eq!(d.verdict.word(), id, "{d:?}");
     let text = report.extended.to_toml().expect("a tree");

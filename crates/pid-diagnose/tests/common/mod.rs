@@ -5,13 +5,40 @@ use std::path::PathBuf;
 
 use pid_data::InputHold;
 use pid_diagnose::declared::declared;
+use pid_diagnose::effects::by_id;
 use pid_diagnose::report::Report;
+use pid_diagnose::search::Settings;
 use pid_diagnose::with_effects::{Placed, WithEffects};
 use pid_fit::integrate::{self, Drive, simulate};
 use pid_interpret::Model;
 use pid_runtime::dynamics::{At, Dynamics, Jacobian};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+
+/// Some effects of each kind of cause: a third of the library.
+pub(crate) const A_THIRD: [&str; 12] = [
+    "actuator_lag",
+    "coulomb_asymmetry",
+    "encoder_eccentricity",
+    "gain_error_nonlinear",
+    "input_delay",
+    "joint_elasticity",
+    "load_dependent_friction",
+    "payload",
+    "quadratic_drag",
+    "sensor_delay",
+    "spring",
+    "stribeck",
+];
+
+/// A search among these effects, where the whole library would say no more and take longer.
+pub(crate) fn among(ids: &[&str]) -> Settings {
+    let effect = |id: &&str| by_id(id).expect("an effect");
+    Settings {
+        effects: ids.iter().map(effect).collect(),
+        ..Settings::default()
+    }
+}
 
 const STEP: f64 = 0.004;
 const SAMPLES: u32 = 1500;

@@ -5,10 +5,10 @@ mod rig;
 mod simulated;
 mod stages;
 
+use crate::common::among;
 use pid_data::{Dataset, Role};
 use pid_diagnose::case::Case;
 use pid_diagnose::diagnosis::Diagnosis;
-use pid_diagnose::effects::by_id;
 use pid_diagnose::extended::free_run_gap;
 use pid_diagnose::fit::{Direction, Point, all_gains, linearise};
 use pid_diagnose::hypothesis::Hypothesis;
@@ -46,12 +46,7 @@ const RIVALS: [&str; 17] = [
 
 /// The same among the effects of [`RIVALS`]: half of the library takes half of the time.
 fn told_from_rivals(drive: &str, dataset: &Dataset) -> Report {
-    let effect = |id: &&str| by_id(id).expect("an effect");
-    let settings = Settings {
-        effects: RIVALS.iter().map(effect).collect(),
-        ..Settings::default()
-    };
-    Report::new(described(drive), dataset, &settings, false).expect("a diagnosis")
+    Report::new(described(drive), dataset, &among(&RIVALS), false).expect("a diagnosis")
 }
 
 /// What is called determined lies within 5 % of the truth.
