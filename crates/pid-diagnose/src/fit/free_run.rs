@@ -169,7 +169,7 @@ impl Weights {
         for c in 0..channels {
             let of = |w: &Window<f64>| -> Vec<f64> {
                 let own = w.iter().skip(c).step_by(channels).copied();
-                own.filter(|x| !x.is_nan()).map(within).collect()
+                own.filter(|x| !x.is_nan()).map(cut).collect()
             };
             let all: Vec<Vec<f64>> = errors.iter().map(of).collect();
             let square = |x: &Vec<f64>| x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
@@ -192,7 +192,7 @@ impl Weights {
     }
 }
 
-fn within(x: f64) -> f64 {
+fn cut(x: f64) -> f64 {
     x.clamp(-LARGEST, LARGEST)
 }
 
@@ -201,8 +201,7 @@ fn objective(weights: &Weights, errors: &[Window<f64>], at: &Point) -> f64 {
     let prior: f64 = at.theta.iter().map(|t| (t / PRIOR).powi(2)).sum();
     let square = |(w, x): (usize, &Window<f64>)| -> f64 {
         let own = x.iter().enumerate().filter(|(_, x)| !x.is_nan());
-        own.map(|(i, x)| (weights.of(w, i) * within(*x)).powi(2))
-            .sum()
+        own.map(|(i, x)| (weights.of(w, i) * cut(*x)).powi(2)).sum()
     };
     prior + errors.iter().enumerate().map(square).sum::<f64>()
 }
@@ -242,7 +241,7 @@ where
     let mut rows = Vec::with_capacity(errors.len() * (1 + directions.len()));
     for (i, x) in errors.iter().enumerate().filter(|(_, x)| !x.re.is_nan()) {
         let weight = weights.of(w, i);
-        rows.push(weight * within(x.re));
+        rows.push(weight * cut(x.re));
         let counts = x.re.abs() < LARGEST && x.eps.iter().all(|e| e.abs() < 1e9);
         let slopes = x.eps[..directions.len()].iter();
         rows.extend(slopes.map(|e| if counts { weight * e } else { 0.0 }));
@@ -252,13 +251,23 @@ where
 
 /// The fit from where it is, if free runs on the train records leave less there.
 pub(crate) fn fit_free_runs(case: &Case, basis: &Basis, from: &Fit) -> Option<Fit> {
+    within(case, basis, from, &ranges(case, &from.hypothesis))
+}
+
+/// The same of the nominal parameters, with the effects as they are.
+pub(crate) fn fit_nominal_to_free_runs(case: &Case, basis: &Basis, from: &Fit) -> Option<Fit> {
+    let held: Vec<_> = from.point.e.iter().map(|&e| (e, e)).collect();
+    within(case, basis, from, &held)
+}
+
+/// [`fit_free_runs`] with the parameters of the effects within these bounds.
+fn within(case: &Case, basis: &Basis, from: &Fit, bounds: &[(f64, f64)]) -> Option<Fit> {
     let hypothesis = &from.hypothesis;
     let columns = basis.directions();
     let directions = directions(&columns, from.point.e.len());
     if directions.is_empty() {
         return None;
     }
-    let bounds = ranges(case, hypothesis);
     let left = |at: &Point| gap(case, hypothesis, &at.theta, &at.e, Role::Train).total;
     let (before, mut at) = (left(&from.point), from.point.clone());
     let mut best: Option<(f64, Point)> = None;
@@ -272,7 +281,7 @@ pub(crate) fn fit_free_runs(case: &Case, basis: &Basis, from: &Fit) -> Option<Fi
             let lin = linearise(case, hypothesis, &at, (&starts, &weights), &directions);
             let quadratic = Quadratic::new(basis, &lin, &at);
             let bound = objective(&weights, &now, &at);
-            let stepped = damping.step((&at, &bounds), &quadratic, TRIALS, |next| {
+            let stepped = damping.step((&at, bounds), &quadratic, TRIALS, |next| {
                 let starts = Starts::new(case, hypothesis, next);
                 let there = errors(case, hypothesis, next, &starts);
                 (objective(&weights, &there, next) < bound).then_some((starts, there))
@@ -399,5 +408,12 @@ mod tests {
         }
         let left = |f: &Fit| gap(&case, &hypothesis, &f.point.theta, &f.point.e, Role::Train);
         assert!(left(&end).total < left(&early).total);
+
+        // With the spring as it is, the nominal parameters make up for a part.
+        let held = fit_nominal_to_free_runs(&case, &own, &early).expect("a better fit");
+        assert_eq!(held.point.e, early.point.e);
+        assert_ne!(held.point.theta, early.point.theta);
+        let (least, most) = (left(&end).total, left(&early).total);
+        assert!((least..most).contains(&left(&held).total));
     }
 }

@@ -26,7 +26,7 @@ use crate::initial::starts_open;
 use crate::observer::Gain;
 pub use crate::point::Point;
 use crate::predict::Runner;
-pub(crate) use free_run::{fit_free_runs, free_runs};
+pub(crate) use free_run::{fit_free_runs, fit_nominal_to_free_runs, free_runs};
 pub(crate) use linear::basis_as_run;
 pub use linear::{Basis, Direction, Linear, basis, basis_beside, linearise};
 pub use products::Slopes;

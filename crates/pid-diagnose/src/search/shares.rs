@@ -1,8 +1,8 @@
 //! How much of the gap each of several effects explains.
 //!
 //! Effects interact: what is lost without one is not what it explains alone. With the squared gaps
-//! G² of the nominal structure, of all effects, of all but one and of one alone, each with the
-//! nominal parameters and the other effects fitted again, and the squared floor F²,
+//! G² of the nominal structure, of all effects, of all but one and of one alone, each with its parameters
+//! fitted again, and the squared floor F²,
 //!
 //! ```text
 //! left out = (G²(all but e) − G²(all)) / (G²(none) − F²)
@@ -21,7 +21,7 @@ use super::evidence::Evidence;
 use super::measure::{measured, share};
 use super::settings::Settings;
 use crate::case::Case;
-use crate::fit::{Basis, Effort, Fit, Point, fit};
+use crate::fit::{Basis, Effort, Fit, Point, fit, fit_nominal_to_free_runs};
 use crate::gap::{FEW_WINDOWS, Gap, draws, within};
 use crate::hypothesis::Hypothesis;
 
@@ -94,7 +94,7 @@ pub(super) fn taken_out(case: &Case, basis: &Basis, at: &Fit, i: usize) -> Fit {
     with(case, basis, 0, at, |k| k != i)
 }
 
-/// [`Parts`] of every effect of a fit; `before` and `after` are the gaps without any and with all.
+/// [`Parts`] of every effect of a fit, all parameters fitted to predictions; `after` is the gap with all effects.
 pub(super) fn parts(
     case: &Case,
     basis: &Basis,
@@ -102,20 +102,67 @@ pub(super) fn parts(
     at: &Fit,
     (before, after): (&Gap, &Gap),
 ) -> Vec<Parts> {
-    let count = at.hypothesis.terms.len();
-    if count == 1 {
-        return vec![Parts {
-            without: before.clone(),
-            alone: after.clone(),
-        }];
+    each(at.hypothesis.terms.len(), (before, after), &|keep| {
+        measured(case, &with(case, basis, settings.budget.steps, at, keep))
+    })
+}
+
+/// The same with the least gaps of [`parts`] and of nominal parameters that are fitted to free runs, under effects as
+/// they are in `at`: predictions can be good with parameters that let free runs without an effect diverge.
+pub(super) fn least_parts(
+    case: &Case,
+    basis: &Basis,
+    settings: &Settings,
+    at: &Fit,
+    (before, after): (&Gap, &Gap),
+) -> Vec<Parts> {
+    if settings.watch.stopped() {
+        return parts(case, basis, settings, at, (before, after));
     }
-    let gap = |fit: Fit| measured(case, &fit);
-    (0..count)
-        .into_par_iter()
-        .map(|i| Parts {
-            without: gap(without(case, basis, settings, at, i)),
-            alone: gap(with(case, basis, settings.budget.steps, at, |k| k == i)),
-        })
+    let step = "shares of the gap: each effect alone, and without it";
+    settings.watch.step(step);
+    let least = |gaps: Vec<Gap>| {
+        let least = gaps.into_iter().min_by(|a, b| a.total.total_cmp(&b.total));
+        least.expect("a gap")
+    };
+    each(at.hypothesis.terms.len(), (before, after), &|keep| {
+        let predicted = with(case, basis, settings.budget.steps, at, keep);
+        let held = with(case, basis, 0, at, keep);
+        let mut moved = held.clone();
+        moved.point.theta.clone_from(&predicted.point.theta);
+        let free = [held, moved].into_par_iter();
+        let free = free.filter_map(|from| fit_nominal_to_free_runs(case, basis, &from));
+        let mut gaps: Vec<Gap> = free.map(|fit| measured(case, &fit)).collect();
+        gaps.push(measured(case, &predicted));
+        least(gaps)
+    })
+}
+
+/// Whether an effect of a fit is kept.
+type Kept<'a> = &'a dyn Fn(usize) -> bool;
+
+/// [`Parts`] of so many effects from the gap of some of them.
+fn each(
+    count: usize,
+    (before, after): (&Gap, &Gap),
+    gap: &(dyn Fn(Kept<'_>) -> Gap + Sync),
+) -> Vec<Parts> {
+    let all = |keep: &(dyn Fn(usize, usize) -> bool + Sync)| -> Vec<Gap> {
+        let each = (0..count).into_par_iter();
+        each.map(|i| gap(&|k| keep(i, k))).collect()
+    };
+    let (without, alone) = match count {
+        1 => (vec![before.clone()], vec![after.clone()]),
+        // Without one of two the other is alone.
+        2 => {
+            let alone = all(&|i, k| k == i);
+            (alone.iter().rev().cloned().collect(), alone)
+        }
+        _ => (all(&|i, k| k != i), all(&|i, k| k == i)),
+    };
+    let pairs = without.into_iter().zip(alone);
+    pairs
+        .map(|(without, alone)| Parts { without, alone })
         .collect()
 }
 
@@ -203,7 +250,7 @@ pub(super) fn with_shares(mut evidence: Evidence, settings: &Settings) -> Eviden
         return evidence;
     }
     let basis = directions(&e.case, &e.fit);
-    let parts = parts(&e.case, &basis, settings, &e.fit, (&e.before, &e.after));
+    let parts = least_parts(&e.case, &basis, settings, &e.fit, (&e.before, &e.after));
     let portions = shares(&parts, &e.before, &e.after, e.floor.min(e.after.total));
     for (named, portion) in e.effects.iter_mut().zip(portions) {
         named.share = Some(portion.share);
