@@ -1,20 +1,24 @@
-//! How a list of effects ends: all parameters to free runs, without what is hardly there, in shares.
+//! How a list of effects ends: all parameters to free runs, without what is hardly there, in shares, as evidence.
 
 use super::judge::{Gained, gained, grows, shrinks_its_own, sums_of};
 use super::starts::begun_again;
 use super::{Grown, Partial, tuned};
 use crate::case::Case;
 use crate::criteria::Criteria;
+use crate::diagnosis::{Named, Remainder};
 use crate::effect::Term;
 use crate::fit::fit_free_runs;
 use crate::gap::Gap;
 use crate::levels::WHOLE;
-use crate::search::magnitude::sizes;
-use crate::search::measure::measured;
-use crate::search::nameless::{free_laws, imitated_in_part};
+use crate::noise;
+use crate::search::evidence::{Evidence, Part};
+use crate::search::magnitude::{name, sizes};
+use crate::search::measure::{measured, noise_alone, share};
+use crate::search::nameless::{described, free_laws, imitated_in_part};
+use crate::search::odds::plain;
 use crate::search::refit::Refit;
 use crate::search::settings::Settings;
-use crate::search::shares::{Parts, Portion, parts, shares, taken_out};
+use crate::search::shares::{Parts, Portion, least_parts, parts, shares, taken_out};
 use crate::search::stand::{Sought, Stand};
 
 /// Where free runs on the train records lead, unless they grow on the test records beyond their scatter, or to more
@@ -75,7 +79,16 @@ pub(super) fn in_shares(
     // Noise alone leaves no more than what is reached.
     let gaps = (&grown.before, floor.min(now.gap.total));
     let visited = &grown.visited;
-    let (shares, small) = smallest_dropped((now, taken), visited, settings, gaps);
+    let small = smallest_dropped((now, taken), visited, settings, gaps);
+    let parts = least_parts(
+        &now.case,
+        &now.directions,
+        settings,
+        &now.fit,
+        (gaps.0, &now.gap),
+    );
+    let shares = shares(&parts, gaps.0, &now.gap, gaps.1);
+    let shares = parts.into_iter().zip(shares).collect();
     if let Some(last) = grown.rounds.last_mut() {
         last.dropped.extend(small);
     }
@@ -124,14 +137,13 @@ fn stand_without(now: &Stand, visited: &[Stand], criteria: &Criteria, i: usize) 
 }
 
 /// Drops effects of hardly any share, the smallest first, and those that are smaller than their
-/// deviation, unless free runs leave more without them than is nearly the same. The gaps with and without
-/// each of the others with their shares, and the labels of those dropped.
+/// deviation, unless free runs leave more without them than is nearly the same. The labels of those dropped.
 fn smallest_dropped(
     (now, taken): (&mut Stand, &mut Vec<(Refit, f64)>),
     visited: &[Stand],
     settings: &Settings,
     (before, floor): (&Gap, f64),
-) -> (Vec<(Parts, Portion)>, Vec<String>) {
+) -> Vec<String> {
     let mut dropped = Vec::new();
     loop {
         let gaps = (before, &now.gap);
@@ -150,11 +162,131 @@ fn smallest_dropped(
                 && !shrinks_its_own(criteria, term, &less.gap, &now.gap)
         };
         match less.filter(nearly_same) {
-            None => return (parts.into_iter().zip(own).collect(), dropped),
+            None => return dropped,
             Some((i, less)) => {
                 *now = less;
                 dropped.push(taken.remove(i).0.term.label());
             }
         }
+    }
+}
+
+/// The gap that noise alone leaves where its stated level is the least there can be: the input is
+/// also wrong between its samples. Drive noise is then what the nominal structure leaves.
+fn floor_of_records(evidence: &Evidence) -> f64 {
+    let mut case = evidence.case.clone();
+    for noise in &mut case.noise {
+        noise.stated = false;
+    }
+    noise::settle(&mut case, &evidence.base);
+    noise_alone(&case, &evidence.base).typical
+}
+
+/// The floor under which nothing but noise is left of the gap `before`, if one is near enough: that of noise
+/// alone, or that of the records. A hum is no noise, however little it moves the robot.
+fn floor_of_nothing(evidence: &Evidence, before: &Gap, floor: f64) -> Option<f64> {
+    let criteria = &evidence.criteria;
+    let lines = criteria.allowance * criteria.line(evidence.residue.of.frequencies);
+    if evidence.residue.hum >= lines {
+        return None;
+    }
+    let near = |floor: &f64| before.total < criteria.near * floor;
+    Some(floor)
+        .filter(near)
+        .or_else(|| Some(floor_of_records(evidence)).filter(near))
+}
+
+/// Places of the effects by their shares.
+fn largest_first(shares: &[(Parts, Portion)]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..shares.len()).collect();
+    order.sort_by(|&a, &b| shares[b].1.share.total_cmp(&shares[a].1.share));
+    order
+}
+
+/// The effects in an order, each with its share.
+fn shared_out(mut effects: Vec<Named>, shares: &[(Parts, Portion)], order: &[usize]) -> Vec<Named> {
+    for (named, (_, own)) in effects.iter_mut().zip(shares) {
+        named.share = Some(own.share);
+        named.share_interval = own.interval;
+    }
+    order.iter().map(|&i| effects[i].clone()).collect()
+}
+
+/// The evidence of a search with what the library explains in part.
+pub(super) fn with_effects(evidence: Evidence, found: Partial, criteria: &Criteria) -> Evidence {
+    let Partial {
+        grown,
+        shares,
+        law,
+        sought,
+    } = found;
+    let Grown {
+        base,
+        before,
+        now,
+        taken,
+        others,
+        rounds,
+        refits,
+        given_up,
+        ..
+    } = grown;
+    let Stand {
+        case,
+        fit,
+        gap: after,
+        ..
+    } = now;
+    let floor = evidence.floor.min(after.total);
+    // What an effect predicts is no noise.
+    let enough = match taken.is_empty() && !given_up {
+        true => floor_of_nothing(&evidence, &before, floor),
+        false => None,
+    };
+    let coloured = enough.is_some();
+    let floor = enough.unwrap_or(floor);
+    let explained = |gap: f64| share(before.total, gap, floor);
+    let nameless = law
+        .as_ref()
+        .map(|(law, gap)| (law, explained(*gap)))
+        .filter(|(_, explained)| *explained > criteria.majority)
+        .and_then(|(law, explained)| described(&case, criteria, law, explained));
+    let order = largest_first(&shares);
+    let effects = shared_out(name(&case, criteria, &fit), &shares, &order);
+    let ranking: Vec<(Refit, f64)> = (order.iter().map(|&i| taken[i].clone()))
+        .chain(others)
+        .collect();
+    Evidence {
+        effects,
+        ranking: plain(&ranking),
+        rounds,
+        coloured,
+        floor,
+        part: Some(Part {
+            first: order
+                .first()
+                .map_or(0.0, |&i| explained(shares[i].0.alone.total)),
+            all: explained(after.total),
+            left: after.total / floor,
+            nameless: law.is_some(),
+        }),
+        remainder: (!coloured).then(|| Remainder {
+            explained: explained(after.total),
+            own_error: true,
+            missing_force: Vec::new(),
+            ceilings: Vec::new(),
+            nameless,
+            law: None,
+        }),
+        rivals: ranking.into_iter().map(|r| r.0.fit).collect(),
+        refits: evidence.refits + refits,
+        sought: Some(Box::new(sought)),
+        without_law: None,
+        case,
+        base,
+        fit,
+        before,
+        after,
+        ..evidence
     }
 }

@@ -9,10 +9,10 @@ use std::collections::BTreeSet;
 
 use pid_data::Role;
 
-use super::finish::ended;
+use super::finish::{ended, in_shares, with_effects};
 use super::judge::grows;
 use super::read_off::Missing;
-use super::{Asked, SMALLER, last_of, pruned, readings, round, tuned};
+use super::{Asked, Grown, SMALLER, last_of, pruned, readings, round, tuned, with_odds};
 use crate::case::Case;
 use crate::diagnosis::{Earned, Named, OwnLaw, Remainder, Round, Tried};
 use crate::effect::Term;
@@ -21,9 +21,10 @@ use crate::levels::SHORT;
 use crate::search::evidence::Evidence;
 use crate::search::magnitude::name;
 use crate::search::measure::measured;
+use crate::search::refit::Refit;
 use crate::search::settings::Settings;
-use crate::search::shares::{self, Portion, beyond, parts, with};
-use crate::search::stand::Stand;
+use crate::search::shares::{self, Portion, beyond, least_parts, with};
+use crate::search::stand::{Sought, Stand};
 use crate::terms;
 
 /// The evidence with a law of its own beside the effects, where something is left that terms describe;
@@ -84,10 +85,17 @@ fn beside(
     named: &[String],
 ) -> Evidence {
     let criteria = &settings.criteria;
-    let rounds = taken(&mut now, &evidence, settings, sensors, named);
+    let first = now.clone();
+    let Taken {
+        rounds,
+        refits,
+        others,
+        visited,
+    } = taken(&mut now, &evidence, settings, sensors, named);
     evidence.refits += rounds.iter().map(|r| r.candidates.len()).sum::<usize>();
     evidence.rounds.extend(rounds);
-    if now.fit.hypothesis.terms.iter().all(|t| !is_term(t)) {
+    let terms = now.fit.hypothesis.terms.iter().filter(|t| is_term(t));
+    if refits.is_empty() || (terms.count() == 0 && !named.is_empty()) {
         return evidence;
     }
     // As a second effect has to.
@@ -95,6 +103,21 @@ fn beside(
     let now = ended(case, SHORT, (now, least), settings, sensors);
     if now.gap.total > least || grows(criteria, &evidence.after, &now.gap) {
         return evidence;
+    }
+    if !now.fit.hypothesis.terms.iter().any(is_term) {
+        let grown = Grown {
+            base: evidence.base.clone(),
+            before: evidence.before.clone(),
+            taken: refits,
+            first,
+            visited,
+            given_up: false,
+            others,
+            rounds: std::mem::take(&mut evidence.rounds),
+            refits: 0,
+            now,
+        };
+        return alone(evidence, grown, settings, sensors);
     }
     if named.is_empty() {
         return together(evidence, now, settings);
@@ -145,6 +168,30 @@ fn labels(now: &Stand) -> Vec<String> {
     now.fit.hypothesis.terms.iter().map(Term::label).collect()
 }
 
+/// The evidence with effects that need no term beside them: from where the terms began, other starts led to more.
+fn alone(
+    evidence: Evidence,
+    grown: Grown,
+    settings: &Settings,
+    sensors: &[(f64, f64)],
+) -> Evidence {
+    let sought = Sought {
+        stand: grown.now.clone(),
+        sensors: sensors.to_vec(),
+    };
+    let found = in_shares(grown, sought, evidence.floor, settings);
+    with_effects(evidence, found, &settings.criteria)
+}
+
+/// What was taken on the way, as in [`Grown`].
+#[derive(Default)]
+struct Taken {
+    rounds: Vec<Round>,
+    refits: Vec<(Refit, f64)>,
+    others: Vec<(Refit, f64)>,
+    visited: Vec<Stand>,
+}
+
 /// Takes terms until none pays; the effects that are `named` stay. Where none is, effects are taken too, of
 /// those that were among the best of a round of the evidence.
 fn taken(
@@ -153,7 +200,7 @@ fn taken(
     settings: &Settings,
     sensors: &[(f64, f64)],
     named: &[String],
-) -> Vec<Round> {
+) -> Taken {
     let mut effects = terms::all();
     if named.is_empty() {
         effects.extend(settings.effects.iter().cloned());
@@ -164,7 +211,8 @@ fn taken(
     };
     let tried = evidence.rounds.iter().flat_map(|r| &r.candidates);
     let tried: BTreeSet<&str> = tried.map(|c| c.label.as_str()).collect();
-    let mut rounds: Vec<Round> = Vec::new();
+    let mut out = Taken::default();
+    let kept = labels(now).len();
     for _ in 0..settings.budget.terms {
         if settings.watch.stopped() {
             break;
@@ -178,24 +226,30 @@ fn taken(
             },
             shown: false,
         };
-        let (_, mut own, pays) = round(now, &wider, sensors, &asked);
-        let Some((_, next)) = pays else {
-            rounds.push(own);
+        let (tried, mut own, pays) = round(now, &wider, sensors, &asked);
+        let mut tried = with_odds(tried, &own, pays.as_ref().map(|(i, _)| *i));
+        let Some((i, next)) = pays else {
+            out.rounds.push(own);
             break;
         };
         *now = next;
-        let before = labels(now);
+        out.refits.push(tried.remove(i));
+        if out.others.is_empty() {
+            out.others = tried;
+        }
         let stays = |label: &str| named.iter().any(|n| n == label);
         let dropped = pruned(now, settings, sensors, &stays);
-        let kept = labels(now);
-        own.dropped
-            .extend(before.into_iter().filter(|label| !kept.contains(label)));
-        rounds.push(own);
+        for &place in &dropped {
+            let (refit, _) = out.refits.remove(place - kept);
+            own.dropped.push(refit.term.label());
+        }
+        out.rounds.push(own);
+        out.visited.push(now.clone());
         if !dropped.is_empty() {
             break;
         }
     }
-    rounds
+    out
 }
 
 /// The evidence with a law that has its `own` share beside the named effects, which leave a gap under a
@@ -243,7 +297,7 @@ fn adopted(evidence: Evidence, now: Stand, (own, left, without): (Portion, f64, 
 fn together(mut evidence: Evidence, now: Stand, settings: &Settings) -> Evidence {
     let floor = evidence.floor.min(now.gap.total);
     let gaps = (&evidence.before, &now.gap);
-    let parts = parts(&now.case, &now.directions, settings, &now.fit, gaps);
+    let parts = least_parts(&now.case, &now.directions, settings, &now.fit, gaps);
     let portions = shares::shares(&parts, &evidence.before, &now.gap, floor);
     let hypothesis = &now.fit.hypothesis;
     let keep = |i: usize| !is_term(&hypothesis.terms[i]);
@@ -297,9 +351,11 @@ fn earned(case: &Case) -> Vec<Earned> {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::bench::{named, pendulum};
     use crate::diagnosis::{Outcome, Verdict};
-    use crate::search::{Settings, diagnose};
+    use crate::effects::by_id;
+    use crate::search::{Settings, diagnose, search};
 
     /// A stop beside drag is no effect of the library: drag keeps its name, the stop is a law of one term.
     #[test]
@@ -334,5 +390,62 @@ mod tests {
         // Where the records have been, nothing else is said.
         let (low, high) = law.earned[0].position;
         assert!(low < from && from < high, "{:?}", law.earned);
+    }
+
+    /// Where no term pays beside what is found then, effects are the verdict, and no law is said.
+    #[test]
+    fn effects_that_leave_no_term_are_named_without_a_law() {
+        let (stiffness, preload) = (0.9, 0.2);
+        let case = pendulum(&named(&["spring"]), &[stiffness, preload], 8.0, &|_| {});
+        // A search that does not know the spring, and takes no terms.
+        let effect = |id: &str| by_id(id).expect("an effect");
+        let mut blind = Settings {
+            effects: vec![effect("quadratic_drag")],
+            ..Settings::default()
+        };
+        blind.budget.terms = 0;
+        let mut evidence = search(&case, &blind);
+        assert!(evidence.effects.is_empty() && evidence.remainder.is_some());
+        let before = (evidence.before.clone(), evidence.after.total);
+
+        let settings = Settings {
+            effects: vec![effect("quadratic_drag"), effect("spring")],
+            ..Settings::default()
+        };
+        evidence.rounds.push(Round {
+            beside: Vec::new(),
+            dropped: Vec::new(),
+            exchange: false,
+            candidates: vec![Tried {
+                label: "spring:1".to_owned(),
+                score: 0.0,
+                held_out: 0.0,
+                gap: evidence.after.total,
+                refused: None,
+            }],
+        });
+        let sensors = readings(&case);
+        let base = tuned(&case, &evidence.base, SHORT, &settings, &sensors);
+        let found = beside(evidence, &case, base, &settings, &sensors, &[]);
+        assert_eq!(found.before, before.0);
+        assert!(found.after.total < 0.2 * before.1, "{:?}", found.after);
+        let [spring] = &found.effects[..] else {
+            panic!("{:?}", found.effects);
+        };
+        assert_eq!((&*spring.effect, spring.joint), ("spring", Some(1)));
+        let truth = [stiffness, preload / stiffness];
+        for (parameter, truth) in spring.parameters.iter().zip(truth) {
+            assert!(
+                (parameter.value / truth - 1.0).abs() < 0.01,
+                "{parameter:?}"
+            );
+        }
+        assert_eq!(found.ranking[0].label(), "spring:1");
+        assert!(found.without_law.is_none() && found.remainder.is_none_or(|r| r.law.is_none()));
+        assert!(
+            found
+                .part
+                .is_some_and(|part| !part.nameless && part.all > 0.9)
+        );
     }
 }

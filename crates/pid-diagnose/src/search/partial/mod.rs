@@ -28,11 +28,10 @@ mod tests;
 use rayon::prelude::*;
 
 use super::candidates::{directions, listed, overdamped};
-use super::evidence::{Evidence, Part};
-use super::magnitude::{name, sizes};
-use super::measure::{measured, noise_alone, share};
-use super::nameless::described;
-use super::odds::{plain, within_round};
+use super::evidence::Evidence;
+use super::magnitude::sizes;
+use super::measure::{measured, share};
+use super::odds::within_round;
 use super::refit::{Refit, refit};
 use super::settings::Settings;
 use super::shares::{Parts, Portion, without};
@@ -40,15 +39,14 @@ use super::shorter::as_short;
 use super::stand::{Sought, Stand};
 use crate::case::Case;
 use crate::criteria::Budget;
-use crate::diagnosis::{Named, Remainder, Round, Tried};
+use crate::diagnosis::{Round, Tried};
 use crate::effect::Term;
 use crate::fit::{Basis, Effort, Fit, fit};
 use crate::gap::Gap;
 use crate::levels::{WHOLE, follow_slowly, settle};
-use crate::noise;
 use crate::screen::screen;
 use exchange::exchange;
-use finish::{ended, in_shares};
+use finish::{ended, in_shares, with_effects};
 use judge::{at_an_end, gained, grows, judge, refused, sums_of};
 pub(super) use law::with_law;
 use shown::{shown, stays, take_shown};
@@ -231,6 +229,15 @@ fn as_rival(candidate: &Tried) -> f64 {
     }
 }
 
+/// The refits of a round of which one may be taken, each with its probability.
+fn with_odds(tried: Vec<Refit>, round: &Round, taken: Option<usize>) -> Vec<(Refit, f64)> {
+    let scores: Vec<f64> = round.candidates.iter().map(as_rival).collect();
+    tried
+        .into_iter()
+        .zip(within_round(&scores, taken))
+        .collect()
+}
+
 /// Where a candidate leads under the levels that it leaves.
 fn led_to(
     settings: &Settings,
@@ -399,9 +406,7 @@ fn grown(
         });
         let (tried, mut round, pays) = round(&now, settings, sensors, &everything);
         refits += tried.len();
-        let scores: Vec<f64> = round.candidates.iter().map(as_rival).collect();
-        let odds = within_round(&scores, pays.as_ref().map(|(i, _)| *i));
-        let mut tried: Vec<(Refit, f64)> = tried.into_iter().zip(odds).collect();
+        let mut tried = with_odds(tried, &round, pays.as_ref().map(|(i, _)| *i));
         let Some((i, next)) = pays else {
             others.get_or_insert(tried);
             rounds.push(round);
@@ -446,31 +451,6 @@ fn grown(
     }
 }
 
-/// The gap that noise alone leaves where its stated level is the least there can be: the input is
-/// also wrong between its samples. Drive noise is then what the nominal structure leaves.
-fn floor_of_records(evidence: &Evidence) -> f64 {
-    let mut case = evidence.case.clone();
-    for noise in &mut case.noise {
-        noise.stated = false;
-    }
-    noise::settle(&mut case, &evidence.base);
-    noise_alone(&case, &evidence.base).typical
-}
-
-/// The floor under which nothing but noise is left of the gap `before`, if one is near enough: that of noise
-/// alone, or that of the records. A hum is no noise, however little it moves the robot.
-fn floor_of_nothing(evidence: &Evidence, before: &Gap, floor: f64) -> Option<f64> {
-    let criteria = &evidence.criteria;
-    let lines = criteria.allowance * criteria.line(evidence.residue.of.frequencies);
-    if evidence.residue.hum >= lines {
-        return None;
-    }
-    let near = |floor: &f64| before.total < criteria.near * floor;
-    Some(floor)
-        .filter(near)
-        .or_else(|| Some(floor_of_records(evidence)).filter(near))
-}
-
 /// Levels of the readings, the least there can be.
 fn readings(case: &Case) -> Vec<(f64, f64)> {
     case.noise.iter().map(|n| (n.q, n.v)).collect()
@@ -490,22 +470,6 @@ fn renewed(case: &mut Case, settings: &Settings, at: &Fit, sensors: &[(f64, f64)
     (next, directions)
 }
 
-/// Places of the effects by their shares.
-fn largest_first(shares: &[(Parts, Portion)]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..shares.len()).collect();
-    order.sort_by(|&a, &b| shares[b].1.share.total_cmp(&shares[a].1.share));
-    order
-}
-
-/// The effects in an order, each with its share.
-fn shared_out(mut effects: Vec<Named>, shares: &[(Parts, Portion)], order: &[usize]) -> Vec<Named> {
-    for (named, (_, own)) in effects.iter_mut().zip(shares) {
-        named.share = Some(own.share);
-        named.share_interval = own.interval;
-    }
-    order.iter().map(|&i| effects[i].clone()).collect()
-}
-
 /// Adds to the evidence of a search that explains nothing what the library explains in part, by
 /// predictions over a part of the horizon, and over another one where that explains little.
 pub(super) fn add_part(
@@ -514,79 +478,6 @@ pub(super) fn add_part(
     first: f64,
     then: Option<f64>,
 ) -> Evidence {
-    let Partial {
-        grown,
-        shares,
-        law,
-        sought,
-    } = over(first, then, &evidence, settings);
-    let Grown {
-        base,
-        before,
-        now,
-        taken,
-        others,
-        rounds,
-        refits,
-        given_up,
-        ..
-    } = grown;
-    let Stand {
-        case,
-        fit,
-        gap: after,
-        ..
-    } = now;
-    let floor = evidence.floor.min(after.total);
-    let criteria = &settings.criteria;
-    // What an effect predicts is no noise.
-    let enough = match taken.is_empty() && !given_up {
-        true => floor_of_nothing(&evidence, &before, floor),
-        false => None,
-    };
-    let coloured = enough.is_some();
-    let floor = enough.unwrap_or(floor);
-    let explained = |gap: f64| share(before.total, gap, floor);
-    let nameless = law
-        .as_ref()
-        .map(|(law, gap)| (law, explained(*gap)))
-        .filter(|(_, explained)| *explained > criteria.majority)
-        .and_then(|(law, explained)| described(&case, criteria, law, explained));
-    let order = largest_first(&shares);
-    let effects = shared_out(name(&case, criteria, &fit), &shares, &order);
-    let ranking: Vec<(Refit, f64)> = (order.iter().map(|&i| taken[i].clone()))
-        .chain(others)
-        .collect();
-    Evidence {
-        effects,
-        ranking: plain(&ranking),
-        rounds,
-        coloured,
-        floor,
-        part: Some(Part {
-            first: order
-                .first()
-                .map_or(0.0, |&i| explained(shares[i].0.alone.total)),
-            all: explained(after.total),
-            left: after.total / floor,
-            nameless: law.is_some(),
-        }),
-        remainder: (!coloured).then(|| Remainder {
-            explained: explained(after.total),
-            own_error: true,
-            missing_force: Vec::new(),
-            ceilings: Vec::new(),
-            nameless,
-            law: None,
-        }),
-        rivals: ranking.into_iter().map(|r| r.0.fit).collect(),
-        refits: evidence.refits + refits,
-        sought: Some(Box::new(sought)),
-        case,
-        base,
-        fit,
-        before,
-        after,
-        ..evidence
-    }
+    let found = over(first, then, &evidence, settings);
+    with_effects(evidence, found, &settings.criteria)
 }
