@@ -262,6 +262,8 @@ pub struct Budget {
     pub refits: usize,
     /// Candidates refitted in each round where the library explains a part.
     pub partial_refits: usize,
+    /// Candidates of a round that took none beside which a second one is asked for.
+    pub pairs: usize,
     /// Most effects taken together where the library explains a part.
     pub most_in_part: usize,
     /// Most terms of a law without a name.
@@ -333,6 +335,7 @@ impl Default for Budget {
             most: 2,
             refits: 7,
             partial_refits: 9,
+            pairs: 3,
             most_in_part: 4,
             terms: 4,
             rounds: 6,

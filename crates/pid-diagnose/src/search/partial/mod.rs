@@ -19,6 +19,7 @@ mod exchange;
 mod finish;
 mod judge;
 mod law;
+mod pairs;
 mod read_off;
 mod shown;
 mod starts;
@@ -49,6 +50,7 @@ use exchange::exchange;
 use finish::{ended, in_shares, with_effects};
 use judge::{at_an_end, gained, grows, judge, refused, sums_of};
 pub(super) use law::with_law;
+use pairs::step;
 use shown::{shown, stays, take_shown};
 use starts::{begun_again, last_of};
 
@@ -316,6 +318,15 @@ fn pruned(
     }
 }
 
+/// How effects are taken.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    /// Part of the horizon that is predicted.
+    part: f64,
+    /// Whether two are taken at once where none pays alone.
+    pairs: bool,
+}
+
 /// Takes the effects that pay in predictions over a part of the horizon, and over another one where the
 /// first explains less than most of the gap; the search that leaves the smaller gap.
 ///
@@ -323,7 +334,8 @@ fn pruned(
 /// and what acts slowly.
 fn over(first: f64, then: Option<f64>, evidence: &Evidence, settings: &Settings) -> Partial {
     let nominal = tuned_within(evidence, settings);
-    let mut found = partial(evidence, first, &nominal, settings);
+    let singly = |part| Way { part, pairs: false };
+    let mut found = partial(evidence, singly(first), &nominal, settings);
     let noise = settings.criteria.near * evidence.floor;
     let left = |found: &Partial| found.grown.now.gap.total;
     let explained = share(found.grown.before.total, left(&found), evidence.floor);
@@ -331,35 +343,59 @@ fn over(first: f64, then: Option<f64>, evidence: &Evidence, settings: &Settings)
     let little = little || found.grown.given_up;
     let further = then.filter(|_| little && !settings.watch.stopped());
     if let Some(part) = further {
-        let mut other = partial(evidence, part, &nominal, settings);
-        // A window in which one joint drifts away is no reason to give up effects.
-        let (own, its) = (&found.grown.now.gap, &other.grown.now.gap);
-        let gives_up = other.grown.taken.is_empty() && !found.grown.taken.is_empty();
-        let better = !gives_up || grows(&settings.criteria, its, own);
-        if left(&other) < left(&found) && better {
-            std::mem::swap(&mut found, &mut other);
-        }
-        found.grown.refits += other.grown.refits;
-        // What was tried over the other part comes first.
-        other.grown.rounds.append(&mut found.grown.rounds);
-        found.grown.rounds = other.grown.rounds;
+        found = less_left(
+            found,
+            partial(evidence, singly(part), &nominal, settings),
+            settings,
+        );
     }
+    let nothing = found.grown.taken.is_empty() && left(&found) >= noise;
+    if further.is_some() && nothing && !settings.watch.stopped() {
+        let way = Way {
+            part: first,
+            pairs: true,
+        };
+        found = less_left(found, partial(evidence, way, &nominal, settings), settings);
+    }
+    found
+}
+
+/// Of two searches the one that leaves the smaller gap, with the rounds of both.
+fn less_left(mut found: Partial, mut other: Partial, settings: &Settings) -> Partial {
+    let left = |found: &Partial| found.grown.now.gap.total;
+    // A window in which one joint drifts away is no reason to give up effects.
+    let (own, its) = (&found.grown.now.gap, &other.grown.now.gap);
+    let gives_up = other.grown.taken.is_empty() && !found.grown.taken.is_empty();
+    let better = !gives_up || grows(&settings.criteria, its, own);
+    if left(&other) < left(&found) && better {
+        std::mem::swap(&mut found, &mut other);
+    }
+    found.grown.refits += other.grown.refits;
+    // What was tried on the other way comes first.
+    other.grown.rounds.append(&mut found.grown.rounds);
+    found.grown.rounds = other.grown.rounds;
     found
 }
 
 /// Tunes the nominal structure of a search that explains nothing and takes the effects that pay in
 /// predictions over a part of the horizon; `nominal` is that structure at its best and its gap, as far
 /// as it is known.
-fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Settings) -> Partial {
+fn partial(evidence: &Evidence, way: Way, nominal: &(Fit, Gap), settings: &Settings) -> Partial {
     let sensors = &readings(&evidence.case);
-    let mut grown = grown(evidence, part, nominal, settings, sensors);
+    let mut grown = grown(evidence, way, nominal, settings, sensors);
     let sought = Sought {
         stand: grown.now.clone(),
         sensors: sensors.clone(),
     };
     if !grown.taken.is_empty() {
         let before = grown.before.total;
-        grown.now = ended(&evidence.case, part, (grown.now, before), settings, sensors);
+        grown.now = ended(
+            &evidence.case,
+            way.part,
+            (grown.now, before),
+            settings,
+            sensors,
+        );
         // What leaves more than nothing does explains nothing.
         if grown.now.gap.total >= grown.before.total {
             grown.others.splice(0..0, grown.taken.drain(..));
@@ -373,7 +409,7 @@ fn partial(evidence: &Evidence, part: f64, nominal: &(Fit, Gap), settings: &Sett
 /// Takes effects, one after the other, until none pays.
 fn grown(
     evidence: &Evidence,
-    part: f64,
+    Way { part, pairs }: Way,
     nominal: &(Fit, Gap),
     settings: &Settings,
     sensors: &[(f64, f64)],
@@ -404,12 +440,13 @@ fn grown(
             [] => "shares of the gap: the first effect".to_owned(),
             _ => format!("shares of the gap: beside {}", beside.join(", ")),
         });
-        let (tried, mut round, pays) = round(&now, settings, sensors, &everything);
-        refits += tried.len();
-        let mut tried = with_odds(tried, &round, pays.as_ref().map(|(i, _)| *i));
-        let Some((i, next)) = pays else {
-            others.get_or_insert(tried);
-            rounds.push(round);
+        let both = pairs && taken.is_empty();
+        let step = step(&now, settings, sensors, &everything, both);
+        let tried = step.rounds.iter().map(|r| r.candidates.len());
+        refits += tried.sum::<usize>();
+        rounds.extend(step.rounds);
+        others.get_or_insert(step.others);
+        let Some((own, next)) = step.taken else {
             break;
         };
         let before = now.gap.total;
@@ -418,13 +455,15 @@ fn grown(
             let last = now.fit.hypothesis.terms.len() - 1;
             now = begun_again(now, last, part, settings, sensors);
         }
-        taken.push(tried.remove(i));
-        others.get_or_insert(tried);
+        taken.extend(own);
         let shows = |label: &str| stays(&shown, label);
-        for place in pruned(&mut now, settings, sensors, &shows) {
-            round.dropped.push(taken.remove(place).0.term.label());
+        let dropped = pruned(&mut now, settings, sensors, &shows);
+        let dropped = dropped
+            .into_iter()
+            .map(|place| taken.remove(place).0.term.label());
+        if let Some(round) = rounds.last_mut() {
+            round.dropped.extend(dropped);
         }
-        rounds.push(round);
         if taken.len() > 1 && !settings.watch.stopped() {
             rounds.extend(exchange(&mut now, &mut taken, settings, sensors, &shown));
         }
