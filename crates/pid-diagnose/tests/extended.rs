@@ -14,7 +14,6 @@ use pid_diagnose::hypothesis::{Hypothesis, Run};
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::predict::Runner;
 use pid_diagnose::report::Report;
-use pid_diagnose::search::Settings;
 use pid_diagnose::with_effects::{Assembled, Placed};
 use pid_fit::ident::{self, Likelihood, Progress};
 use pid_interpret::nominal as description;
@@ -244,11 +243,11 @@ fn an_elastic_joint_goes_round() {
 /// Diagnosis, extended model, its gap and its identification on records of others: effect, joint,
 /// and the parameters whose intervals must overlap.
 fn goes_round(
-    (nominal, dataset, settings): (Nominal, &Dataset, &Settings),
+    (nominal, dataset): (Nominal, &Dataset),
     (id, joint, parameters): (&str, &str, &[&str]),
     substeps: usize,
 ) {
-    let report = Report::new(nominal, dataset, settings, false).expect("a diagnosis");
+    let report = Report::new(nominal, dataset, &among(&A_THIRD), false).expect("a diagnosis");
     let d = report.diagnosis();
     assert_eq!(d.verdict.word(), id, "{d:?}");
     let text = report.extended.to_toml().expect("a tree");
@@ -296,7 +295,7 @@ fn practice(case: &str, effect: (&str, &str, &[&str])) {
     };
     let nominal = Nominal::read(&folder).expect("a robot");
     let dataset = Dataset::read(&folder).expect("records");
-    goes_round((nominal, &dataset, &Settings::default()), effect, 1);
+    goes_round((nominal, &dataset), effect, 1);
 }
 
 /// Its damping is left out: the drive's noise, which the identification does not know, disturbs the
@@ -327,7 +326,7 @@ fn a_real_axis_goes_round() {
     let dataset = Dataset::read(&folder).expect("records");
     let effect = ("coulomb_asymmetry", "x", &["asymmetry"][..]);
     let nominal = nominal.expect("a robot");
-    goes_round((nominal, &dataset, &among(&A_THIRD)), effect, 1);
+    goes_round((nominal, &dataset), effect, 1);
 }
 
 #[test]

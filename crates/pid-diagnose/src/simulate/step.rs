@@ -207,15 +207,21 @@ impl<D: Pick> Machine<'_, D> {
         mut u: D,
     ) -> D {
         let looped = self.loops[j].is_some();
-        for i in 0..self.hypothesis.terms.len() {
-            let term = &self.hypothesis.terms[i];
-            let elsewhere = term.joint != j && term.effect.info().has_joint;
-            if elsewhere || (looped && term.effect.before_drive()) != before {
+        // What acts before the drive reads the commands and not what others made of them, so it comes first.
+        for first in [true, false] {
+            if looped && first != before {
                 continue;
             }
-            let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
-            let law = D::of(&*term.effect);
-            u = law.input(self.own(i), u, commands, &mut state.memory[a..b]);
+            for i in 0..self.hypothesis.terms.len() {
+                let term = &self.hypothesis.terms[i];
+                let elsewhere = term.joint != j && term.effect.info().has_joint;
+                if elsewhere || term.effect.before_drive() != first {
+                    continue;
+                }
+                let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
+                let law = D::of(&*term.effect);
+                u = law.input(self.own(i), u, commands, &mut state.memory[a..b]);
+            }
         }
         u
     }

@@ -14,15 +14,18 @@ fn run(effect: &str, e: &[f64], refined: usize, held: bool) -> Vec<f64> {
     let u: Vec<Vec<f64>> = (0..6)
         .map(|j| (0..SAMPLES).map(|k| wave(j, k)).collect())
         .collect();
-    under(&u, effect, e, refined, held)
+    under(&u, &[effect], e, refined, held)
 }
 
 /// The same under inputs of each joint at the samples.
-fn under(u: &[Vec<f64>], effect: &str, e: &[f64], refined: usize, held: bool) -> Vec<f64> {
+fn under(u: &[Vec<f64>], effects: &[&str], e: &[f64], refined: usize, held: bool) -> Vec<f64> {
     let text = include_str!("../../robots/ur10e.toml");
     let nominal = Nominal::parse(text, "ur10e.toml".as_ref()).unwrap();
-    let effect = crate::effects::by_id(effect).unwrap();
-    let hypothesis = Hypothesis::new(vec![Term { effect, joint: 1 }]);
+    let term = |id: &&str| Term {
+        effect: crate::effects::by_id(id).unwrap(),
+        joint: 1,
+    };
+    let hypothesis = Hypothesis::new(effects.iter().map(term).collect());
     let constants = Constants::new(&nominal, &vec![0.0; nominal.size()]);
     let mut machine = Machine::<f64>::new(constants, &hypothesis, e.to_vec());
     let steps = Substeps::of(&nominal, H, true, refined);
@@ -69,10 +72,10 @@ fn a_supply_that_sags_takes_from_every_joint() {
             own[k] *= 1.0 - loss * all;
         }
     }
-    let sagged = under(&u, "supply_sag", &[loss], 1, false);
-    let by_hand = under(&less, "supply_sag", &[0.0], 1, false);
+    let sagged = under(&u, &["supply_sag"], &[loss], 1, false);
+    let by_hand = under(&less, &["supply_sag"], &[0.0], 1, false);
     assert!(distance(&sagged, &by_hand) < 1e-9, "{sagged:?} {by_hand:?}");
-    let full = under(&u, "supply_sag", &[0.0], 1, false);
+    let full = under(&u, &["supply_sag"], &[0.0], 1, false);
     assert!(distance(&sagged, &full) > 1e-2, "{sagged:?} {full:?}");
 }
 
@@ -83,6 +86,32 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 /// One joint sticks below its level of friction and slides beyond it. Two whose matrix is not
 /// symmetric, as none of a robot is, have no consistent state: the second slides only while the
 /// first sticks, and the first only while the second slides.
+/// A drive that acts late takes back nothing of what others make of its input, whatever their order.
+#[test]
+fn a_late_input_passes_through_the_others() {
+    let wave = |j: usize, k: usize| 3.0 * (0.3 * (j + 1) as f64 + 0.17 * k as f64).sin();
+    let u: Vec<Vec<f64>> = (0..6)
+        .map(|j| (0..SAMPLES).map(|k| wave(j, k)).collect())
+        .collect();
+    for (other, e) in [
+        ("gain_error_nonlinear", 0.05),
+        ("current_offset", 0.8),
+        ("actuator_lag", 0.02),
+        ("torque_saturation", 1.5),
+    ] {
+        let late = 2.5 * H;
+        let first = under(&u, &["input_delay", other], &[late, e], 1, false);
+        let last = under(&u, &[other, "input_delay"], &[e, late], 1, false);
+        let apart = distance(&first, &last);
+        assert!(apart < 1e-12, "{other}: {apart}");
+        // Each of the two counts.
+        for (alone, e) in [("input_delay", late), (other, e)] {
+            let apart = distance(&first, &under(&u, &[alone], &[e], 1, false));
+            assert!(apart > 1e-6, "{other} without {alone}: {apart}");
+        }
+    }
+}
+
 #[test]
 fn friction_settles_and_what_does_not_is_counted() {
     let text = include_str!("../../robots/ur10e.toml");
