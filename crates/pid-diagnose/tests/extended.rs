@@ -325,8 +325,7 @@ fn a_real_axis_goes_round() {
     let nominal = Nominal::parse(include_str!("../robots/emps.toml"), "emps.toml".as_ref());
     let dataset = Dataset::read(&folder).expect("records");
     let effect = ("coulomb_asymmetry", "x", &["asymmetry"][..]);
-    let nominal = nominal.expect("a robot");
-    goes_round((nominal, &dataset), effect, 1);
+    goes_round((nominal.expect("a robot"), &dataset), effect, 1);
 }
 
 #[test]

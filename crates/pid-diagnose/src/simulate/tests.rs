@@ -83,9 +83,6 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |d, (a, b)| (a - b).abs().max(d))
 }
 
-/// One joint sticks below its level of friction and slides beyond it. Two whose matrix is not
-/// symmetric, as none of a robot is, have no consistent state: the second slides only while the
-/// first sticks, and the first only while the second slides.
 /// A drive that acts late takes back nothing of what others make of its input, whatever their order.
 #[test]
 fn a_late_input_passes_through_the_others() {
@@ -112,6 +109,9 @@ fn a_late_input_passes_through_the_others() {
     }
 }
 
+/// One joint sticks below its level of friction and slides beyond it. Two whose matrix is not
+/// symmetric, as none of a robot is, have no consistent state: the second slides only while the
+/// first sticks, and the first only while the second slides.
 #[test]
 fn friction_settles_and_what_does_not_is_counted() {
     let text = include_str!("../../robots/ur10e.toml");

@@ -5,7 +5,6 @@ mod rig;
 mod simulated;
 mod stages;
 
-use crate::common::among;
 use pid_data::{Dataset, Role};
 use pid_diagnose::case::Case;
 use pid_diagnose::diagnosis::Diagnosis;
@@ -18,6 +17,8 @@ use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
 use pid_interpret::nominal::{Gain, Role as Part};
 use rig::{BAR, CASCADE, Loop, PD, PID, described, records};
+
+use crate::common::among;
 
 fn diagnosed(drive: &str, dataset: &Dataset) -> Report {
     Report::new(described(drive), dataset, &Settings::default(), false).expect("a diagnosis")
