@@ -94,47 +94,43 @@ pub(super) fn taken_out(case: &Case, basis: &Basis, at: &Fit, i: usize) -> Fit {
     with(case, basis, 0, at, |k| k != i)
 }
 
-/// [`Parts`] of every effect of a fit, all parameters fitted to predictions; `after` is the gap with all effects.
+/// What the parameters are fitted to where effects are left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Fitted {
+    /// Predictions.
+    Predictions,
+    /// These, or the nominal parameters to free runs with the effects as they are, whichever leaves less: predictions
+    /// can be good with parameters that let free runs without an effect diverge.
+    Least,
+}
+
+/// [`Parts`] of every effect of a fit; `before` and `after` are the gaps without any and with all.
 pub(super) fn parts(
     case: &Case,
     basis: &Basis,
     settings: &Settings,
     at: &Fit,
-    (before, after): (&Gap, &Gap),
+    (fitted, before, after): (Fitted, &Gap, &Gap),
 ) -> Vec<Parts> {
-    each(at.hypothesis.terms.len(), (before, after), &|keep| {
-        measured(case, &with(case, basis, settings.budget.steps, at, keep))
-    })
-}
-
-/// The same with the least gaps of [`parts`] and of nominal parameters that are fitted to free runs, under effects as
-/// they are in `at`: predictions can be good with parameters that let free runs without an effect diverge.
-pub(super) fn least_parts(
-    case: &Case,
-    basis: &Basis,
-    settings: &Settings,
-    at: &Fit,
-    (before, after): (&Gap, &Gap),
-) -> Vec<Parts> {
-    if settings.watch.stopped() {
-        return parts(case, basis, settings, at, (before, after));
+    let free = fitted == Fitted::Least && !settings.watch.stopped();
+    if free {
+        let step = "shares of the gap: each effect alone, and without it";
+        settings.watch.step(step);
     }
-    let step = "shares of the gap: each effect alone, and without it";
-    settings.watch.step(step);
-    let least = |gaps: Vec<Gap>| {
-        let least = gaps.into_iter().min_by(|a, b| a.total.total_cmp(&b.total));
-        least.expect("a gap")
-    };
     each(at.hypothesis.terms.len(), (before, after), &|keep| {
         let predicted = with(case, basis, settings.budget.steps, at, keep);
+        let own = measured(case, &predicted);
+        if !free {
+            return own;
+        }
         let held = with(case, basis, 0, at, keep);
         let mut moved = held.clone();
-        moved.point.theta.clone_from(&predicted.point.theta);
-        let free = [held, moved].into_par_iter();
-        let free = free.filter_map(|from| fit_nominal_to_free_runs(case, basis, &from));
-        let mut gaps: Vec<Gap> = free.map(|fit| measured(case, &fit)).collect();
-        gaps.push(measured(case, &predicted));
-        least(gaps)
+        moved.point.theta = predicted.point.theta;
+        let fits = [held, moved].into_par_iter();
+        let fits = fits.filter_map(|from| fit_nominal_to_free_runs(case, basis, &from));
+        let gaps: Vec<Gap> = fits.map(|fit| measured(case, &fit)).collect();
+        let less = |a: Gap, b: Gap| if b.total < a.total { b } else { a };
+        gaps.into_iter().fold(own, less)
     })
 }
 
@@ -250,7 +246,8 @@ pub(super) fn with_shares(mut evidence: Evidence, settings: &Settings) -> Eviden
         return evidence;
     }
     let basis = directions(&e.case, &e.fit);
-    let parts = least_parts(&e.case, &basis, settings, &e.fit, (&e.before, &e.after));
+    let gaps = (Fitted::Least, &e.before, &e.after);
+    let parts = parts(&e.case, &basis, settings, &e.fit, gaps);
     let portions = shares(&parts, &e.before, &e.after, e.floor.min(e.after.total));
     for (named, portion) in e.effects.iter_mut().zip(portions) {
         named.share = Some(portion.share);

@@ -18,7 +18,7 @@ use crate::search::nameless::{described, free_laws, imitated_in_part};
 use crate::search::odds::plain;
 use crate::search::refit::Refit;
 use crate::search::settings::Settings;
-use crate::search::shares::{Parts, Portion, least_parts, parts, shares, taken_out};
+use crate::search::shares::{Fitted, Parts, Portion, parts, shares, taken_out};
 use crate::search::stand::{Sought, Stand};
 
 /// Where free runs on the train records lead, unless they grow on the test records beyond their scatter, or to more
@@ -80,13 +80,8 @@ pub(super) fn in_shares(
     let gaps = (&grown.before, floor.min(now.gap.total));
     let visited = &grown.visited;
     let small = smallest_dropped((now, taken), visited, settings, gaps);
-    let parts = least_parts(
-        &now.case,
-        &now.directions,
-        settings,
-        &now.fit,
-        (gaps.0, &now.gap),
-    );
+    let fitted = (Fitted::Least, gaps.0, &now.gap);
+    let parts = parts(&now.case, &now.directions, settings, &now.fit, fitted);
     let shares = shares(&parts, gaps.0, &now.gap, gaps.1);
     let shares = parts.into_iter().zip(shares).collect();
     if let Some(last) = grown.rounds.last_mut() {
@@ -146,7 +141,7 @@ fn smallest_dropped(
 ) -> Vec<String> {
     let mut dropped = Vec::new();
     loop {
-        let gaps = (before, &now.gap);
+        let gaps = (Fitted::Predictions, before, &now.gap);
         let parts = parts(&now.case, &now.directions, settings, &now.fit, gaps);
         let own = shares(&parts, before, &now.gap, floor);
         let smallest = (0..own.len()).min_by(|&a, &b| own[a].share.total_cmp(&own[b].share));

@@ -23,7 +23,7 @@ use crate::search::magnitude::name;
 use crate::search::measure::measured;
 use crate::search::refit::Refit;
 use crate::search::settings::Settings;
-use crate::search::shares::{self, Portion, beyond, least_parts, with};
+use crate::search::shares::{self, Fitted, Portion, beyond, parts, with};
 use crate::search::stand::{Sought, Stand};
 use crate::terms;
 
@@ -297,7 +297,8 @@ fn adopted(evidence: Evidence, now: Stand, (own, left, without): (Portion, f64, 
 fn together(mut evidence: Evidence, now: Stand, settings: &Settings) -> Evidence {
     let floor = evidence.floor.min(now.gap.total);
     let gaps = (&evidence.before, &now.gap);
-    let parts = least_parts(&now.case, &now.directions, settings, &now.fit, gaps);
+    let fitted = (Fitted::Least, gaps.0, gaps.1);
+    let parts = parts(&now.case, &now.directions, settings, &now.fit, fitted);
     let portions = shares::shares(&parts, &evidence.before, &now.gap, floor);
     let hypothesis = &now.fit.hypothesis;
     let keep = |i: usize| !is_term(&hypothesis.terms[i]);
