@@ -259,6 +259,8 @@ pub(super) fn with_shares(mut evidence: Evidence, settings: &Settings) -> Eviden
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bench::{SIZE, named, pendulum};
+    use crate::fit::basis;
 
     /// A gap whose windows have these squares.
     fn gap(windows: &[f64]) -> Gap {
@@ -269,6 +271,39 @@ mod tests {
             windows: windows.to_vec(),
             joint_windows: vec![windows.to_vec()],
         }
+    }
+
+    /// Free runs lead to less than predictions somewhere, and nowhere is more left than these leave.
+    #[test]
+    fn the_least_of_both_fits_is_no_more_than_predictions_leave() {
+        let both = named(&["spring", "quadratic_drag"]);
+        let e = [0.2, 0.05, 0.02];
+        let case = pendulum(&both, &e, 6.0, &|_| {});
+        let settings = Settings::default();
+        let own = basis(&case);
+        let truth = Point {
+            theta: vec![0.0; SIZE],
+            e: e.to_vec(),
+        };
+        let at = fit(&case, &own, &both, truth, Effort::full(0));
+        let after = measured(&case, &at);
+        let of = |fitted| {
+            let gaps = (fitted, &after, &after);
+            let parts = parts(&case, &own, &settings, &at, gaps);
+            // Without one of two the other is alone.
+            assert_eq!(parts[0].without, parts[1].alone);
+            assert_eq!(parts[1].without, parts[0].alone);
+            [0, 1].map(|i| parts[i].alone.total)
+        };
+        let (predicted, least) = (of(Fitted::Predictions), of(Fitted::Least));
+        let mut pairs = least.iter().zip(&predicted);
+        assert!(
+            pairs.all(|(least, most)| least <= most),
+            "{least:?} {predicted:?}"
+        );
+        // Without the spring, parameters that predict well let free runs drift away.
+        assert!(least[1] < 0.5 * predicted[1], "{least:?} {predicted:?}");
+        assert!(least.iter().all(|l| *l > after.total), "{least:?}");
     }
 
     #[test]
