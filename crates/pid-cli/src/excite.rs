@@ -3,9 +3,11 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
+use std::path::PathBuf;
 
 use pid_fit::excite::{self, Criterion, Excitation, ExciteError, Settings, Without};
-use pid_interpret::Kinematics;
+use pid_interpret::nominal::Nominal;
+use pid_interpret::{Kinematics, Model};
 use pid_runtime::dynamics::{At, Hessian};
 use pid_runtime::kinematics::ForwardKinematics;
 use serde::Serialize;
@@ -14,12 +16,55 @@ use crate::args::excite::{CriterionArg, ExciteArgs};
 use crate::course::Course;
 use crate::error::{CliError, make_folder, write};
 use crate::limits::LimitFile;
+use crate::open::{read_robot, robot_and_logs};
 use crate::progress::{Interrupt, Progress};
 use crate::{output, parameters};
 
+/// A robot that is to move.
+pub(crate) enum Mover {
+    /// Declared with `robot!`.
+    Declared(&'static dyn Hessian),
+    /// Of a URDF, an MJCF or a description.
+    Described(Box<(Model, Nominal)>),
+}
+
+impl Mover {
+    /// Of a robot file, of a folder with a description, or by its name.
+    pub(crate) fn of(args: &ExciteArgs) -> Result<Self, CliError> {
+        let own = args.robot.join("nominal.toml");
+        let path: &PathBuf = if own.is_file() { &own } else { &args.robot };
+        if robot_and_logs(std::slice::from_ref(path)).is_some() {
+            let nominal = read_robot(path, &args.read.open())?.nominal;
+            let model = Model::new(nominal.robot())?;
+            return Ok(Self::Described(Box::new((model, nominal))));
+        }
+        if path.exists() {
+            return Err(CliError::NoRobot { path: path.clone() });
+        }
+        let name = path.to_str().unwrap_or_default();
+        Ok(Self::Declared(crate::models::by_name(name)?.model))
+    }
+
+    pub(crate) fn model(&self) -> &dyn Hessian {
+        match self {
+            Self::Declared(model) => *model,
+            Self::Described(own) => &own.0,
+        }
+    }
+
+    /// The description it came from.
+    pub(crate) fn nominal(&self) -> Option<&Nominal> {
+        match self {
+            Self::Declared(_) => None,
+            Self::Described(own) => Some(&own.1),
+        }
+    }
+}
+
 /// Runs the command; the exit code.
 pub(crate) fn run(args: &ExciteArgs) -> Result<u8, CliError> {
-    let model: &dyn Hessian = crate::models::by_name(&args.model)?.model;
+    let mover = Mover::of(args)?;
+    let model = mover.model();
     let p = match &args.parameters {
         Some(file) => parameters::read(file, model.params())?,
         None => model.params().iter().map(|p| p.nominal).collect(),
@@ -32,8 +77,8 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<u8, CliError> {
         }));
     }
     let asked = LimitFile::read(args.limits.as_deref(), model)?;
-    let kinematics = asked.kinematics(model)?;
-    let limits = asked.limits(args, model, kinematics.as_ref());
+    let kinematics = asked.kinematics(&mover)?;
+    let limits = asked.limits(args, &mover, kinematics.as_ref());
     let settings = Settings {
         period: args.period,
         harmonics: args.harmonics,
@@ -79,6 +124,9 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<u8, CliError> {
     let text = serde_json::to_string_pretty(&record).map_err(CliError::Json)?;
     write(&json, &text)?;
     output::print(&summary(model, &found, seconds));
+    if mover.nominal().is_some_and(Nominal::has_servos) {
+        output::print("\nThe drives follow targets: send the columns `q_…` to them.\n");
+    }
     output::print(&format!(
         "\nwritten: {}, {}\n",
         csv.display(),
@@ -247,4 +295,70 @@ fn summary(model: &dyn Hessian, found: &Excitation, seconds: f64) -> String {
         let _ = writeln!(text, "\n  {why}: {}", names.join(", "));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use clap::Parser;
+
+    use super::run;
+    use crate::args::{Cli, Command};
+    use crate::samples::ARM;
+
+    fn excited(folder: &Path, robot: &str, options: &[&str]) -> Result<u8, String> {
+        let path = |name: &str| folder.join(name).display().to_string();
+        let (robot, out) = (path(robot), path("out"));
+        let words = ["simtrue", "excite", &robot, "--out", &out, "--starts", "1"];
+        let words = words.iter().chain(options);
+        let cli = Cli::try_parse_from(words).map_err(|e| e.to_string())?;
+        let Some(Command::Excite(args)) = cli.command else {
+            return Err("another command".to_owned());
+        };
+        run(&args).map_err(|e| e.to_string())
+    }
+
+    /// Largest sizes of the columns of excitation.csv after the time.
+    fn largest(folder: &Path) -> Vec<f64> {
+        let text = std::fs::read_to_string(folder.join("out/excitation.csv")).expect("a table");
+        assert!(text.starts_with("t,q_shoulder,v_shoulder,a_shoulder,force_shoulder\n"));
+        let mut most = vec![0.0_f64; 4];
+        for line in text.lines().skip(1) {
+            let cells = line.split(',').skip(1).map(|x| x.parse::<f64>());
+            for (most, cell) in most.iter_mut().zip(cells) {
+                *most = most.max(cell.expect("a number").abs());
+            }
+        }
+        most
+    }
+
+    /// The arm's file states 3 rad, 3 rad/s and 40 N m. Between the samples at which limits hold a motion may go a
+    /// little beyond them.
+    #[test]
+    fn a_urdf_moves_within_the_limits_of_its_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("arm.urdf"), ARM).expect("written");
+        assert_eq!(excited(folder.path(), "arm.urdf", &[]), Ok(0));
+        let own = largest(folder.path());
+        for (most, limit) in own.iter().zip([3.0, 3.0, 8.0, 40.0]) {
+            assert!(*most < 1.01 * limit, "{own:?}");
+        }
+        assert!(own[1] > 2.0, "{own:?}");
+        assert_eq!(
+            excited(folder.path(), "arm.urdf", &["--velocity", "1"]),
+            Ok(0)
+        );
+        let slow = largest(folder.path());
+        assert!(slow[1] < 1.01, "{slow:?}");
+    }
+
+    #[test]
+    fn what_is_no_robot_is_told() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let error = excited(folder.path(), "", &[]).unwrap_err();
+        assert!(error.contains("no robot file"), "{error}");
+        let error = excited(folder.path(), "lost.urdf", &[]).unwrap_err();
+        assert!(error.contains("check the path"), "{error}");
+    }
 }

@@ -12,6 +12,11 @@ use pid_toml::{Mistake, Place, Source};
 use serde::Deserialize;
 
 use crate::args::excite::ExciteArgs;
+use crate::excite::Mover;
+
+/// Largest velocity of a joint for which nothing states one, rad/s or m/s: slow for an arm, so that a first motion does
+/// no harm.
+const SLOW: f64 = 2.0;
 
 /// Key of the boxes; every other key is a joint.
 const WORKSPACE: &str = "workspace";
@@ -117,26 +122,26 @@ impl LimitFile {
     }
 
     /// Positions of the limited points; `None` without any.
-    pub(crate) fn kinematics(
-        &self,
-        model: &dyn Hessian,
-    ) -> Result<Option<Kinematics>, LimitsError> {
+    pub(crate) fn kinematics(&self, mover: &Mover) -> Result<Option<Kinematics>, LimitsError> {
         let point = |of: &PointBox| Point {
             link: of.link.clone(),
             at: of.point,
         };
         let points: Vec<Point> = self.boxes.iter().map(point).collect();
-        Ok(match points.is_empty() {
-            true => None,
-            false => Some(Kinematics::of_declared(model, &points)?),
-        })
+        if points.is_empty() {
+            return Ok(None);
+        }
+        Ok(Some(match mover.nominal() {
+            Some(nominal) => Kinematics::new(nominal.robot(), &points)?,
+            None => Kinematics::of_declared(mover.model(), &points)?,
+        }))
     }
 
-    /// The limits, completed by the options and the model's declaration.
+    /// The limits, completed by the options and by what the robot states.
     pub(crate) fn limits<'a>(
         &self,
         args: &ExciteArgs,
-        model: &dyn Hessian,
+        mover: &Mover,
         kinematics: Option<&'a Kinematics>,
     ) -> Limits<'a> {
         let mut limits = Limits {
@@ -149,13 +154,20 @@ impl LimitFile {
                 boxes: self.boxes.iter().map(|b| [b.x, b.y, b.z]).collect(),
             }),
         };
-        for joint in model.joints() {
+        let channels = mover
+            .nominal()
+            .map_or(&[][..], |own| &own.measurement().channels);
+        for joint in mover.model().joints() {
             let own = self.joints.get(joint.name.as_ref());
             let own = own.cloned().unwrap_or_default();
+            let stated = channels.iter().find(|own| own.name == joint.name);
             limits.q.push(own.position.or(joint.limits));
-            limits.v.push(own.velocity.unwrap_or(args.velocity));
+            let velocity = own.velocity.or(args.velocity);
+            let velocity = velocity.or(stated.and_then(|own| own.speed_scale));
+            limits.v.push(velocity.unwrap_or(SLOW));
             limits.a.push(own.acceleration.unwrap_or(args.acceleration));
             let force = own.force.or(args.force);
+            let force = force.or(stated.and_then(|own| own.torque_peak));
             limits.force.push(force.unwrap_or(f64::INFINITY));
         }
         limits
@@ -177,7 +189,7 @@ mod tests {
 
     #[test]
     fn limits_of_a_file_come_first_and_unknown_joints_are_named() {
-        let model: &dyn Hessian = pid_models::by_name("two_link").unwrap();
+        let model = pid_models::by_name("two_link").unwrap();
         let folder = std::env::temp_dir().join(format!("pid-excite-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let file = folder.join("limits.toml");
@@ -187,7 +199,7 @@ mod tests {
         );
         std::fs::write(&file, "[elbow]\nvelocity = 1.5\nposition = [-1, 1]\n").unwrap();
         let found = LimitFile::read(Some(&file), model).unwrap();
-        let found = found.limits(&args(&line), model, None);
+        let found = found.limits(&args(&line), &Mover::Declared(model), None);
         assert_eq!((found.v, found.q[1]), (vec![3.0, 1.5], Some((-1.0, 1.0))));
         for (text, message) in [
             (
@@ -218,7 +230,9 @@ mod tests {
         ] {
             std::fs::write(&file, text).unwrap();
             let read = LimitFile::read(Some(&file), model);
-            let error = read.and_then(|f| f.kinematics(model)).unwrap_err();
+            let error = read
+                .and_then(|f| f.kinematics(&Mover::Declared(model)))
+                .unwrap_err();
             let error = error.to_string();
             assert!(error.contains(message), "{error}");
         }

@@ -9,7 +9,7 @@ use pid_fit::wrap::controllers::{ControlError, Controllers};
 use pid_fit::wrap::lag::Lagging;
 use pid_fit::wrap::private::PerRecord;
 use pid_interpret::Model;
-use pid_interpret::nominal::Nominal;
+use pid_interpret::nominal::{Gain, Nominal, Servo};
 use pid_report::Report;
 use pid_runtime::control::ClosedLoop;
 use pid_runtime::dynamics::{Dims, Dynamics, Hessian};
@@ -245,7 +245,11 @@ pub(crate) fn load_described(
 /// loops of the drives are part of the model, and gains that nobody knows start where the motions say.
 fn behind_loops(nominal: Nominal, dataset: Dataset) -> Result<(Nominal, Dataset), CliError> {
     if servo::only_targets(&nominal, &dataset) {
-        return Ok(servo::commanded(&nominal, &dataset)?);
+        let (nominal, dataset) = servo::commanded(&nominal, &dataset)?;
+        held_stages(&nominal)
+            .iter()
+            .for_each(|note| output::message(note));
+        return Ok((nominal, dataset));
     }
     if nominal.has_servos() {
         output::message(
@@ -253,6 +257,27 @@ fn behind_loops(nominal: Nominal, dataset: Dataset) -> Result<(Nominal, Dataset)
         );
     }
     Ok((nominal, dataset))
+}
+
+/// What is said of stages of targets that are not exact: they act on the records and are no parameters.
+fn held_stages(nominal: &Nominal) -> Vec<String> {
+    let joints = nominal.robot().joints.iter().enumerate();
+    let loops = joints.filter_map(|(j, joint)| Some((joint, nominal.servo(j)?)));
+    let of = |(joint, servo): (&pid_derive::model::Joint, &Servo)| -> Vec<String> {
+        let open = |gain: &Gain| gain.shapes_target() && servo.gain(*gain).half_width > 0.0;
+        let value = |gain: Gain| servo.gain(gain).value.unwrap_or(0.0);
+        (servo.gains().filter(open))
+            .map(|gain| {
+                format!(
+                    "note: joint `{}`: `{}` is held at {:.4}; `simtrue diagnose` finds it",
+                    joint.name,
+                    gain.key(),
+                    value(gain)
+                )
+            })
+            .collect()
+    };
+    loops.flat_map(of).collect()
 }
 
 /// Refuses records without the inputs of motors.

@@ -1,9 +1,7 @@
 //! Behind a position servo: targets and positions alone, at 100 Hz, with gains that are not known.
 
-use std::ops::ControlFlow;
-
 use pid_data::{
-    Dataset, Experiment, Horizon, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
+    Dataset, Experiment, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
 };
 use pid_diagnose::case::Case;
 use pid_diagnose::diagnosis::Diagnosis;
@@ -16,12 +14,11 @@ use pid_diagnose::nominal::Nominal;
 use pid_diagnose::predict::Runner;
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
-use pid_diagnose::servo::commanded;
-use pid_diagnose::with_effects::Assembled;
-use pid_fit::ident::{self, Likelihood};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
+
+use crate::common::identified;
 
 const STEP: f64 = 0.01;
 const SAMPLES: usize = 800;
@@ -296,29 +293,11 @@ fn a_leg_behind_servos_has_its_late_joint_or_none() {
 }
 
 /// Gains by the program with exact derivatives: `[kp, kd]` of each joint.
-fn identified(nominal: &Nominal, dataset: &Dataset) -> Vec<[f64; 2]> {
-    let (nominal, mut dataset) = commanded(&nominal.description, dataset).expect("targets");
-    let with = Assembled::new(&nominal, &mut dataset).expect("equations");
-    let settings = ident::Settings {
-        horizon: Horizon::Seconds(1.0),
-        substeps: 2,
-        likelihood: Some(Likelihood {
-            noise: with.noise.clone(),
-            priors: with.priors(&nominal),
-            ..Likelihood::default()
-        }),
-        ..ident::Settings::default()
-    };
-    let mut go_on = |_: &ident::Progress<'_>| ControlFlow::Continue(());
-    let model = with.model.as_ref();
-    let found = ident::identify(model, &dataset, &settings, None, &mut go_on).expect("a fit");
-    let own = |name: String| {
-        let k = model.params().iter().position(|p| p.name == name);
-        found.best().parameters[k.expect("a parameter")]
-    };
-    let joints = nominal.robot().joints.iter();
+fn gains(nominal: &Nominal, dataset: &Dataset) -> Vec<[f64; 2]> {
+    let found = identified(nominal, dataset);
+    let joints = nominal.description.robot().joints.iter();
     joints
-        .map(|j| [own(format!("kp_{}", j.name)), own(format!("kd_{}", j.name))])
+        .map(|j| ["kp", "kd"].map(|gain| found[&format!("{gain}_{}", j.name)]))
         .collect()
 }
 
@@ -332,7 +311,7 @@ fn gains_are_identified_from_targets_and_positions() {
         ),
         (THREE, stated(THREE, 0.8)),
     ] {
-        let found = identified(&nominal, &records(loops, None, 8));
+        let found = gains(&nominal, &records(loops, None, 8));
         for (own, truth) in found.iter().zip(loops) {
             // What creeps under tanh(v/v₀) where the servo sticks makes a gain 3 % smaller, whatever the steps.
             let [kp, kd] = [own[0] / truth[0] - 1.0, own[1] / truth[1] - 1.0];

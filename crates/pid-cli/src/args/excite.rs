@@ -4,11 +4,14 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::robot::RobotArgs;
+
 /// Arguments of `simtrue excite`.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct ExciteArgs {
-    /// Model, as `simtrue models` lists them.
-    pub(crate) model: String,
+    /// Robot: a URDF, an MJCF, a nominal.toml, or a model, as `simtrue models` lists them.
+    #[arg(value_name = "ROBOT")]
+    pub(crate) robot: PathBuf,
     /// Folder for excitation.csv and excitation.json; made if needed.
     #[arg(
         long,
@@ -22,18 +25,20 @@ pub(crate) struct ExciteArgs {
     pub(crate) parameters: Option<PathBuf>,
     /// Limits: a TOML file with `[JOINT]` tables of `position = [low, high]`, `velocity`,
     /// `acceleration`, `force`, in rad or m, s, N·m or N. What a joint does not name comes from the
-    /// options below, positions from the model's declaration. Tables `[[workspace]]` keep points of
+    /// options below, then from the robot. Tables `[[workspace]]` keep points of
     /// links in boxes: `link = "forearm"`, `point = [0, 0, 0.3]` in the link's frame (its origin if
     /// absent), `x`, `y`, `z` = `[low, high]` in the base frame, m, an end `inf` where it is open.
     #[arg(long, value_name = "FILE")]
     pub(crate) limits: Option<PathBuf>,
-    /// Largest velocity of joints without their own limit, rad/s or m/s.
-    #[arg(long, value_name = "V", default_value_t = 2.0)]
-    pub(crate) velocity: f64,
+    /// Largest velocity of joints without their own limit, rad/s or m/s; that of the robot file if
+    /// absent, and 2 where it states none.
+    #[arg(long, value_name = "V")]
+    pub(crate) velocity: Option<f64>,
     /// Largest acceleration of joints without their own limit, rad/s² or m/s².
     #[arg(long, value_name = "A", default_value_t = 8.0)]
     pub(crate) acceleration: f64,
-    /// Largest force of joints without their own limit, N·m or N; any if absent.
+    /// Largest force of joints without their own limit, N·m or N; that of the robot file if absent,
+    /// and any where it states none.
     #[arg(long, value_name = "F")]
     pub(crate) force: Option<f64>,
     /// Length of a period, s.
@@ -57,6 +62,8 @@ pub(crate) struct ExciteArgs {
     /// Rate of excitation.csv, Hz.
     #[arg(long, value_name = "HZ", default_value_t = 100.0)]
     pub(crate) rate: f64,
+    #[command(flatten)]
+    pub(crate) read: RobotArgs,
 }
 
 /// `excite::Criterion` on the command line.

@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 
 use super::open::{ClassArg, OpenArgs};
 use super::parse::positive;
+use super::robot::RobotArgs;
 
 /// Arguments of `simtrue export`.
 #[derive(Debug, Clone, Args)]
@@ -34,15 +35,8 @@ pub(crate) struct ExportArgs {
     /// Where masses and inertias of a robot file come from; says how wide ranges.json is.
     #[arg(long, value_enum, default_value_t, value_name = "CLASS")]
     class: ClassArg,
-    /// Joints of a URDF that move; the others are held at zero. By default all.
-    #[arg(long, value_name = "J1,J2,…", value_delimiter = ',')]
-    joints: Vec<String>,
-    /// Masses and inertias that a URDF lacks are guessed from its geometry.
-    #[arg(long)]
-    guess_inertias: bool,
-    /// Inertias that no body can have end the run instead of being mended.
-    #[arg(long)]
-    strict: bool,
+    #[command(flatten)]
+    read: RobotArgs,
 }
 
 impl ExportArgs {
@@ -50,10 +44,7 @@ impl ExportArgs {
     pub(crate) fn open(&self) -> OpenArgs {
         OpenArgs {
             class: self.class,
-            joints: self.joints.clone(),
-            guess_inertias: self.guess_inertias,
-            strict: self.strict,
-            ..OpenArgs::default()
+            ..self.read.open()
         }
     }
 }

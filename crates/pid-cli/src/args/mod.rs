@@ -9,6 +9,7 @@ pub(crate) mod new;
 pub(crate) mod open;
 pub(crate) mod parse;
 pub(crate) mod regress;
+pub(crate) mod robot;
 pub(crate) mod source;
 #[cfg(test)]
 mod tests;

@@ -1,14 +1,19 @@
 //! Simulated records of declared machines, as data folders without `nominal.toml`.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use pid_data::InputHold;
+use pid_data::{Dataset, Horizon, InputHold};
 use pid_diagnose::declared::declared;
 use pid_diagnose::effects::by_id;
+use pid_diagnose::nominal::Nominal;
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
-use pid_diagnose::with_effects::{Placed, WithEffects};
+use pid_diagnose::servo::commanded;
+use pid_diagnose::with_effects::{Assembled, Placed, WithEffects};
+use pid_fit::ident::{self, Likelihood};
 use pid_fit::integrate::{self, Drive, simulate};
 use pid_interpret::Model;
 use pid_runtime::dynamics::{At, Dynamics, Jacobian};
@@ -206,4 +211,26 @@ pub(crate) fn source_holds(model: &dyn Dynamics, report: &Report) {
             assert!((x - y).abs() < 1e-11 * size, "{own:?} {theirs:?}\n{text}");
         }
     }
+}
+
+/// All parameters by the program with exact derivatives, by their names: targets and positions alone.
+pub(crate) fn identified(nominal: &Nominal, dataset: &Dataset) -> BTreeMap<String, f64> {
+    let (nominal, mut dataset) = commanded(&nominal.description, dataset).expect("targets");
+    let with = Assembled::new(&nominal, &mut dataset).expect("equations");
+    let settings = ident::Settings {
+        horizon: Horizon::Seconds(1.0),
+        substeps: 2,
+        likelihood: Some(Likelihood {
+            noise: with.noise.clone(),
+            priors: with.priors(&nominal),
+            ..Likelihood::default()
+        }),
+        ..ident::Settings::default()
+    };
+    let mut go_on = |_: &ident::Progress<'_>| ControlFlow::Continue(());
+    let model = with.model.as_ref();
+    let found = ident::identify(model, &dataset, &settings, None, &mut go_on).expect("a fit");
+    let values = found.best().parameters.iter().copied();
+    let names = model.params().iter().map(|p| p.name.to_string());
+    names.zip(values).collect()
 }

@@ -1,5 +1,6 @@
 //! Laws of position loops, from records of a bar that an integrator of its own makes (see [`rig`]).
 
+mod identified;
 mod integrals;
 mod rig;
 mod simulated;

@@ -13,10 +13,15 @@ use crate::scalar::Scalar;
 fn wanted<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>) -> (D, D) {
     let free = k.kp * (at.r - at.q) + at.ahead;
     match servo.velocity_limit {
-        Some(most) if free.value().abs() > most => {
-            (D::constant(most * free.value().signum()), D::nil())
+        Some(most) => {
+            let slope = if free.value().abs() > most {
+                D::nil()
+            } else {
+                k.kp
+            };
+            (free.limit(D::constant(-most), D::constant(most)), slope)
         }
-        _ => (free, k.kp),
+        None => (free, k.kp),
     }
 }
 

@@ -12,9 +12,8 @@ pub(super) fn applied<D: Scalar>(servo: &Servo, at: &Seen<D>) -> (Seen<D>, bool)
         return (*at, true);
     };
     let error = at.r - at.q;
-    if error.value().abs() <= band {
-        return (Seen { r: at.q, ..*at }, false);
-    }
-    let r = at.r - band * error.value().signum();
-    (Seen { r, ..*at }, true)
+    let open = error.value().abs() > band;
+    let within = error.limit(D::constant(-band), D::constant(band));
+    let r = at.r - within;
+    (Seen { r, ..*at }, open)
 }

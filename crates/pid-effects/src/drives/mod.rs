@@ -84,7 +84,7 @@ impl<D: Scalar> Gains<D> {
     }
 
     /// Whether something becomes of the target before the loop follows it.
-    fn shapes(&self, servo: &Servo) -> bool {
+    pub(crate) fn shapes(&self, servo: &Servo) -> bool {
         let stages = [
             self.target_speed,
             self.target_acceleration,

@@ -8,7 +8,9 @@ use pid_data::{Dataset, InputQuantity};
 use pid_fit::transcribe::Prior;
 use pid_fit::wrap::lag::{Lag, LagError, Lagging};
 use pid_interpret::Model;
-use pid_interpret::nominal::{self as description, EncoderSide, NominalError, Role, Velocity};
+use pid_interpret::nominal::{
+    self as description, EncoderSide, NominalError, Role, Servo, Velocity,
+};
 use pid_runtime::dynamics::{Dynamics, Hessian};
 
 use super::states::{self, Drives, WithStates};
@@ -55,8 +57,8 @@ impl Assembled {
         let joints = &nominal.robot().joints;
         let gains = joints.iter().enumerate().flat_map(|(j, joint)| {
             let servo = nominal.servo(j);
-            let all = servo.map_or(&[][..], |servo| servo.law.gains());
-            all.iter().filter_map(move |&gain| {
+            let all = servo.into_iter().flat_map(Servo::gains);
+            all.filter_map(move |gain| {
                 let own = servo?.gain(gain);
                 let stated = (gain_name(gain, &joint.name), own.value?, own.half_width);
                 Some(stated).filter(|_| own.half_width > 0.0)
@@ -215,7 +217,7 @@ impl Assembled {
             let servos: Vec<_> = joints.map(|j| nominal.servo(j)).collect();
             let before = model.dims().nq;
             let with = WithLoops::new(model, &servos, dataset);
-            for _ in 0..with.integrals() {
+            for _ in 0..with.states() {
                 noise.insert(before, Some(f64::INFINITY));
                 noise.push(Some(f64::INFINITY));
             }

@@ -3,19 +3,19 @@
 use num_dual::Dual64;
 use pid_data::{Dataset, Experiment, InputHold, InputQuantity, JointChannels, Role, VelocityKind};
 use pid_interpret::Model;
-use pid_interpret::nominal::{EncoderSide, Servo, ServoGain, ServoLaw};
+use pid_interpret::nominal::EncoderSide;
 
 use super::*;
 use crate::effect::{Friction, Site};
 use crate::effects::{all, by_id};
 
-const ARM: &str = include_str!("arm.toml");
+pub(super) const ARM: &str = include_str!("arm.toml");
 
 fn arm() -> description::Nominal {
     description::Nominal::parse("arm.toml", ARM).expect("a robot")
 }
 
-fn model() -> Box<dyn Hessian> {
+pub(super) fn model() -> Box<dyn Hessian> {
     Box::new(Model::new(arm().robot()).expect("equations"))
 }
 
@@ -83,7 +83,7 @@ fn roles_are_recognised() {
 }
 
 /// Parts of a stacked point.
-fn at<'a>(z: &'a [f64], d: &Dims) -> At<'a> {
+pub(super) fn at<'a>(z: &'a [f64], d: &Dims) -> At<'a> {
     At {
         q: &z[..d.v()],
         v: &z[d.v()..d.a()],
@@ -93,7 +93,7 @@ fn at<'a>(z: &'a [f64], d: &Dims) -> At<'a> {
     }
 }
 
-fn point(model: &dyn Hessian, speed: f64) -> Vec<f64> {
+pub(super) fn point(model: &dyn Hessian, speed: f64) -> Vec<f64> {
     let d = model.dims();
     let mut z: Vec<f64> = (0..d.nz()).map(|k| (0.4 + 0.9 * k as f64).sin()).collect();
     z[d.v()..d.a()].iter_mut().for_each(|v| *v *= speed);
@@ -117,7 +117,7 @@ fn dense(model: &dyn Hessian, z: &[f64]) -> (Vec<f64>, Vec<f64>) {
 
 /// Asserts that first and second derivatives by the variables `free` are those of central
 /// differences, and that the residual beside the Jacobian is the residual.
-fn assert_derivatives(name: &str, model: &dyn Hessian, z: &[f64], free: &[usize]) {
+pub(super) fn assert_derivatives(name: &str, model: &dyn Hessian, z: &[f64], free: &[usize]) {
     let d = model.dims();
     let (r, jacobian) = dense(model, z);
     let mut plain = vec![0.0; d.nq];
@@ -265,7 +265,7 @@ fn with_states(id: &str, side: EncoderSide) -> (WithStates<'static>, Dataset) {
     (model.expect("a form with a state"), dataset)
 }
 
-fn records() -> Dataset {
+pub(super) fn records() -> Dataset {
     let (n, h) = (40, 0.002);
     let wave = |k: usize, j: usize| (0.3 * k as f64 + j as f64).sin();
     let rows = |size: f64| -> Vec<f64> {
@@ -443,122 +443,4 @@ fn a_state_and_a_law_that_it_replaces_are_refused() {
     let elsewhere = stribeck.replace("elbow", "shoulder");
     let found = assemble(&format!("{elsewhere}{elastic}"));
     assert_eq!(found.expect("other joints"), 3);
-}
-
-/// The loop of a law with its gains in the order of the law.
-fn loop_of(law: ServoLaw, gains: &[f64], limit: Option<f64>) -> Servo {
-    let mut servo = Servo::new(law);
-    for (&gain, &value) in law.gains().iter().zip(gains) {
-        let stated = ServoGain {
-            value: Some(value),
-            half_width: 0.3 * value,
-        };
-        servo.set(gain, stated);
-    }
-    servo.limit = limit;
-    servo
-}
-
-/// The arm behind loops: one with an integral at the shoulder, PD at the elbow, both within a limit if
-/// there is one.
-fn behind_loops(law: ServoLaw, limit: Option<f64>) -> (WithLoops<'static>, Dataset) {
-    let first = loop_of(law, &[3.0, 0.4, 1.5], limit);
-    let pd = loop_of(ServoLaw::Pd, &[2.0, 0.3], limit);
-    let mut dataset = records();
-    for joint in &mut dataset.joints {
-        (joint.input, joint.input_unit) = (InputQuantity::Position, "rad".to_owned());
-    }
-    let model = WithLoops::new(model(), &[Some(&first), Some(&pd)], &mut dataset);
-    (model, dataset)
-}
-
-#[test]
-fn derivatives_behind_loops_are_those_of_differences() {
-    for law in [ServoLaw::Pid, ServoLaw::Cascade] {
-        for limit in [None, Some(1.3)] {
-            let (with, dataset) = behind_loops(law, limit);
-            dataset.check_model(&with).expect("columns for all");
-            let d = with.dims();
-            let free: Vec<usize> = (0..d.u() + 2).chain(d.p()..d.nz()).collect();
-            for speed in [1.0, 0.1] {
-                assert_derivatives("loops", &with, &point(&with, speed), &free);
-            }
-        }
-    }
-}
-
-/// The equations are those of the arm under the inputs of the drives' own laws, here by hand.
-#[test]
-fn loops_are_the_laws_of_the_drives() {
-    for law in [ServoLaw::Pid, ServoLaw::Cascade] {
-        let (with, _) = behind_loops(law, None);
-        let (d, arm) = (with.dims(), model());
-        let own = arm.dims();
-        assert_eq!((d.nq, d.nu, d.np), (own.nq + 1, own.nu + 1, own.np + 5));
-        let z = point(&with, 1.0);
-        let here = at(&z, &d);
-        let error = [here.u[0] - here.q[0], here.u[1] - here.q[1]];
-        let lack = 3.0 * error[0] - here.v[0];
-        // The integral is the velocity of the third coordinate. A cascade has kp, kv, ki.
-        let (first, rate) = match law {
-            ServoLaw::Cascade => (0.4 * lack, 1.5 * lack),
-            _ => (3.0 * error[0] - 0.4 * here.v[0], 1.5 * error[0]),
-        };
-        let u = [first + here.v[2], 2.0 * error[1] - 0.3 * here.v[1]];
-        let mut expected = vec![0.0; 2];
-        let inside = At {
-            q: &here.q[..2],
-            v: &here.v[..2],
-            a: &here.a[..2],
-            u: &u,
-            p: &here.p[..own.np],
-        };
-        arm.residual(&inside, &mut expected);
-        let mut r = vec![0.0; 3];
-        with.residual(&here, &mut r);
-        for j in 0..2 {
-            assert!((r[j] - expected[j]).abs() < 1e-12, "{r:?} {expected:?}");
-        }
-        assert!((r[2] - (here.a[2] - rate)).abs() < 1e-14, "{r:?}");
-        let (mut m, mut b, mut f) = (vec![0.0; d.nm()], vec![0.0; 3], vec![0.0; 3]);
-        with.mass_matrix(&here, &mut m);
-        with.bias(&here, &mut b);
-        with.applied_force(&here, &mut f);
-        assert_eq!((&m[3..], b[2]), (&[0.0, 0.0, 1.0][..], 0.0));
-        assert!((f[2] - rate).abs() < 1e-14);
-        // At the limit nothing pushes further, and the integral rests.
-        let (limited, _) = behind_loops(law, Some(1e-3));
-        limited.residual(&here, &mut r);
-        assert!((r[2] - here.a[2]).abs() < 1e-3 * rate.abs(), "{r:?}");
-    }
-}
-
-/// What equations of motion do not hold is refused with its key.
-#[test]
-fn stages_of_loops_are_refused() {
-    for (line, key) in [
-        ("dead_band = 0.01", "dead_band"),
-        ("gravity = 1.0", "gravity"),
-        ("target_filter_s = 0.05", "target_filter_s"),
-        ("velocity_filter_s = 0.05", "velocity_filter_s"),
-        ("target_step = 0.01", "target_step"),
-        ("target_rate_hz = 50.0", "target_rate_hz"),
-        ("target_speed = 2.0", "target_speed"),
-        ("target_acceleration = 8.0", "target_acceleration"),
-        ("target_average_s = 0.1", "target_average_s"),
-        ("inertia_feed_forward = 1.0", "inertia_feed_forward"),
-    ] {
-        let text = format!("{ARM}\n[drive]\nlaw = \"pd\"\nkp = 3.0\nkd = 0.4\n{line}\n");
-        let nominal = description::Nominal::parse("arm.toml", &text).expect(&text);
-        let mut dataset = records();
-        for joint in &mut dataset.joints {
-            (joint.input, joint.input_unit) = (InputQuantity::Position, "rad".to_owned());
-        }
-        let error = Assembled::new(&nominal, &mut dataset).err();
-        let error = error.map(|e| e.to_string()).unwrap_or_default();
-        assert!(
-            error.contains("arm.toml:") && error.contains(&format!("do not hold `{key}`")),
-            "{line}: {error}"
-        );
-    }
 }

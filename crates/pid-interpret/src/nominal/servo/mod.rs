@@ -203,17 +203,13 @@ impl Servo {
 
     /// What the loop has that equations of motion with exact second derivatives do not hold, as its key.
     pub fn beyond_equations(&self) -> Option<&'static str> {
-        let keys = [
-            ("integral_limit", self.integral_limit.is_some()),
-            ("velocity_limit", self.velocity_limit.is_some()),
-            ("dead_band", self.dead_band.is_some()),
-            ("target_step", self.shaping.step.is_some()),
-            ("target_rate_hz", self.shaping.rate_hz.is_some()),
-        ];
-        let numbers = Gain::BESIDE
-            .iter()
-            .map(|&gain| (gain.key(), self.has(gain)));
-        let mut all = keys.into_iter().chain(numbers);
-        all.find_map(|(key, there)| there.then_some(key))
+        let numbers = [Gain::Gravity, Gain::InertiaAhead, Gain::FeedbackDelay];
+        match (
+            self.integral_limit,
+            numbers.iter().find(|gain| self.has(**gain)),
+        ) {
+            (Some(_), _) => Some("integral_limit"),
+            (None, gain) => gain.map(|gain| gain.key()),
+        }
     }
 }

@@ -89,6 +89,14 @@ impl Gain {
         )
     }
 
+    /// Whether it is of a stage that the target passes before the loop follows it.
+    pub fn shapes_target(self) -> bool {
+        matches!(
+            self,
+            Gain::TargetSpeed | Gain::TargetAcceleration | Gain::TargetAverage | Gain::TargetTime
+        )
+    }
+
     /// Whether it is a share of what a drive's model of the robot says.
     pub fn needs_model(self) -> bool {
         matches!(self, Gain::Gravity | Gain::InertiaAhead)

@@ -5,9 +5,15 @@
 //! ```
 //!
 //! The law, as in kp (r − q) − kd v with the growth ki (r − q), is that of [`drives`](crate::drives).
-//! Here it answers at once, whatever the rate of the drive, and its limit is rounded as every one of [`Smooth`].
-//! An integral w is one more coordinate s with w = ṡ, as other states are; it rests where the output is limited.
+//! Here it answers at once, whatever the rate of the drive; limits and bands are rounded as all of
+//! [`Smooth`](crate::smooth::Smooth). An integral w is one more coordinate s with w = ṡ, as other states are; it rests
+//! where the output is limited. The velocity behind a filter is another. Stages of a target act on the records.
 //! Effects that act between a drive and its motor act on u; the loop reads the coordinate of its joint.
+
+mod drive;
+mod targets;
+#[cfg(test)]
+mod tests;
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -19,108 +25,11 @@ use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
 };
 
+use self::drive::{Loop, MOST, Memory, Q, R, R_DOT, V, argument, parameters};
 use super::DECADE;
 use super::arguments::{self, narrowed, widened};
 use super::merge::Merged;
 use super::states::add_state;
-use crate::drives::{Gains, Seen, growth, unlimited};
-use crate::scalar::Scalar;
-use crate::smooth::{CORNER, Smooth};
-
-/// Places of the arguments: position, velocity, target, gains, integral, and how fast that grows.
-const Q: usize = 0;
-const V: usize = 1;
-const R: usize = 2;
-const KP: usize = 3;
-const KD: usize = 4;
-const KI: usize = 5;
-const KV: usize = 6;
-const W: usize = 7;
-const W_DOT: usize = 8;
-const MOST: usize = 9;
-
-/// Place of a gain among the arguments; `None` of one that equations of motion do not hold.
-fn argument(gain: Gain) -> Option<usize> {
-    match gain {
-        Gain::Kp => Some(KP),
-        Gain::Kd => Some(KD),
-        Gain::Ki => Some(KI),
-        Gain::Kv => Some(KV),
-        _ => None,
-    }
-}
-
-/// The loop of one drive.
-struct Loop {
-    servo: Servo,
-    /// Place of each argument in z.
-    places: [Option<usize>; MOST],
-    /// Coordinate of the integral.
-    state: Option<usize>,
-}
-
-impl Loop {
-    fn arguments(&self, at: &At<'_>, d: &Dims) -> [Smooth; MOST] {
-        arguments::arguments(&self.places, at, d)
-    }
-
-    /// Gains, and what the law sees.
-    fn seen(x: &[Smooth; MOST]) -> (Gains<Smooth>, Seen<Smooth>) {
-        let none = Smooth::constant(0.0);
-        let k = Gains::of(|gain| argument(gain).map(|a| x[a]));
-        let at = Seen {
-            r: x[R],
-            q: x[Q],
-            v: x[V],
-            ahead: none,
-            gravity: none,
-            inertia: none,
-        };
-        (k, at)
-    }
-
-    /// Input of the motor, and the slope of its limit.
-    fn input(&self, x: &[Smooth; MOST]) -> (Smooth, Smooth) {
-        let (k, at) = Self::seen(x);
-        let free = unlimited(&self.servo, &k, &at, x[W]).u;
-        let Some(limit) = self.servo.limit else {
-            return (free, Smooth::constant(1.0));
-        };
-        let round = (2.0 * limit * CORNER).powi(2);
-        let slope = |end: f64| {
-            let x = free - end;
-            x / (x * x + round).root()
-        };
-        let end = Smooth::constant(limit);
-        let slope = (slope(-limit) - slope(limit)) * 0.5;
-        (free.limit(-end, end), slope)
-    }
-
-    /// Arguments on which the input depends.
-    fn acting(&self) -> impl Iterator<Item = usize> + '_ {
-        let all = [Q, V, R, KP, KD, KV, W].into_iter();
-        all.filter(|&a| self.places[a].is_some())
-    }
-
-    /// Residual of the integral.
-    fn integral(&self, x: &[Smooth; MOST]) -> Smooth {
-        let (k, at) = Self::seen(x);
-        x[W_DOT] - growth(&self.servo, &k, &at) * self.input(x).1
-    }
-
-    /// Arguments on which the residual of the integral depends.
-    fn active(&self) -> Vec<usize> {
-        let limited = self.servo.limit.is_some();
-        let cascade = self.servo.has(Gain::Kv);
-        let all = [Q, R, KI, W_DOT].into_iter();
-        let own = [V, KP].into_iter().filter(|_| limited || cascade);
-        let more = [KD, KV, W].into_iter().filter(|_| limited);
-        let mut all: Vec<usize> = all.chain(own).chain(more).collect();
-        all.retain(|&a| self.places[a].is_some());
-        all.sort_unstable();
-        all
-    }
-}
 
 thread_local! {
     /// Inner inputs; kept so that evaluations do not allocate.
@@ -136,8 +45,7 @@ pub struct WithLoops<'m> {
     params: Vec<ParamInfo>,
     inputs: Vec<InputInfo>,
     loops: Vec<Loop>,
-    /// Loops with an integral and the arguments on which that depends.
-    integrals: Vec<(usize, Vec<usize>)>,
+    states: Vec<State>,
     /// Input of the motor of each loop in the inner u.
     motors: Vec<usize>,
     chain: Chain,
@@ -145,24 +53,40 @@ pub struct WithLoops<'m> {
     hessian: Merged,
 }
 
+/// What a loop remembers, as a coordinate.
+struct State {
+    /// The loop.
+    own: usize,
+    memory: Memory,
+    coordinate: usize,
+    /// Arguments on which its residual depends.
+    active: Vec<usize>,
+}
+
 /// Name of the parameter of a gain.
 pub fn gain_name(gain: Gain, joint: &str) -> String {
     format!("{}_{joint}", gain.key())
 }
 
-/// A gain as a parameter: within a decade of where it starts, with its sign; held where it is exact.
+/// A number of a loop as a parameter: within a decade of where it starts, with its sign; a share from none to twice the
+/// whole; held where it is exact.
 fn parameter(servo: &Servo, gain: Gain, joint: &str, unit: String) -> ParamInfo {
     let own = servo.gain(gain);
     let value = own.value.unwrap_or(0.0);
     let fixed = own.half_width == 0.0;
-    let (least, most) = match fixed {
-        true => (value, value),
-        false => (value / DECADE, value * DECADE),
+    let (least, most) = match (fixed, gain) {
+        (true, _) => (value, value),
+        (false, Gain::VelocityAhead) => (0.0, value.max(1.0) * 2.0),
+        (false, _) => (value / DECADE, value * DECADE),
     };
     ParamInfo {
         name: Cow::Owned(gain_name(gain, joint)),
         unit: Cow::Owned(unit),
-        doc: Cow::Borrowed("Gain of the position loop"),
+        doc: Cow::Borrowed(match gain {
+            Gain::VelocityAhead => "Share of the target's velocity in the position loop",
+            Gain::VelocityTime => "Time constant of the position loop's velocity",
+            _ => "Gain of the position loop",
+        }),
         nominal: value,
         lower: least.min(most),
         upper: least.max(most),
@@ -179,7 +103,7 @@ struct Driven<'a> {
 
 impl<'m> WithLoops<'m> {
     /// Puts loops around a model where the records have targets as inputs, and adds columns of their
-    /// integrals to the records. `servos` are the loops by coordinate; every gain of theirs has a value.
+    /// states to the records. `servos` are the loops by coordinate; every gain of theirs has a value.
     pub fn new(
         inner: Box<dyn Hessian + 'm>,
         servos: &[Option<&Servo>],
@@ -197,12 +121,13 @@ impl<'m> WithLoops<'m> {
                 })
             })
             .collect();
-        let integrates = |d: &&Driven<'_>| d.servo.law.integrates();
-        let states = driven.iter().filter(integrates).count();
-        let gains: usize = driven.iter().map(|d| d.servo.law.gains().len()).sum();
+        let states: usize = driven.iter().map(|d| Memory::of(d.servo).count()).sum();
+        let gains: usize = driven.iter().map(|d| parameters(d.servo).count()).sum();
+        let ahead = |d: &&Driven<'_>| d.servo.has(Gain::VelocityAhead);
+        let rates = driven.iter().filter(ahead).count();
         let dims = Dims {
             nq: before.nq + states,
-            nu: before.nu + states,
+            nu: before.nu + states + rates,
             np: before.np + gains,
         };
         let mut out = Self {
@@ -211,7 +136,7 @@ impl<'m> WithLoops<'m> {
             inputs: inner.inputs().to_vec(),
             motors: driven.iter().map(|d| d.motor).collect(),
             loops: Vec::new(),
-            integrals: Vec::new(),
+            states: Vec::new(),
             chain: Chain::new(inner.as_ref(), &[], |z| widened(&before, &dims, z)),
             jacobian: Merged::new(inner.jacobian_pattern(), std::iter::empty()),
             hessian: Merged::new(inner.hessian_pattern(), std::iter::empty()),
@@ -225,7 +150,7 @@ impl<'m> WithLoops<'m> {
         out
     }
 
-    /// Adds a loop, its parameters, and the coordinate of its integral.
+    /// Adds a loop, its parameters, and the coordinates of its states.
     fn add(&mut self, own: &Driven<'_>, dataset: &mut Dataset) {
         let (before, dims) = (self.inner.dims(), self.dims);
         let info = self.inner.joints()[own.joint].clone();
@@ -234,7 +159,7 @@ impl<'m> WithLoops<'m> {
         let mut places = [None; MOST];
         (places[Q], places[V]) = (Some(own.joint), Some(dims.v() + own.joint));
         places[R] = Some(target);
-        for &gain in own.servo.law.gains() {
+        for gain in parameters(own.servo) {
             if let Some(argument) = argument(gain) {
                 places[argument] = Some(dims.p() + self.params.len());
             }
@@ -250,33 +175,63 @@ impl<'m> WithLoops<'m> {
                 joint: Some(own.joint),
             };
         }
-        let state = own.servo.law.integrates().then(|| {
-            let state = self.joints.len();
-            let name = format!("integral_{}", info.name);
-            (places[W], places[W_DOT]) = (Some(dims.v() + state), Some(dims.a() + state));
-            add_state(dataset, own.joint, false, &name);
-            let idle = InputInfo {
-                name: Cow::Owned(format!("nothing_{name}")),
-                unit: Cow::Borrowed(info.force_unit()),
-                joint: Some(state),
-            };
-            self.inputs.insert(state, idle);
-            self.joints.push(JointInfo {
-                name: Cow::Owned(name),
-                limits: None,
-                ..info.clone()
+        let ahead = own.servo.has(Gain::VelocityAhead);
+        let followed = (ahead || targets::shapes(own.servo))
+            .then(|| targets::along(dataset, own.joint, own.servo));
+        if let Some(followed) = &followed {
+            targets::put(dataset, own.joint, followed);
+        }
+        let states: Vec<(Memory, usize)> = Memory::of(own.servo)
+            .map(|memory| (memory, self.coordinate(memory, own, dataset)))
+            .collect();
+        for &(memory, state) in &states {
+            let [value, growth] = memory.places();
+            (places[value], places[growth]) = (Some(dims.v() + state), Some(dims.a() + state));
+        }
+        if let (Some(followed), true) = (&followed, ahead) {
+            // Behind the inputs of all joints and states, in the order of the loops.
+            let driven = self.loops.iter().filter(|l| l.places[R_DOT].is_some());
+            let place = before.nu + dims.nq - before.nq + driven.count();
+            places[R_DOT] = Some(dims.u() + place);
+            targets::add_rates(dataset, followed);
+            self.inputs.push(InputInfo {
+                name: Cow::Owned(format!("target_rate_{}", info.name)),
+                unit: Cow::Owned(format!("{}/s", info.unit())),
+                joint: None,
             });
-            state
-        });
-        let own = Loop {
+        }
+        let all = Loop {
             servo: own.servo.clone(),
             places,
-            state,
         };
-        if state.is_some() {
-            self.integrals.push((self.loops.len(), own.active()));
-        }
-        self.loops.push(own);
+        self.states
+            .extend(states.into_iter().map(|(memory, coordinate)| State {
+                own: self.loops.len(),
+                memory,
+                coordinate,
+                active: all.active(memory),
+            }));
+        self.loops.push(all);
+    }
+
+    /// Adds the coordinate of a state with its idle input, and its column to the records.
+    fn coordinate(&mut self, memory: Memory, own: &Driven<'_>, dataset: &mut Dataset) -> usize {
+        let info = self.inner.joints()[own.joint].clone();
+        let state = self.joints.len();
+        let name = format!("{}_{}", memory.word(), info.name);
+        add_state(dataset, own.joint, false, &name);
+        let idle = InputInfo {
+            name: Cow::Owned(format!("nothing_{name}")),
+            unit: Cow::Borrowed(info.force_unit()),
+            joint: Some(state),
+        };
+        self.inputs.insert(state, idle);
+        self.joints.push(JointInfo {
+            name: Cow::Owned(name),
+            limits: None,
+            ..info
+        });
+        state
     }
 
     /// Patterns, once all loops are there.
@@ -293,29 +248,26 @@ impl<'m> WithLoops<'m> {
         let groups: Vec<chain::Group> = self.loops.iter().zip(&self.motors).map(group).collect();
         let direct = |z| widened(&before, &dims, z);
         self.chain = Chain::new(self.inner.as_ref(), &groups, direct);
-        let (loops, integrals) = (&self.loops, self.integrals.iter());
-        let rows = integrals.clone().map(|(i, active)| {
-            let own = &loops[*i];
-            arguments::jacobian_places(&own.places, own.state.as_slice(), active)
-        });
-        let curved =
-            integrals.map(|(i, active)| arguments::hessian_places(&loops[*i].places, active));
+        let (loops, states) = (&self.loops, self.states.iter());
+        let rows = states
+            .clone()
+            .map(|s| arguments::jacobian_places(&loops[s.own].places, &[s.coordinate], &s.active));
+        let curved = states.map(|s| arguments::hessian_places(&loops[s.own].places, &s.active));
         self.jacobian = Merged::new(self.chain.jacobian_pattern(), rows);
         self.hessian = Merged::new(self.chain.hessian_pattern(), curved);
     }
 
-    /// Number of coordinates of integrals; they are the last ones, and no sensor reads them.
-    pub fn integrals(&self) -> usize {
-        self.integrals.len()
+    /// Number of coordinates of states; they are the last ones, and no sensor reads them.
+    pub fn states(&self) -> usize {
+        self.states.len()
     }
 
-    /// Residuals of the integrals: coordinate and value.
+    /// Residuals of the states: coordinate and value.
     fn rates<'a>(&'a self, at: &'a At<'_>) -> impl Iterator<Item = (usize, f64)> + 'a {
-        let each = self.loops.iter();
-        each.filter_map(|own| {
-            let state = own.state?;
+        self.states.iter().map(|s| {
+            let own = &self.loops[s.own];
             let x = own.arguments(at, &self.dims);
-            Some((state, own.integral(&x).0.re))
+            (s.coordinate, own.residual(s.memory, &x).0.re)
         })
     }
 }
@@ -433,12 +385,12 @@ impl Jacobian for WithLoops<'_> {
         let (nq, own) = (self.inner.dims().nq, self.jacobian.own());
         self.outer_jacobian(at, &mut r[..nq], &mut values[..own]);
         self.jacobian.spread(values);
-        for ((i, active), slots) in self.integrals.iter().zip(self.jacobian.slots()) {
-            let own = &self.loops[*i];
+        for (state, slots) in self.states.iter().zip(self.jacobian.slots()) {
+            let own = &self.loops[state.own];
             let mut x = own.arguments(at, &self.dims);
-            for (&a, &slot) in active.iter().zip(slots) {
+            for (&a, &slot) in state.active.iter().zip(slots) {
                 x[a].0.eps1 = 1.0;
-                values[slot] += own.integral(&x).0.eps1;
+                values[slot] += own.residual(state.memory, &x).0.eps1;
                 x[a].0.eps1 = 0.0;
             }
         }
@@ -456,16 +408,16 @@ impl Hessian for WithLoops<'_> {
         let (nq, own) = (self.inner.dims().nq, self.hessian.own());
         self.outer_hessian(at, &lambda[..nq], &mut values[..own]);
         self.hessian.spread(values);
-        for ((i, active), slots) in self.integrals.iter().zip(self.hessian.slots()) {
-            let own = &self.loops[*i];
-            let weight = own.state.map_or(0.0, |s| lambda[s]);
+        for (state, slots) in self.states.iter().zip(self.hessian.slots()) {
+            let own = &self.loops[state.own];
+            let weight = lambda[state.coordinate];
             let mut x = own.arguments(at, &self.dims);
             let mut slots = slots.iter();
-            for (i, &a) in active.iter().enumerate() {
-                for &b in &active[..=i] {
+            for (i, &a) in state.active.iter().enumerate() {
+                for &b in &state.active[..=i] {
                     let Some(&slot) = slots.next() else { return };
                     (x[a].0.eps1, x[b].0.eps2) = (1.0, 1.0);
-                    values[slot] += weight * own.integral(&x).0.eps1eps2;
+                    values[slot] += weight * own.residual(state.memory, &x).0.eps1eps2;
                     (x[a].0.eps1, x[b].0.eps2) = (0.0, 0.0);
                 }
             }

@@ -1,0 +1,72 @@
+//! Numbers of loops with stages, by the program with exact derivatives.
+
+use super::about;
+use super::rig::{CASCADE, Loop, PD, described, records};
+use crate::common::identified;
+
+/// A policy's targets behind a filter, a derivative behind another and a band: what is stated of the target acts on it,
+/// the filter of the velocity is found.
+#[test]
+fn a_pd_with_filters_and_a_band_has_its_gains() {
+    let own = Loop {
+        target_hz: Some(25.0),
+        target_filter: Some(0.06),
+        velocity_filter: Some(0.03),
+        dead_band: Some(0.01),
+        ..PD
+    };
+    let drive = format!(
+        "law = \"pd\"\nkp = {}\nkd = {}\nlimit = 6.0\ntarget_rate_hz = 25.0\ntarget_filter_s = 0.06\ndead_band = 0.01\n\
+         velocity_filter_s = {}\n",
+        about(10.0),
+        about(1.1),
+        about(0.025)
+    );
+    let found = identified(&described(&drive), &records(&own, None, 0.0, 31));
+    hold(
+        &found,
+        &[
+            ("kp", 12.0, 0.03),
+            ("kd", 0.9, 0.1),
+            ("velocity_filter_s", 0.03, 0.15),
+        ],
+    );
+}
+
+/// A profile's targets, a share of their velocity that is not known, and a velocity that the loop asks for at most.
+#[test]
+fn a_cascade_behind_a_profile_has_its_share_of_the_velocity() {
+    let own = Loop {
+        acceleration: Some(6.0),
+        ahead: Some(0.7),
+        ..CASCADE
+    };
+    let drive = format!(
+        "law = \"cascade\"\nkp = {}\nkv = {}\nki = {}\nvelocity_limit = 3.0\nlimit = 6.0\ntarget_acceleration = 6.0\n\
+         velocity_feed_forward = {{ unknown = true }}\n",
+        about(10.5),
+        about(1.25),
+        about(9.0)
+    );
+    let found = identified(&described(&drive), &records(&own, None, 0.0, 32));
+    hold(
+        &found,
+        &[
+            ("kp", 12.0, 0.05),
+            ("kv", 1.1, 0.1),
+            ("velocity_feed_forward", 0.7, 0.1),
+        ],
+    );
+}
+
+/// Numbers lie within a share of the truth.
+fn hold(found: &std::collections::BTreeMap<String, f64>, truth: &[(&str, f64, f64)]) {
+    for (name, value, within) in truth {
+        let own = found[&format!("{name}_a")];
+        eprintln!("{name}: {own} (is {value})");
+        assert!(
+            (own / value - 1.0).abs() < *within,
+            "{name}: {own} for {value}"
+        );
+    }
+}

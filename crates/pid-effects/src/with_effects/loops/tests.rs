@@ -1,0 +1,262 @@
+//! Equations behind loops: derivatives against differences, laws and stages by hand.
+
+use pid_data::{Dataset, InputHold, InputQuantity};
+use pid_interpret::nominal::{self as description, Servo, ServoGain, ServoLaw};
+
+use super::*;
+use crate::with_effects::Assembled;
+use crate::with_effects::tests::{ARM, assert_derivatives, at, model, point, records};
+
+/// The loop of a law with its gains in the order of the law.
+fn loop_of(law: ServoLaw, gains: &[f64], limit: Option<f64>) -> Servo {
+    let mut servo = Servo::new(law);
+    for (&gain, &value) in law.gains().iter().zip(gains) {
+        let stated = ServoGain {
+            value: Some(value),
+            half_width: 0.3 * value,
+        };
+        servo.set(gain, stated);
+    }
+    servo.limit = limit;
+    servo
+}
+
+/// The arm behind loops: one with an integral at the shoulder, PD at the elbow, both within a limit if
+/// there is one.
+fn behind_loops(law: ServoLaw, limit: Option<f64>) -> (WithLoops<'static>, Dataset) {
+    let first = loop_of(law, &[3.0, 0.4, 1.5], limit);
+    let pd = loop_of(ServoLaw::Pd, &[2.0, 0.3], limit);
+    let mut dataset = records();
+    for joint in &mut dataset.joints {
+        (joint.input, joint.input_unit) = (InputQuantity::Position, "rad".to_owned());
+    }
+    let model = WithLoops::new(model(), &[Some(&first), Some(&pd)], &mut dataset);
+    (model, dataset)
+}
+
+#[test]
+fn derivatives_behind_loops_are_those_of_differences() {
+    for law in [ServoLaw::Pid, ServoLaw::Cascade] {
+        for limit in [None, Some(1.3)] {
+            let (with, dataset) = behind_loops(law, limit);
+            dataset.check_model(&with).expect("columns for all");
+            let d = with.dims();
+            let free: Vec<usize> = (0..d.u() + 2).chain(d.p()..d.nz()).collect();
+            for speed in [1.0, 0.1] {
+                assert_derivatives("loops", &with, &point(&with, speed), &free);
+            }
+        }
+    }
+}
+
+/// The equations are those of the arm under the inputs of the drives' own laws, here by hand.
+#[test]
+fn loops_are_the_laws_of_the_drives() {
+    for law in [ServoLaw::Pid, ServoLaw::Cascade] {
+        let (with, _) = behind_loops(law, None);
+        let (d, arm) = (with.dims(), model());
+        let own = arm.dims();
+        assert_eq!((d.nq, d.nu, d.np), (own.nq + 1, own.nu + 1, own.np + 5));
+        let z = point(&with, 1.0);
+        let here = at(&z, &d);
+        let error = [here.u[0] - here.q[0], here.u[1] - here.q[1]];
+        let lack = 3.0 * error[0] - here.v[0];
+        // The integral is the velocity of the third coordinate. A cascade has kp, kv, ki.
+        let (first, rate) = match law {
+            ServoLaw::Cascade => (0.4 * lack, 1.5 * lack),
+            _ => (3.0 * error[0] - 0.4 * here.v[0], 1.5 * error[0]),
+        };
+        let u = [first + here.v[2], 2.0 * error[1] - 0.3 * here.v[1]];
+        let mut expected = vec![0.0; 2];
+        let inside = At {
+            q: &here.q[..2],
+            v: &here.v[..2],
+            a: &here.a[..2],
+            u: &u,
+            p: &here.p[..own.np],
+        };
+        arm.residual(&inside, &mut expected);
+        let mut r = vec![0.0; 3];
+        with.residual(&here, &mut r);
+        for j in 0..2 {
+            assert!((r[j] - expected[j]).abs() < 1e-12, "{r:?} {expected:?}");
+        }
+        assert!((r[2] - (here.a[2] - rate)).abs() < 1e-14, "{r:?}");
+        let (mut m, mut b, mut f) = (vec![0.0; d.nm()], vec![0.0; 3], vec![0.0; 3]);
+        with.mass_matrix(&here, &mut m);
+        with.bias(&here, &mut b);
+        with.applied_force(&here, &mut f);
+        assert_eq!((&m[3..], b[2]), (&[0.0, 0.0, 1.0][..], 0.0));
+        assert!((f[2] - rate).abs() < 1e-14);
+        // At the limit nothing pushes further, and the integral rests.
+        let (limited, _) = behind_loops(law, Some(1e-3));
+        limited.residual(&here, &mut r);
+        assert!((r[2] - here.a[2]).abs() < 1e-3 * rate.abs(), "{r:?}");
+    }
+}
+
+/// The arm's records with targets as inputs.
+fn targets() -> Dataset {
+    let mut dataset = records();
+    for joint in &mut dataset.joints {
+        (joint.input, joint.input_unit) = (InputQuantity::Position, "rad".to_owned());
+    }
+    dataset
+}
+
+/// The arm behind the loops of a text of `[drive]`.
+fn described(drive: &str) -> description::Nominal {
+    let text = format!("{ARM}\n[drive]\n{drive}");
+    description::Nominal::parse("arm.toml", &text).expect(&text)
+}
+
+/// The same around the arm alone, with the records as they become.
+fn behind(drive: &str) -> (WithLoops<'static>, Dataset) {
+    let (nominal, mut dataset) = (described(drive), targets());
+    let servos = [nominal.servo(0), nominal.servo(1)];
+    let with = WithLoops::new(model(), &servos, &mut dataset);
+    dataset.check_model(&with).expect("columns for all");
+    (with, dataset)
+}
+
+const PD: &str =
+    "law = \"pd\"\nkp = { value = 3.0, tolerance = 1.0 }\nkd = { value = 0.4, tolerance = 0.1 }\n";
+const CASCADE: &str = "law = \"cascade\"\nkp = 3.0\nkv = 0.4\nki = 1.5\n";
+const AHEAD: &str = "velocity_feed_forward = { value = 0.6, tolerance = 0.3 }\n";
+const FILTER: &str = "velocity_filter_s = { value = 0.05, tolerance = 0.02 }\n";
+
+#[test]
+fn derivatives_behind_stages_are_those_of_differences() {
+    for (law, stages) in [
+        (PD, AHEAD),
+        (PD, FILTER),
+        (PD, "dead_band = 0.2\n"),
+        (
+            PD,
+            "dead_band = 0.2\nlimit = 1.3\nvelocity_feed_forward = 0.7\n",
+        ),
+        (CASCADE, "velocity_limit = 0.9\n"),
+    ] {
+        for joint in [0, 1] {
+            let (nominal, mut dataset) = (described(&format!("{law}{stages}")), targets());
+            // One coordinate more at most, as the weights of the check have it.
+            let servos = [0, 1].map(|j| nominal.servo(j).filter(|_| j == joint));
+            let with = WithLoops::new(model(), &servos, &mut dataset);
+            let d = with.dims();
+            let free: Vec<usize> = (0..d.nz())
+                .filter(|z| !(d.u() + 1..d.p()).contains(z))
+                .collect();
+            for speed in [1.0, 0.1] {
+                assert_derivatives(
+                    &format!("{law}{stages}"),
+                    &with,
+                    &point(&with, speed),
+                    &free,
+                );
+            }
+        }
+    }
+}
+
+/// The law damps what its filter lets through, less the share of the target's velocity; a band of the error counts as none.
+#[test]
+fn stages_are_those_of_the_drives() {
+    let (with, _) = behind(&format!("{PD}{AHEAD}{FILTER}dead_band = 0.2\n"));
+    let (d, own) = (with.dims(), model().dims());
+    // Two filters, two velocities of targets; kp, kd, share and time of each.
+    assert_eq!((d.nq, d.nu, d.np), (own.nq + 2, own.nu + 4, own.np + 8));
+    let z = point(&with, 1.0);
+    let here = at(&z, &d);
+    let (filtered, rates) = (&here.v[2..], &here.u[4..]);
+    let input = |j: usize| {
+        let error = here.u[j] - here.q[j];
+        let beyond = error.signum() * (error.abs() - 0.2).max(0.0);
+        3.0 * beyond - 0.4 * (filtered[j] - 0.6 * rates[j])
+    };
+    let u = [input(0), input(1)];
+    let inside = At {
+        q: &here.q[..2],
+        v: &here.v[..2],
+        a: &here.a[..2],
+        u: &u,
+        p: &here.p[..own.np],
+    };
+    let (mut r, mut expected) = (vec![0.0; 4], vec![0.0; 2]);
+    with.residual(&here, &mut r);
+    model().residual(&inside, &mut expected);
+    for j in 0..2 {
+        // The band's corners are rounded by half a percent of its width.
+        let rounded = 3.0 * 0.4 * 5e-3;
+        assert!((r[j] - expected[j]).abs() < rounded, "{r:?} {expected:?}");
+        let growth = (here.v[j] - filtered[j]) / 0.05;
+        assert!((r[2 + j] - (here.a[2 + j] - growth)).abs() < 1e-12, "{r:?}");
+    }
+}
+
+/// A step of 0.5 rad at 0.1 s, every 20 ms, in the first joint's targets; the records become what loops follow.
+fn stepped(stages: &str, hold: InputHold) -> Vec<f64> {
+    let (nominal, mut dataset) = (described(&format!("{PD}{stages}")), targets());
+    dataset.input_hold = hold;
+    for e in &mut dataset.experiments {
+        let nu = e.nu();
+        e.t = (0..e.t.len()).map(|i| 0.02 * i as f64).collect();
+        for (i, row) in e.u.chunks_exact_mut(nu).enumerate() {
+            row[0] = if i < 5 { 0.0 } else { 0.5 };
+        }
+    }
+    let servos = [nominal.servo(0), None];
+    let with = WithLoops::new(model(), &servos, &mut dataset);
+    assert_eq!(with.dims().nq, 2, "stages of targets have no coordinates");
+    let e = &dataset.experiments[0];
+    e.u.iter().step_by(e.nu()).copied().collect()
+}
+
+#[test]
+fn targets_become_what_loops_follow() {
+    let plain = stepped("", InputHold::ZeroOrder);
+    let close = |x: f64, y: f64, within: f64| assert!((x - y).abs() < within, "{x} {y}");
+    // In the mean from one sample to the next: 1 − (1 − exp(−h/T)) T/h of a step of one in the first.
+    let filtered = stepped("target_filter_s = 0.05\n", InputHold::ZeroOrder);
+    assert_eq!(filtered.len(), plain.len());
+    let (h, time) = (0.02_f64, 0.05);
+    let share = (1.0 - (-h / time).exp()) * time / h;
+    close(filtered[4], 0.0, 1e-12);
+    close(filtered[5], 0.5 * (1.0 - share), 2e-4);
+    close(filtered[6], 0.5 * (1.0 - share * (-h / time).exp()), 2e-4);
+    // At 1 rad/s the step takes half a second: 25 samples.
+    let slow = stepped("target_speed = 1.0\n", InputHold::ZeroOrder);
+    close(slow[5], 0.01, 3e-4);
+    close(slow[15], 0.21, 3e-4);
+    // Targets are taken every 80 ms, so the step comes at 0.16 s.
+    let taken = stepped("target_rate_hz = 12.5\n", InputHold::ZeroOrder);
+    let rises = taken.iter().position(|r| *r > 0.25);
+    assert_eq!(rises, Some(8));
+    // Rounded to multiples of 0.3 rad.
+    let coarse = stepped("target_step = 0.3\n", InputHold::ZeroOrder);
+    close(coarse[5], 0.6, 1e-12);
+    // Along a straight line from 0.08 s to 0.1 s a filter lets through, at its end, T less of the slope's exponential.
+    let straight = stepped("target_filter_s = 0.05\n", InputHold::Linear);
+    close(straight[4], 0.0, 1e-3);
+    let end = 0.5 - 0.5 * share;
+    close(straight[5], end, 4e-3);
+}
+
+/// What equations of motion do not hold is refused with its key.
+#[test]
+fn further_stages_of_loops_are_refused() {
+    for (line, key) in [
+        ("gravity = 1.0", "gravity"),
+        ("inertia_feed_forward = 1.0", "inertia_feed_forward"),
+        ("feedback_delay_s = 0.01", "feedback_delay_s"),
+        ("ki = 1.0\nintegral_limit = 1.0", "integral_limit"),
+    ] {
+        let law = if key == "integral_limit" { "pid" } else { "pd" };
+        let nominal = described(&format!("law = \"{law}\"\nkp = 3.0\nkd = 0.4\n{line}\n"));
+        let error = Assembled::new(&nominal, &mut targets()).err();
+        let error = error.map(|e| e.to_string()).unwrap_or_default();
+        assert!(
+            error.contains("arm.toml:") && error.contains(&format!("do not hold `{key}`")),
+            "{line}: {error}"
+        );
+    }
+}
