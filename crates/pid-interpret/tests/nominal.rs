@@ -2,7 +2,7 @@
 
 use pid_interpret::Model;
 use pid_interpret::nominal::{
-    Channel, EncoderSide, Gain, Nominal, Ranges, Role, Servo, ServoLaw, Velocity,
+    Channel, EncoderSide, FallingLimit, Gain, Nominal, Ranges, Role, Servo, ServoLaw, Velocity,
 };
 use pid_runtime::dynamics::{At, Dynamics};
 
@@ -341,7 +341,7 @@ fn stages_of_position_loops_are_read_and_written() {
     let lines = "law = \"cascade\"\nkp = 12.0\nkv = { value = 1.1, tolerance_rel = 0.2 }\nki = { unknown = true }\n\
                  gravity = { value = 0.9, tolerance = 0.9 }\nvelocity_limit = 3.0\nvelocity_filter_s = 0.01\nfeedback_delay_s = 0.004\ndead_band = 0.02\n\
                  target_step = 0.001\ntarget_rate_hz = 50.0\ntarget_speed = { value = 2.0, tolerance_rel = 0.25 }\nvelocity_feed_forward = 0.8\ninertia_feed_forward = { value = 0.5, tolerance = 0.5 }\n\
-                 target_acceleration = 9.0\ntarget_average_s = 0.05\ntarget_filter_s = { unknown = true }\n";
+                 target_acceleration = 9.0\ntarget_average_s = 0.05\ntarget_filter_s = { unknown = true }\nlimit = 6.0\nstall = 8.0\nno_load_speed = 20.0\n";
     let own = TEXT.replacen(
         "[[joint]]\nname = \"slide\"",
         &format!("[joint.drive]\n{lines}[[joint]]\nname = \"slide\""),
@@ -362,6 +362,11 @@ fn stages_of_position_loops_are_read_and_written() {
         (servo.velocity_limit, servo.dead_band),
         (Some(3.0), Some(0.02))
     );
+    let falling = FallingLimit {
+        stall: 8.0,
+        no_load_speed: 20.0,
+    };
+    assert_eq!((servo.limit, servo.falling), (Some(6.0), Some(falling)));
     let shaping = &servo.shaping;
     assert_eq!((shaping.step, shaping.rate_hz), (Some(0.001), Some(50.0)));
     assert_eq!(of(Gain::TargetSpeed), (Some(2.0), 0.5));
@@ -378,7 +383,7 @@ fn stages_of_position_loops_are_read_and_written() {
             "s"
         ]
     );
-    assert_eq!(servo.beyond_equations(), Some("velocity_limit"));
+    assert_eq!(servo.beyond_equations(), Some("no_load_speed"));
     let again = parse(&nominal.to_toml().unwrap());
     assert_eq!(loops(&again), loops(&nominal));
     assert!(again.drive_model(0).is_none());
@@ -479,6 +484,14 @@ fn mistakes_of_position_loops_are_named() {
             "write one of \"p\", \"pd\", \"pid\", \"cascade\", \"none\"",
         ),
         ("law = \"p\"\nkp = 3.0\nlimit = 0.0", "`limit` is 0"),
+        (
+            "law = \"p\"\nkp = 3.0\nno_load_speed = 9.0",
+            "`no_load_speed` is stated alone\n  help: say what there is at rest",
+        ),
+        (
+            "law = \"p\"\nkp = 3.0\nlimit = 2.0\nstall = 9.0",
+            "`stall` is stated alone\n  help: say at which speed",
+        ),
         (
             "law = \"p\"\nkp = 3.0\nintegral_limit = 1.0",
             "`integral_limit` is stated",

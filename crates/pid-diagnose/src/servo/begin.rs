@@ -39,6 +39,7 @@ pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>,
             u,
             gravity: fed[i][j].gravity.clone(),
             inertia: fed[i][j].inertia.clone(),
+            sign: case.nominal.gain(j).signum(),
         };
         let own: Vec<Fitted<'_>> = (recorded.iter().enumerate())
             .filter_map(|(i, own)| Some(with(i, own[j].clone()?)))

@@ -6,7 +6,7 @@ use pid_interpret::nominal::{Gain, Servo, ServoLaw};
 use super::{fastest, hardest};
 use crate::case::{Case, Record};
 use crate::drives::target::{Motion, Shaped, followed as shaped};
-use crate::drives::{Gains, filter};
+use crate::drives::{Gains, filter, slowed};
 
 /// Share of the limit beyond which a sample tells nothing of the gains.
 const FREE: f64 = 0.95;
@@ -52,6 +52,8 @@ pub(super) struct Fitted<'a> {
     pub(super) u: Vec<f64>,
     pub(super) gravity: Vec<f64>,
     pub(super) inertia: Vec<f64>,
+    /// Sign of the motor gain.
+    pub(super) sign: f64,
 }
 
 /// Numbers of a loop in the order of [`Gain::ALL`].
@@ -216,7 +218,11 @@ fn fitted(servo: &Servo, curved: &Numbers, inputs: &[Fitted<'_>]) -> Option<Foll
     let inertia = Fed::of(servo, Gain::InertiaAhead, &mut width);
     let mut samples = Samples {
         width,
-        limit: servo.limit.unwrap_or(f64::INFINITY),
+        limit: {
+            let stall = servo.falling.map(|own| own.stall);
+            let both = [servo.limit, stall].into_iter().flatten();
+            both.fold(f64::INFINITY, f64::min)
+        },
         all: Vec::new(),
     };
     for own in inputs {
@@ -227,7 +233,14 @@ fn fitted(servo: &Servo, curved: &Numbers, inputs: &[Fitted<'_>]) -> Option<Foll
                 + inertia.add(&mut row, own.inertia[i] * acceleration);
             let u = own.u[i];
             if u.is_finite() {
-                samples.all.push(Sample { row, known, u });
+                let speed = own.sign * own.record.smooth_v[own.joint][i];
+                let ends = ends(servo, speed);
+                samples.all.push(Sample {
+                    row,
+                    known,
+                    u,
+                    ends,
+                });
             }
         }
     }
@@ -265,12 +278,29 @@ struct Sample {
     /// What it adds by itself.
     known: f64,
     u: f64,
+    /// Least and largest output at the speed there.
+    ends: [f64; 2],
+}
+
+impl Sample {
+    /// Whether an input lies within a share of the ends.
+    fn within(&self, share: f64, u: f64) -> bool {
+        u > share * self.ends[0] && u < share * self.ends[1]
+    }
+}
+
+/// Least and largest output of a loop at a speed of its motor in the direction that a positive output drives.
+fn ends(servo: &Servo, speed: f64) -> [f64; 2] {
+    let limit = servo.limit.unwrap_or(f64::INFINITY);
+    let end = |u: f64| slowed(servo, u, speed).map_or(u, |out| out.u);
+    [end(-limit), end(limit)]
 }
 
 /// Samples of a law that is linear in its numbers up to a limit of its output.
 struct Samples {
     /// Numbers of the law.
     width: usize,
+    /// Largest output at rest.
     limit: f64,
     all: Vec<Sample>,
 }
@@ -283,7 +313,7 @@ impl Samples {
     /// proportional gains that reach the limit within some of the errors. From each, samples that the law itself
     /// places below its limit are fitted, by turns (a Gauss-Newton method: those at the limit have no slope).
     fn law(&self) -> Option<DVector<f64>> {
-        let free = |s: &Sample| s.u.abs() <= FREE * self.limit;
+        let free = |s: &Sample| s.within(FREE, s.u);
         let linear = self.least_squares(free);
         if self.all.iter().all(free) {
             return linear;
@@ -318,7 +348,7 @@ impl Samples {
     fn turned(&self, start: DVector<f64>) -> Vec<DVector<f64>> {
         // The same samples give the same numbers: it rests.
         let next = |x: &DVector<f64>| {
-            self.least_squares(|s| self.output(s, x).abs() < self.limit)
+            self.least_squares(|s| s.within(1.0, self.output(s, x)))
                 .filter(|next| next != x)
         };
         std::iter::successors(Some(start), next)
@@ -334,7 +364,7 @@ impl Samples {
 
     /// Sum of squares that these numbers leave.
     fn left(&self, x: &DVector<f64>) -> f64 {
-        let left = |s: &Sample| s.u - self.output(s, x).clamp(-self.limit, self.limit);
+        let left = |s: &Sample| s.u - self.output(s, x).clamp(s.ends[0], s.ends[1]);
         self.all.iter().map(|s| left(s).powi(2)).sum()
     }
 
@@ -378,6 +408,7 @@ mod tests {
                 row: [1.0, error, -velocity, 0.0, 0.0, 0.0],
                 known: 0.0,
                 u: (kp * error - kd * velocity).clamp(-limit, limit) + noise,
+                ends: [-limit, limit],
             }
         });
         Samples {

@@ -7,7 +7,7 @@ use pid_interpret::nominal::{Role as Part, Servo, ServoLaw};
 use super::{Machine, State};
 use crate::constants::{Constant, Constants};
 use crate::drives::target::{Motion, Shaped, followed};
-use crate::drives::{Gains, Output, Seen, at_rest, filter, integrated, output};
+use crate::drives::{Gains, Output, Seen, at_rest, filter, integrated, output, slowed};
 use crate::effect::{Commands, Pick};
 use crate::hypothesis::Hypothesis;
 use crate::nominal::{DriveKnowledge, EncoderSide};
@@ -302,6 +302,25 @@ impl<D: Pick> Machine<'_, D> {
             }
         };
         self.sense(j, q, v)
+    }
+
+    /// The output of a loop where its limit falls with the speed of its motor, in the middle of the substep of `dt`.
+    #[inline(always)]
+    pub(super) fn slow(
+        &self,
+        (j, (servo, _)): (usize, Loop<'_, D>),
+        own: (Output<D>, f64),
+        dt: f64,
+    ) -> (Output<D>, f64) {
+        if servo.falling.is_none() {
+            return own;
+        }
+        let sign = self.constants.get(Constant::Gain(j)).value().signum();
+        let slowed = slowed(servo, own.0.u, self.site_v[j] * sign);
+        slowed.map_or(own, |mut out| {
+            out.damping = out.damping * sign;
+            (out, 0.5 * dt)
+        })
     }
 
     /// What the loops follow over the substep from `t`, those that read in it.

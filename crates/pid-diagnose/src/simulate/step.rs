@@ -135,7 +135,8 @@ impl<D: Pick> Machine<'_, D> {
         let mut u = D::constant(commands.now());
         let mut answer = None;
         if let Some(own) = self.loops[j] {
-            let (out, ahead) = self.answer(state, (j, own), (t, dt));
+            let answered = self.answer(state, (j, own), (t, dt));
+            let (out, ahead) = self.slow((j, own), answered, dt);
             u = out.u;
             answer = Some((out, ahead.max(0.0)));
         }

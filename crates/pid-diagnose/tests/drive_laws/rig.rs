@@ -53,6 +53,8 @@ pub(super) struct Loop {
     pub(super) average: Option<f64>,
     pub(super) target_filter: Option<f64>,
     pub(super) limit: Option<f64>,
+    /// Speed at which nothing of the limit is left.
+    pub(super) no_load: Option<f64>,
     pub(super) hz: Option<f64>,
 }
 
@@ -173,6 +175,15 @@ impl Loop {
         inside.output
     }
 
+    /// What the motor brings of a current at a speed.
+    fn brought(&self, asked: f64, v: f64) -> f64 {
+        let (Some(limit), Some(speed)) = (self.limit, self.no_load) else {
+            return asked;
+        };
+        let most = |v: f64| (limit * (1.0 - v / speed)).max(0.0);
+        asked.clamp(-most(-v), most(v))
+    }
+
     /// Positions at the samples under targets, from rest at zero; `stribeck`: how much larger than sliding
     /// friction that at rest is, and over which speed; `load`: a mass at the middle of the bar.
     pub(super) fn run(&self, targets: &[f64], stribeck: Option<[f64; 2]>, load: f64) -> Vec<f64> {
@@ -194,7 +205,8 @@ impl Loop {
                 let now = (k * steps + s) % (late + 1);
                 past[now] = (q, v);
                 let read = past[(now + 1) % (late + 1)];
-                let torque = GAIN * self.current(&mut inside, *r, read, t);
+                let asked = self.current(&mut inside, *r, read, t);
+                let torque = GAIN * self.brought(asked, v);
                 let free =
                     v + STEP / inertia * (torque - mass * G * BAR[1] * q.sin() - VISCOUS * v);
                 let more = stribeck.map_or(1.0, |[ratio, speed]| {
@@ -322,6 +334,7 @@ pub(super) const PD: Loop = Loop {
     average: None,
     target_filter: None,
     limit: Some(6.0),
+    no_load: None,
     hz: None,
 };
 pub(super) const PID: Loop = Loop { ki: 25.0, ..PD };

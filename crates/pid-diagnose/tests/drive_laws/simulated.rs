@@ -172,6 +172,25 @@ fn loops() -> Vec<(Loop, String)> {
         ),
         with(
             Loop {
+                limit: Some(2.5),
+                no_load: Some(4.0),
+                ..PD
+            },
+            &pd.replace("limit = 6.0", "limit = 2.5"),
+            "no_load_speed = 4.0\n",
+        ),
+        with(
+            Loop {
+                limit: Some(2.5),
+                no_load: Some(4.0),
+                hz: Some(200.0),
+                ..PID
+            },
+            &pid.replace("limit = 6.0", "limit = 2.5"),
+            "no_load_speed = 4.0\nrate_hz = 200.0\n",
+        ),
+        with(
+            Loop {
                 dead_band: Some(0.02),
                 ..PD
             },

@@ -159,6 +159,33 @@ pub fn output<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>, integral: D)
     }
 }
 
+/// What is left of an output where the limit falls with the speed of the motor, in the direction that a positive output
+/// drives; `None` where the limit holds nothing back.
+#[inline(always)]
+pub fn slowed<D: Scalar>(servo: &Servo, u: D, speed: D) -> Option<Output<D>> {
+    let own = servo.falling?;
+    let most = |speed: D| (-speed / own.no_load_speed + 1.0) * own.stall;
+    let (high, low) = (most(speed), -most(-speed));
+    let end = if u.value() > high.value().max(0.0) {
+        high
+    } else if u.value() < low.value().min(0.0) {
+        low
+    } else {
+        return None;
+    };
+    // Beyond the speed at which nothing is left nothing brakes either.
+    let there = end.value() * u.value() > 0.0;
+    let nil = D::nil();
+    let falls = D::constant(own.stall / own.no_load_speed);
+    let (u, damping) = if there { (end, falls) } else { (nil, nil) };
+    let stiffness = nil;
+    Some(Output {
+        u,
+        stiffness,
+        damping,
+    })
+}
+
 /// By how much the output of a law falls per unit of the position and of the velocity, limits, bands and
 /// filters aside.
 pub fn slopes(law: ServoLaw, k: &Gains<f64>) -> [f64; 2] {
@@ -184,6 +211,7 @@ mod tests {
     use super::target::Motion;
     use super::*;
     use num_dual::Dual64;
+    use pid_interpret::nominal::FallingLimit;
 
     fn servo(law: ServoLaw, limit: Option<f64>) -> Servo {
         let mut servo = Servo::new(law);
@@ -243,6 +271,28 @@ mod tests {
         banded.dead_band = Some(0.35);
         let out = output(&banded, &k, &AT, 0.0);
         assert!((out.u - (1.4 + 0.14)).abs() < 1e-15 && out.stiffness == 0.0);
+    }
+
+    /// 2 at rest and nothing at 4 rad/s; against the motion more. The slope is that of the output.
+    #[test]
+    fn a_limit_falls_with_the_speed() {
+        let mut own = servo(ServoLaw::Pd, None);
+        own.falling = Some(FallingLimit {
+            stall: 2.0,
+            no_load_speed: 4.0,
+        });
+        let at = |u: f64, speed: f64| {
+            let out = slowed(&own, Dual64::from(u), Dual64::new(speed, 1.0));
+            out.map(|out| {
+                assert_eq!(out.u.eps, -out.damping.re);
+                out.u.re
+            })
+        };
+        assert_eq!((at(1.9, 0.0), at(2.1, 0.0)), (None, Some(2.0)));
+        assert_eq!((at(0.9, 2.0), at(5.0, 2.0)), (None, Some(1.0)));
+        assert_eq!((at(-2.9, 2.0), at(-3.1, 2.0)), (None, Some(-3.0)));
+        assert_eq!((at(0.1, 4.5), at(-0.1, 4.5)), (Some(0.0), None));
+        assert_eq!((at(-5.0, -2.0), at(5.0, -2.0)), (Some(-1.0), Some(3.0)));
     }
 
     #[test]

@@ -47,7 +47,7 @@ pub use drives::Drives;
 pub use error::{DeclaredError, NominalError};
 pub use mechanism::Described;
 pub use provenance::{Provenance, Shares};
-pub use servo::{DriveModel, Gain, Servo, ServoGain, ServoLaw, Shaping};
+pub use servo::{DriveModel, FallingLimit, Gain, Servo, ServoGain, ServoLaw, Shaping};
 pub use stated::{Effect, EffectParameter, Fault, Simulated, SimulatedJoint, Written};
 
 /// A nominal description.

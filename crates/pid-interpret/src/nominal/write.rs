@@ -238,6 +238,8 @@ fn write_servo(out: &mut String, servo: &Servo) {
     }
     let numbers = [
         ("limit", servo.limit),
+        ("stall", servo.falling.map(|own| own.stall)),
+        ("no_load_speed", servo.falling.map(|own| own.no_load_speed)),
         ("integral_limit", servo.integral_limit),
         ("velocity_limit", servo.velocity_limit),
         ("dead_band", servo.dead_band),

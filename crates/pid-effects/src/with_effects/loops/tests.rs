@@ -249,6 +249,7 @@ fn further_stages_of_loops_are_refused() {
         ("inertia_feed_forward = 1.0", "inertia_feed_forward"),
         ("feedback_delay_s = 0.01", "feedback_delay_s"),
         ("ki = 1.0\nintegral_limit = 1.0", "integral_limit"),
+        ("limit = 2.0\nno_load_speed = 9.0", "no_load_speed"),
     ] {
         let law = if key == "integral_limit" { "pid" } else { "pd" };
         let nominal = described(&format!("law = \"{law}\"\nkp = 3.0\nkd = 0.4\n{line}\n"));

@@ -111,6 +111,17 @@ impl Default for DriveModel {
     }
 }
 
+/// What a motor brings at most in the direction in which it turns: at a speed v up to `stall (1 − v/no_load_speed)`, none
+/// beyond; against it as much as that goes on to (a motor with back-EMF at a limited voltage: W. Leonhard, Control of
+/// Electrical Drives, 2001, chapter 5).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FallingLimit {
+    /// At rest, in the unit of the joint's input.
+    pub stall: f64,
+    /// Speed at which nothing is left, rad/s or m/s.
+    pub no_load_speed: f64,
+}
+
 /// The position loop of one joint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Servo {
@@ -120,6 +131,8 @@ pub struct Servo {
     numbers: [Option<ServoGain>; Gain::ALL.len()],
     /// Largest size of its output, in the unit of the joint's input.
     pub limit: Option<f64>,
+    /// Limit of the output that falls with the speed.
+    pub falling: Option<FallingLimit>,
     /// Largest size of the part of the integral.
     pub integral_limit: Option<f64>,
     /// Largest velocity that the position loop of a cascade asks for, rad/s or m/s.
@@ -141,6 +154,7 @@ impl Servo {
             law,
             numbers: Default::default(),
             limit: None,
+            falling: None,
             integral_limit: None,
             velocity_limit: None,
             dead_band: None,
@@ -204,12 +218,12 @@ impl Servo {
     /// What the loop has that equations of motion with exact second derivatives do not hold, as its key.
     pub fn beyond_equations(&self) -> Option<&'static str> {
         let numbers = [Gain::Gravity, Gain::InertiaAhead, Gain::FeedbackDelay];
-        match (
-            self.integral_limit,
-            numbers.iter().find(|gain| self.has(**gain)),
-        ) {
-            (Some(_), _) => Some("integral_limit"),
-            (None, gain) => gain.map(|gain| gain.key()),
-        }
+        let keys = [
+            ("integral_limit", self.integral_limit.is_some()),
+            ("no_load_speed", self.falling.is_some()),
+        ];
+        let numbers = numbers.map(|gain| (gain.key(), self.has(gain)));
+        let mut all = keys.into_iter().chain(numbers);
+        all.find_map(|(key, there)| there.then_some(key))
     }
 }

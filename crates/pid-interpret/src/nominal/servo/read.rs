@@ -4,7 +4,7 @@ use pid_toml::Spanned;
 use serde::Deserialize;
 
 use super::number::{RawGain, read_gain};
-use super::{Gain, Servo, ServoGain, ServoLaw, Shaping};
+use super::{FallingLimit, Gain, Servo, ServoGain, ServoLaw, Shaping};
 use crate::nominal::error::NominalError;
 use crate::nominal::source::Source;
 
@@ -20,6 +20,8 @@ pub(in crate::nominal) struct RawDrive {
     gravity: Option<Spanned<RawGain>>,
     inertia_feed_forward: Option<Spanned<RawGain>>,
     limit: Option<Spanned<f64>>,
+    stall: Option<Spanned<f64>>,
+    no_load_speed: Option<Spanned<f64>>,
     integral_limit: Option<Spanned<f64>>,
     velocity_limit: Option<Spanned<f64>>,
     velocity_filter_s: Option<Spanned<RawGain>>,
@@ -100,6 +102,29 @@ pub(in crate::nominal) fn servo(
         }
     }
     servo.limit = positive(&raw.limit, "limit")?;
+    let stall = positive(&raw.stall, "stall")?;
+    let no_load_speed = positive(&raw.no_load_speed, "no_load_speed")?;
+    servo.falling = match (
+        no_load_speed,
+        stall.or(servo.limit),
+        &raw.no_load_speed,
+        &raw.stall,
+    ) {
+        (Some(no_load_speed), Some(stall), ..) => Some(FallingLimit {
+            stall,
+            no_load_speed,
+        }),
+        (Some(_), None, Some(at), _) => {
+            let mend = "say what there is at rest: `stall`, or `limit`";
+            return Err(source.error(at, item, "no_load_speed", "stated alone", mend));
+        }
+        (None, _, _, Some(at)) => {
+            let mend =
+                "say at which speed nothing is left, `no_load_speed`, or give a `limit` alone";
+            return Err(source.error(at, item, "stall", "stated alone", mend));
+        }
+        _ => None,
+    };
     servo.integral_limit = positive(&raw.integral_limit, "integral_limit")?;
     servo.velocity_limit = positive(&raw.velocity_limit, "velocity_limit")?;
     servo.dead_band = positive(&raw.dead_band, "dead_band")?;
