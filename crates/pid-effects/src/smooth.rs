@@ -3,6 +3,8 @@
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 use num_dual::{DualNum, HyperDual64};
+use pid_symbolic::Function;
+use pid_symbolic::program::Element;
 
 use crate::scalar::Scalar;
 
@@ -115,5 +117,44 @@ impl Scalar for Smooth {
             (x * x + round).root()
         };
         (low + high + from(low) - from(high)) * 0.5
+    }
+}
+
+impl Element for Smooth {
+    fn splat(x: f64) -> Self {
+        Self::constant(x)
+    }
+    fn minus(self) -> Self {
+        -self
+    }
+    fn plus(self, other: Self) -> Self {
+        self + other
+    }
+    fn less(self, other: Self) -> Self {
+        self - other
+    }
+    fn times(self, other: Self) -> Self {
+        self * other
+    }
+    fn over(self, other: Self) -> Self {
+        self / other
+    }
+    fn power(self, n: i32) -> Self {
+        Smooth(self.0.powi(n))
+    }
+    fn call(self, f: Function) -> Self {
+        let x = self.0;
+        Smooth(match f {
+            Function::Sin => x.sin(),
+            Function::Cos => x.cos(),
+            Function::Tan => x.tan(),
+            Function::Tanh => return self.hyperbolic_tangent(),
+            Function::Atan => x.atan(),
+            Function::Exp => x.exp(),
+            Function::Ln => x.ln(),
+            Function::Sqrt => x.sqrt(),
+            Function::Abs => x * x.re.signum(),
+            Function::Sign => return Self::constant(f.apply(x.re)),
+        })
     }
 }

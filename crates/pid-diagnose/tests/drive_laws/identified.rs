@@ -1,7 +1,7 @@
 //! Numbers of loops with stages, by the program with exact derivatives.
 
 use super::about;
-use super::rig::{CASCADE, Loop, PD, described, records};
+use super::rig::{BAR, CASCADE, Loop, PD, described, records};
 use crate::common::identified;
 
 /// A policy's targets behind a filter, a derivative behind another and a band: what is stated of the target acts on it,
@@ -56,6 +56,27 @@ fn a_cascade_behind_a_profile_has_its_share_of_the_velocity() {
             ("kv", 1.1, 0.1),
             ("velocity_feed_forward", 0.7, 0.1),
         ],
+    );
+}
+
+/// A drive that makes up for most of gravity, by a mass of its own.
+#[test]
+fn a_cascade_has_its_share_of_gravity() {
+    let own = Loop {
+        gravity: Some((0.8, BAR[0])),
+        ..CASCADE
+    };
+    let drive = format!(
+        "law = \"cascade\"\nkp = {}\nkv = {}\nki = {}\nvelocity_limit = 3.0\nlimit = 6.0\n\
+         gravity = {{ value = 1.0, tolerance = 0.5 }}\n",
+        about(10.5),
+        about(1.25),
+        about(9.0)
+    );
+    let found = identified(&described(&drive), &records(&own, None, 0.0, 33));
+    hold(
+        &found,
+        &[("kp", 12.0, 0.05), ("kv", 1.1, 0.1), ("gravity", 0.8, 0.1)],
     );
 }
 

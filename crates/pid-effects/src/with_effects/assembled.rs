@@ -216,7 +216,7 @@ impl Assembled {
             plain_loops(nominal, dataset)?;
             let servos: Vec<_> = joints.map(|j| nominal.servo(j)).collect();
             let before = model.dims().nq;
-            let with = WithLoops::new(model, &servos, dataset);
+            let with = WithLoops::new(model, &servos, nominal, dataset);
             for _ in 0..with.states() {
                 noise.insert(before, Some(f64::INFINITY));
                 noise.push(Some(f64::INFINITY));

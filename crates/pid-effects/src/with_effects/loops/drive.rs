@@ -8,8 +8,11 @@ use crate::scalar::Scalar;
 use crate::smooth::{CORNER, Smooth};
 use crate::with_effects::arguments;
 
+use super::gravity::Weights;
+
 /// Places of the arguments: position, velocity, target, gains, the integral and how fast it grows, the share of the
-/// target's velocity and that velocity, the velocity behind a filter, how fast that grows, and the filter's time.
+/// target's velocity and that velocity, the velocity behind a filter, how fast that grows, and the filter's time; the
+/// share of gravity, and the input that makes up for all of it, which is no variable of its own.
 pub(super) const Q: usize = 0;
 pub(super) const V: usize = 1;
 pub(super) const R: usize = 2;
@@ -24,8 +27,10 @@ pub(super) const R_DOT: usize = 10;
 pub(super) const F: usize = 11;
 pub(super) const F_DOT: usize = 12;
 const TIME: usize = 13;
-/// Number of arguments.
-pub(super) const MOST: usize = 14;
+const SHARE: usize = 14;
+const WEIGHT: usize = 15;
+/// Number of these. The positions of the other joints follow where a drive makes up for gravity.
+pub(super) const MOST: usize = 16;
 
 /// Place of a number of a loop among the arguments; `None` of one that is no parameter of the equations.
 pub(super) fn argument(gain: Gain) -> Option<usize> {
@@ -36,6 +41,7 @@ pub(super) fn argument(gain: Gain) -> Option<usize> {
         Gain::Kv => Some(KV),
         Gain::VelocityAhead => Some(AHEAD),
         Gain::VelocityTime => Some(TIME),
+        Gain::Gravity => Some(SHARE),
         _ => None,
     }
 }
@@ -86,13 +92,49 @@ impl Memory {
 /// The loop of one drive.
 pub(super) struct Loop {
     pub(super) servo: Servo,
+    /// The joint, which is its coordinate.
+    pub(super) joint: usize,
     /// Place of each argument in z.
-    pub(super) places: [Option<usize>; MOST],
+    pub(super) places: Vec<Option<usize>>,
+}
+
+/// A point with what holds the robot there against gravity.
+pub(super) struct Point<'a> {
+    x: [Smooth; MOST],
+    weights: Option<&'a Weights>,
 }
 
 impl Loop {
-    pub(super) fn arguments(&self, at: &At<'_>, d: &Dims) -> [Smooth; MOST] {
-        arguments::arguments(&self.places, at, d)
+    pub(super) fn at<'a>(&self, at: &At<'_>, d: &Dims, weights: Option<&'a Weights>) -> Point<'a> {
+        Point {
+            x: arguments::arguments(&self.places, at, d),
+            weights,
+        }
+    }
+
+    /// The coordinate that an argument is the position of.
+    fn position(&self, argument: usize) -> Option<usize> {
+        match argument {
+            Q => Some(self.joint),
+            a if a >= MOST => self.places[a],
+            _ => None,
+        }
+    }
+
+    /// Arguments with the first derivative by one of them, and the second by it and another.
+    fn seeded(&self, at: &Point<'_>, a: Option<usize>, b: Option<usize>) -> [Smooth; MOST] {
+        let mut x = at.x;
+        if let Some(own) = a.and_then(|a| x.get_mut(a)) {
+            own.0.eps1 = 1.0;
+        }
+        if let Some(own) = b.and_then(|b| x.get_mut(b)) {
+            own.0.eps2 = 1.0;
+        }
+        if let (Some(weights), true) = (at.weights, self.servo.has(Gain::Gravity)) {
+            let position = |a: Option<usize>| self.position(a?);
+            x[WEIGHT] = weights.of(self.joint, position(a), position(b));
+        }
+        x
     }
 
     /// Where the velocity stands that the law uses.
@@ -102,21 +144,26 @@ impl Loop {
 
     /// Gains, and what the law sees.
     fn seen(&self, x: &[Smooth; MOST]) -> (Gains<Smooth>, Seen<Smooth>) {
-        let none = Smooth::constant(0.0);
-        let k = Gains::of(|gain| argument(gain).map(|a| x[a]));
+        let own = |gain| argument(gain).filter(|_| self.servo.has(gain));
+        let k = Gains::of(|gain| own(gain).map(|a| x[a]));
         let at = Seen {
             r: x[R],
             q: x[Q],
             v: x[self.velocity()],
             ahead: x[AHEAD] * x[R_DOT],
-            gravity: none,
-            inertia: none,
+            gravity: x[WEIGHT],
+            inertia: Smooth::constant(0.0),
         };
         (k, at)
     }
 
+    /// Input of the motor with its derivatives, as [`Loop::seeded`] has them.
+    pub(super) fn input(&self, at: &Point<'_>, a: Option<usize>, b: Option<usize>) -> Smooth {
+        self.limited(&self.seeded(at, a, b)).0
+    }
+
     /// Input of the motor, and the slope of its limit.
-    pub(super) fn input(&self, x: &[Smooth; MOST]) -> (Smooth, Smooth) {
+    fn limited(&self, x: &[Smooth; MOST]) -> (Smooth, Smooth) {
         let (k, at) = self.seen(x);
         let free = unlimited(&self.servo, &k, &at, x[W]).u;
         let Some(limit) = self.servo.limit else {
@@ -135,25 +182,33 @@ impl Loop {
     /// Arguments on which the input depends, ascending.
     pub(super) fn acting(&self) -> impl Iterator<Item = usize> + '_ {
         let unused = if self.places[F].is_some() { V } else { F };
-        let all = [Q, V, R, KP, KD, KV, W, AHEAD, R_DOT, F];
+        let all = [Q, V, R, KP, KD, KV, W, AHEAD, R_DOT, F, SHARE];
         let used = all.into_iter().filter(move |&a| a != unused);
-        used.filter(|&a| self.places[a].is_some())
+        let all = used.chain(MOST..self.places.len());
+        all.filter(|&a| self.places[a].is_some())
     }
 
     /// How fast a memory grows.
-    pub(super) fn growth(&self, memory: Memory, x: &[Smooth; MOST]) -> Smooth {
+    fn growth(&self, memory: Memory, x: &[Smooth; MOST]) -> Smooth {
         match memory {
             Memory::Integral => {
                 let (k, at) = self.seen(x);
-                growth(&self.servo, &k, &at) * self.input(x).1
+                growth(&self.servo, &k, &at) * self.limited(x).1
             }
             Memory::Filter => (x[V] - x[F]) / x[TIME],
         }
     }
 
-    /// Residual of a memory.
-    pub(super) fn residual(&self, memory: Memory, x: &[Smooth; MOST]) -> Smooth {
-        x[memory.places()[1]] - self.growth(memory, x)
+    /// Residual of a memory with its derivatives, as [`Loop::seeded`] has them.
+    pub(super) fn residual(
+        &self,
+        memory: Memory,
+        at: &Point<'_>,
+        a: Option<usize>,
+        b: Option<usize>,
+    ) -> Smooth {
+        let x = self.seeded(at, a, b);
+        x[memory.places()[1]] - self.growth(memory, &x)
     }
 
     /// Arguments on which the residual of a memory depends, ascending.
@@ -164,14 +219,15 @@ impl Loop {
             Memory::Integral => vec![Q, R, KI, W_DOT],
             Memory::Filter => vec![V, F, F_DOT, TIME],
         };
-        if memory == Memory::Integral && (limited || cascade) {
+        if memory == Memory::Integral && cascade {
             all.extend([self.velocity(), KP, AHEAD, R_DOT]);
         }
         if memory == Memory::Integral && limited {
-            all.extend([KD, KV, W]);
+            all.extend(self.acting());
         }
         all.retain(|&a| self.places[a].is_some());
         all.sort_unstable();
+        all.dedup();
         all
     }
 }

@@ -11,6 +11,7 @@
 //! Effects that act between a drive and its motor act on u; the loop reads the coordinate of its joint.
 
 mod drive;
+mod gravity;
 mod targets;
 #[cfg(test)]
 mod tests;
@@ -19,13 +20,14 @@ use std::borrow::Cow;
 use std::cell::RefCell;
 
 use pid_data::{Dataset, InputQuantity};
-use pid_interpret::nominal::{Gain, Servo};
+use pid_interpret::nominal::{self as description, Gain, Servo};
 use pid_runtime::chain::{self, Chain, Substituted};
 use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
 };
 
 use self::drive::{Loop, MOST, Memory, Q, R, R_DOT, V, argument, parameters};
+use self::gravity::{Known, Order, Weights};
 use super::DECADE;
 use super::arguments::{self, narrowed, widened};
 use super::merge::Merged;
@@ -46,6 +48,8 @@ pub struct WithLoops<'m> {
     inputs: Vec<InputInfo>,
     loops: Vec<Loop>,
     states: Vec<State>,
+    /// The robot that the drives know, where one makes up for gravity.
+    known: Option<Known>,
     /// Input of the motor of each loop in the inner u.
     motors: Vec<usize>,
     chain: Chain,
@@ -76,7 +80,7 @@ fn parameter(servo: &Servo, gain: Gain, joint: &str, unit: String) -> ParamInfo 
     let fixed = own.half_width == 0.0;
     let (least, most) = match (fixed, gain) {
         (true, _) => (value, value),
-        (false, Gain::VelocityAhead) => (0.0, value.max(1.0) * 2.0),
+        (false, Gain::VelocityAhead | Gain::Gravity) => (0.0, value.max(1.0) * 2.0),
         (false, _) => (value / DECADE, value * DECADE),
     };
     ParamInfo {
@@ -84,6 +88,7 @@ fn parameter(servo: &Servo, gain: Gain, joint: &str, unit: String) -> ParamInfo 
         unit: Cow::Owned(unit),
         doc: Cow::Borrowed(match gain {
             Gain::VelocityAhead => "Share of the target's velocity in the position loop",
+            Gain::Gravity => "Share of gravity that the drive makes up for",
             Gain::VelocityTime => "Time constant of the position loop's velocity",
             _ => "Gain of the position loop",
         }),
@@ -103,10 +108,12 @@ struct Driven<'a> {
 
 impl<'m> WithLoops<'m> {
     /// Puts loops around a model where the records have targets as inputs, and adds columns of their
-    /// states to the records. `servos` are the loops by coordinate; every gain of theirs has a value.
+    /// states to the records. `servos` are the loops by coordinate; every gain of theirs has a value. What drives
+    /// know of the robot is that of `nominal`.
     pub fn new(
         inner: Box<dyn Hessian + 'm>,
         servos: &[Option<&Servo>],
+        nominal: &description::Nominal,
         dataset: &mut Dataset,
     ) -> Self {
         let before = inner.dims();
@@ -137,6 +144,9 @@ impl<'m> WithLoops<'m> {
             motors: driven.iter().map(|d| d.motor).collect(),
             loops: Vec::new(),
             states: Vec::new(),
+            known: (driven.iter())
+                .any(|d| d.servo.has(Gain::Gravity))
+                .then(|| Known::new(nominal)),
             chain: Chain::new(inner.as_ref(), &[], |z| widened(&before, &dims, z)),
             jacobian: Merged::new(inner.jacobian_pattern(), std::iter::empty()),
             hessian: Merged::new(inner.hessian_pattern(), std::iter::empty()),
@@ -156,7 +166,7 @@ impl<'m> WithLoops<'m> {
         let info = self.inner.joints()[own.joint].clone();
         let unit = self.inner.inputs()[own.motor].unit.to_string();
         let target = widened(&before, &dims, before.u() + own.motor);
-        let mut places = [None; MOST];
+        let mut places = vec![None; MOST];
         (places[Q], places[V]) = (Some(own.joint), Some(dims.v() + own.joint));
         places[R] = Some(target);
         for gain in parameters(own.servo) {
@@ -200,8 +210,12 @@ impl<'m> WithLoops<'m> {
                 joint: None,
             });
         }
+        if let (Some(known), true) = (&self.known, own.servo.has(Gain::Gravity)) {
+            places.extend((0..known.n()).filter(|&i| i != own.joint).map(Some));
+        }
         let all = Loop {
             servo: own.servo.clone(),
+            joint: own.joint,
             places,
         };
         self.states
@@ -238,7 +252,7 @@ impl<'m> WithLoops<'m> {
     fn settle(&mut self) {
         let (before, dims) = (self.inner.dims(), self.dims);
         let group = |(own, &motor): (&Loop, &usize)| {
-            let mut arguments = vec![None; MOST];
+            let mut arguments = vec![None; own.places.len()];
             own.acting().for_each(|a| arguments[a] = own.places[a]);
             chain::Group {
                 replaces: vec![before.u() + motor],
@@ -262,13 +276,26 @@ impl<'m> WithLoops<'m> {
         self.states.len()
     }
 
-    /// Residuals of the states: coordinate and value.
-    fn rates<'a>(&'a self, at: &'a At<'_>) -> impl Iterator<Item = (usize, f64)> + 'a {
-        self.states.iter().map(|s| {
-            let own = &self.loops[s.own];
-            let x = own.arguments(at, &self.dims);
-            (s.coordinate, own.residual(s.memory, &x).0.re)
-        })
+    /// Calls with what makes up for gravity at a point, where a drive does.
+    fn weighed<T>(&self, at: &At<'_>, order: Order, work: impl FnOnce(Option<&Weights>) -> T) -> T {
+        match &self.known {
+            Some(known) => known.at(at.q, order, |weights| work(Some(weights))),
+            None => work(None),
+        }
+    }
+
+    /// Puts the residuals of the states into theirs, times a factor.
+    fn put_states(&self, at: &At<'_>, factor: f64, r: &mut [f64]) {
+        if self.states.is_empty() {
+            return;
+        }
+        self.weighed(at, Order::Value, |weights| {
+            for s in &self.states {
+                let own = &self.loops[s.own];
+                let here = own.at(at, &self.dims, weights);
+                r[s.coordinate] = factor * own.residual(s.memory, &here, None, None).0.re;
+            }
+        });
     }
 }
 
@@ -285,9 +312,12 @@ impl Substituted for WithLoops<'_> {
         let mut u = SCRATCH.with(|s| std::mem::take(&mut *s.borrow_mut()));
         let sizes = (&self.inner.dims(), &self.dims);
         let drives = |u: &mut [f64]| {
-            for (own, &motor) in self.loops.iter().zip(&self.motors) {
-                u[motor] = own.input(&own.arguments(at, &self.dims)).0.0.re;
-            }
+            self.weighed(at, Order::Value, |weights| {
+                for (own, &motor) in self.loops.iter().zip(&self.motors) {
+                    let here = own.at(at, &self.dims, weights);
+                    u[motor] = own.input(&here, None, None).0.re;
+                }
+            });
         };
         let out = narrowed(sizes, at, &mut u, drives, work);
         SCRATCH.with(|s| *s.borrow_mut() = u);
@@ -295,34 +325,33 @@ impl Substituted for WithLoops<'_> {
     }
 
     fn gradients(&self, at: &At<'_>, out: &mut Vec<f64>) {
-        for own in &self.loops {
-            let mut x = own.arguments(at, &self.dims);
-            let first = out.len();
-            out.resize(first + MOST, 0.0);
-            for a in own.acting() {
-                x[a].0.eps1 = 1.0;
-                out[first + a] = own.input(&x).0.0.eps1;
-                x[a].0.eps1 = 0.0;
+        self.weighed(at, Order::Slope, |weights| {
+            for own in &self.loops {
+                let here = own.at(at, &self.dims, weights);
+                let first = out.len();
+                out.resize(first + own.places.len(), 0.0);
+                for a in own.acting() {
+                    out[first + a] = own.input(&here, Some(a), None).0.eps1;
+                }
             }
-        }
+        });
     }
 
     /// The lower triangles: those the chain reads.
     fn curvatures(&self, at: &At<'_>, weights: &[f64], out: &mut Vec<f64>) {
-        for (own, w) in self.loops.iter().zip(weights) {
-            let mut x = own.arguments(at, &self.dims);
-            let first = out.len();
-            out.resize(first + MOST * MOST, 0.0);
-            for a in own.acting() {
-                x[a].0.eps1 = 1.0;
-                for b in own.acting().take_while(|&b| b <= a) {
-                    x[b].0.eps2 = 1.0;
-                    out[first + a * MOST + b] = w * own.input(&x).0.0.eps1eps2;
-                    x[b].0.eps2 = 0.0;
+        self.weighed(at, Order::Curve, |held| {
+            for (own, w) in self.loops.iter().zip(weights) {
+                let here = own.at(at, &self.dims, held);
+                let (first, width) = (out.len(), own.places.len());
+                out.resize(first + width * width, 0.0);
+                for a in own.acting() {
+                    for b in own.acting().take_while(|&b| b <= a) {
+                        let second = own.input(&here, Some(a), Some(b)).0.eps1eps2;
+                        out[first + a * width + b] = w * second;
+                    }
                 }
-                x[a].0.eps1 = 0.0;
             }
-        }
+        });
     }
 }
 
@@ -358,16 +387,12 @@ impl Dynamics for WithLoops<'_> {
     fn applied_force(&self, at: &At<'_>, f: &mut [f64]) {
         let nq = self.inner.dims().nq;
         self.within(at, |at| self.inner.applied_force(at, &mut f[..nq]));
-        for (s, rate) in self.rates(&At { a: &[], ..*at }) {
-            f[s] = -rate;
-        }
+        self.put_states(&At { a: &[], ..*at }, -1.0, f);
     }
     fn residual(&self, at: &At<'_>, r: &mut [f64]) {
         let nq = self.inner.dims().nq;
         self.within(at, |at| self.inner.residual(at, &mut r[..nq]));
-        for (s, rate) in self.rates(at) {
-            r[s] = rate;
-        }
+        self.put_states(at, 1.0, r);
     }
     fn kinetic_energy(&self, at: &At<'_>) -> f64 {
         self.within(at, |at| self.inner.kinetic_energy(at))
@@ -385,18 +410,18 @@ impl Jacobian for WithLoops<'_> {
         let (nq, own) = (self.inner.dims().nq, self.jacobian.own());
         self.outer_jacobian(at, &mut r[..nq], &mut values[..own]);
         self.jacobian.spread(values);
-        for (state, slots) in self.states.iter().zip(self.jacobian.slots()) {
-            let own = &self.loops[state.own];
-            let mut x = own.arguments(at, &self.dims);
-            for (&a, &slot) in state.active.iter().zip(slots) {
-                x[a].0.eps1 = 1.0;
-                values[slot] += own.residual(state.memory, &x).0.eps1;
-                x[a].0.eps1 = 0.0;
-            }
+        if !self.states.is_empty() {
+            self.weighed(at, Order::Slope, |weights| {
+                for (state, slots) in self.states.iter().zip(self.jacobian.slots()) {
+                    let own = &self.loops[state.own];
+                    let here = own.at(at, &self.dims, weights);
+                    for (&a, &slot) in state.active.iter().zip(slots) {
+                        values[slot] += own.residual(state.memory, &here, Some(a), None).0.eps1;
+                    }
+                }
+            });
         }
-        for (s, rate) in self.rates(at) {
-            r[s] = rate;
-        }
+        self.put_states(at, 1.0, r);
     }
 }
 
@@ -408,19 +433,21 @@ impl Hessian for WithLoops<'_> {
         let (nq, own) = (self.inner.dims().nq, self.hessian.own());
         self.outer_hessian(at, &lambda[..nq], &mut values[..own]);
         self.hessian.spread(values);
-        for (state, slots) in self.states.iter().zip(self.hessian.slots()) {
-            let own = &self.loops[state.own];
-            let weight = lambda[state.coordinate];
-            let mut x = own.arguments(at, &self.dims);
-            let mut slots = slots.iter();
-            for (i, &a) in state.active.iter().enumerate() {
-                for &b in &state.active[..=i] {
-                    let Some(&slot) = slots.next() else { return };
-                    (x[a].0.eps1, x[b].0.eps2) = (1.0, 1.0);
-                    values[slot] += weight * own.residual(state.memory, &x).0.eps1eps2;
-                    (x[a].0.eps1, x[b].0.eps2) = (0.0, 0.0);
+        if self.states.is_empty() {
+            return;
+        }
+        self.weighed(at, Order::Curve, |weights| {
+            for (state, slots) in self.states.iter().zip(self.hessian.slots()) {
+                let own = &self.loops[state.own];
+                let (weight, here) = (lambda[state.coordinate], own.at(at, &self.dims, weights));
+                let active = &state.active;
+                let pairs = (0..active.len()).flat_map(|i| (0..=i).map(move |k| (i, k)));
+                for ((i, k), &slot) in pairs.zip(slots) {
+                    let second =
+                        own.residual(state.memory, &here, Some(active[i]), Some(active[k]));
+                    values[slot] += weight * second.0.eps1eps2;
                 }
             }
-        }
+        });
     }
 }

@@ -30,7 +30,12 @@ fn behind_loops(law: ServoLaw, limit: Option<f64>) -> (WithLoops<'static>, Datas
     for joint in &mut dataset.joints {
         (joint.input, joint.input_unit) = (InputQuantity::Position, "rad".to_owned());
     }
-    let model = WithLoops::new(model(), &[Some(&first), Some(&pd)], &mut dataset);
+    let model = WithLoops::new(
+        model(),
+        &[Some(&first), Some(&pd)],
+        &described(PD),
+        &mut dataset,
+    );
     (model, dataset)
 }
 
@@ -114,7 +119,7 @@ fn described(drive: &str) -> description::Nominal {
 fn behind(drive: &str) -> (WithLoops<'static>, Dataset) {
     let (nominal, mut dataset) = (described(drive), targets());
     let servos = [nominal.servo(0), nominal.servo(1)];
-    let with = WithLoops::new(model(), &servos, &mut dataset);
+    let with = WithLoops::new(model(), &servos, &nominal, &mut dataset);
     dataset.check_model(&with).expect("columns for all");
     (with, dataset)
 }
@@ -122,6 +127,7 @@ fn behind(drive: &str) -> (WithLoops<'static>, Dataset) {
 const PD: &str =
     "law = \"pd\"\nkp = { value = 3.0, tolerance = 1.0 }\nkd = { value = 0.4, tolerance = 0.1 }\n";
 const CASCADE: &str = "law = \"cascade\"\nkp = 3.0\nkv = 0.4\nki = 1.5\n";
+const WEIGHED: &str = "gravity = { value = 0.8, tolerance = 0.2 }\n";
 const AHEAD: &str = "velocity_feed_forward = { value = 0.6, tolerance = 0.3 }\n";
 const FILTER: &str = "velocity_filter_s = { value = 0.05, tolerance = 0.02 }\n";
 
@@ -136,12 +142,17 @@ fn derivatives_behind_stages_are_those_of_differences() {
             "dead_band = 0.2\nlimit = 1.3\nvelocity_feed_forward = 0.7\n",
         ),
         (CASCADE, "velocity_limit = 0.9\n"),
+        (PD, WEIGHED),
+        (
+            CASCADE,
+            "gravity = { value = 0.8, tolerance = 0.2 }\nlimit = 1.3\n",
+        ),
     ] {
         for joint in [0, 1] {
             let (nominal, mut dataset) = (described(&format!("{law}{stages}")), targets());
             // One coordinate more at most, as the weights of the check have it.
             let servos = [0, 1].map(|j| nominal.servo(j).filter(|_| j == joint));
-            let with = WithLoops::new(model(), &servos, &mut dataset);
+            let with = WithLoops::new(model(), &servos, &nominal, &mut dataset);
             let d = with.dims();
             let free: Vec<usize> = (0..d.nz())
                 .filter(|z| !(d.u() + 1..d.p()).contains(z))
@@ -193,6 +204,45 @@ fn stages_are_those_of_the_drives() {
     }
 }
 
+/// The share of gravity is that of the forces which hold the arm at rest: here those of its own equations.
+#[test]
+fn drives_make_up_for_gravity() {
+    let (with, _) = behind(&format!("{PD}{WEIGHED}"));
+    let (d, own) = (with.dims(), model().dims());
+    assert_eq!((d.nq, d.nu, d.np), (own.nq, own.nu, own.np + 6));
+    let z = point(&with, 1.0);
+    let here = at(&z, &d);
+    let (none, mut held) = (vec![0.0; 2], vec![0.0; 2]);
+    let rest = At {
+        v: &none,
+        a: &none,
+        u: &none,
+        p: &here.p[..own.np],
+        ..here
+    };
+    model().residual(&rest, &mut held);
+    let gain = |joint: &str| {
+        let name = format!("gain_{joint}");
+        let k = model().params().iter().position(|p| p.name == name);
+        here.p[k.expect("a gain")]
+    };
+    let gains = [gain("shoulder"), gain("elbow")];
+    let u =
+        [0, 1].map(|j| 3.0 * (here.u[j] - here.q[j]) - 0.4 * here.v[j] + 0.8 * held[j] / gains[j]);
+    let inside = At {
+        u: &u,
+        p: &here.p[..own.np],
+        ..here
+    };
+    let (mut r, mut expected) = (vec![0.0; 2], vec![0.0; 2]);
+    with.residual(&here, &mut r);
+    model().residual(&inside, &mut expected);
+    for j in 0..2 {
+        assert!(held[j].abs() > 0.1, "{held:?}");
+        assert!((r[j] - expected[j]).abs() < 1e-9, "{r:?} {expected:?}");
+    }
+}
+
 /// A step of 0.5 rad at 0.1 s, every 20 ms, in the first joint's targets; the records become what loops follow.
 fn stepped(stages: &str, hold: InputHold) -> Vec<f64> {
     let (nominal, mut dataset) = (described(&format!("{PD}{stages}")), targets());
@@ -205,7 +255,7 @@ fn stepped(stages: &str, hold: InputHold) -> Vec<f64> {
         }
     }
     let servos = [nominal.servo(0), None];
-    let with = WithLoops::new(model(), &servos, &mut dataset);
+    let with = WithLoops::new(model(), &servos, &nominal, &mut dataset);
     assert_eq!(with.dims().nq, 2, "stages of targets have no coordinates");
     let e = &dataset.experiments[0];
     e.u.iter().step_by(e.nu()).copied().collect()
@@ -245,7 +295,6 @@ fn targets_become_what_loops_follow() {
 #[test]
 fn further_stages_of_loops_are_refused() {
     for (line, key) in [
-        ("gravity = 1.0", "gravity"),
         ("inertia_feed_forward = 1.0", "inertia_feed_forward"),
         ("feedback_delay_s = 0.01", "feedback_delay_s"),
         ("ki = 1.0\nintegral_limit = 1.0", "integral_limit"),

@@ -217,7 +217,7 @@ impl Servo {
 
     /// What the loop has that equations of motion with exact second derivatives do not hold, as its key.
     pub fn beyond_equations(&self) -> Option<&'static str> {
-        let numbers = [Gain::Gravity, Gain::InertiaAhead, Gain::FeedbackDelay];
+        let numbers = [Gain::InertiaAhead, Gain::FeedbackDelay];
         let keys = [
             ("integral_limit", self.integral_limit.is_some()),
             ("no_load_speed", self.falling.is_some()),
