@@ -14,8 +14,8 @@ use serde::Deserialize;
 use crate::args::excite::ExciteArgs;
 use crate::excite::Mover;
 
-/// Largest velocity of a joint for which nothing states one, rad/s or m/s: slow for an arm, so that a first motion does
-/// no harm.
+/// Largest velocity of a joint for which nothing states one, rad/s or m/s: slow for an arm, so that a first motion
+/// does no harm.
 const SLOW: f64 = 2.0;
 
 /// Key of the boxes; every other key is a joint.

@@ -2,6 +2,7 @@
 //! [`effect`](crate::effect) for the equation.
 
 mod contact;
+mod feed_forward;
 mod past;
 mod servo;
 mod step;
@@ -17,8 +18,9 @@ use crate::drives::target::Shaped;
 use crate::effect::{Gear, Law, Pick};
 use crate::hypothesis::Hypothesis;
 use crate::known::Known;
+use feed_forward::Model;
 use past::Past;
-use servo::{Loop, Model};
+use servo::Loop;
 
 pub(crate) use servo::{Memory, whole};
 

@@ -1,7 +1,6 @@
 //! Position loops of drives within a substep: from the target to the input of the motor, before
 //! effects between them.
 
-use pid_interpret::links;
 use pid_interpret::nominal::{Role as Part, Servo, ServoLaw};
 
 use super::{Machine, State};
@@ -10,7 +9,7 @@ use crate::drives::target::{Motion, Shaped, followed};
 use crate::drives::{Gains, Output, Seen, at_rest, filter, integrated, output, slowed};
 use crate::effect::{Commands, Pick};
 use crate::hypothesis::Hypothesis;
-use crate::nominal::{DriveKnowledge, EncoderSide};
+use crate::nominal::EncoderSide;
 
 /// The loop of a joint with its gains.
 pub(super) type Loop<'h, D> = (&'h Servo, Gains<D>);
@@ -27,9 +26,9 @@ pub(crate) struct Memory<D> {
     /// When the output came to its limit or left it last, s since the start of what was recorded.
     switched: f64,
     /// When it reads next, s since the start of what was recorded.
-    due: f64,
+    pub(super) due: f64,
     /// What it follows.
-    follows: Motion<D>,
+    pub(super) follows: Motion<D>,
     /// The velocity behind its filter.
     velocity: D,
 }
@@ -73,63 +72,6 @@ impl<D: Pick> Memory<D> {
     }
 }
 
-/// Whether a drive makes up for gravity or inertia.
-fn makes_up<D: Copy>(own: &Option<Loop<'_, D>>) -> bool {
-    own.is_some_and(|(_, k)| k.gravity.is_some() || k.inertia.is_some())
-}
-
-/// The robot as the feed-forward of the drives knows it.
-pub(super) struct Model<D> {
-    links: links::Work<D>,
-    known: DriveKnowledge<D>,
-    /// Where it was evaluated last, and the velocity, which is none.
-    q: Vec<D>,
-    still: Vec<D>,
-    bias: Vec<D>,
-    /// Inputs that make up for gravity and for the acceleration of the targets, joint by joint, where its loop read
-    /// last.
-    gravity: Vec<D>,
-    inertia: Vec<D>,
-}
-
-impl<D: Pick> Model<D> {
-    /// Where a drive has a feed-forward.
-    pub(super) fn of(constants: &Constants<'_, D>, loops: &[Option<Loop<'_, D>>]) -> Option<Self> {
-        let nominal = constants.nominal();
-        let n = nominal.n();
-        if !loops.iter().any(makes_up) {
-            return None;
-        }
-        let (links, known) = Constants::known_to_drives(nominal);
-        let zero = || vec![D::nil(); n];
-        Some(Model {
-            links,
-            known,
-            q: zero(),
-            still: zero(),
-            bias: zero(),
-            gravity: zero(),
-            inertia: zero(),
-        })
-    }
-
-    /// Notes what makes up for gravity at a joint where it was evaluated.
-    fn weigh(&mut self, j: usize) {
-        self.gravity[j] = self.bias[j] / self.known.gains[j];
-    }
-
-    /// Notes what accelerates a joint there as the targets do.
-    fn accelerate(&mut self, j: usize, loops: &[Memory<D>]) {
-        let lower = self.links.mass();
-        let entry = |i: usize, j: usize| lower[i * (i + 1) / 2 + j];
-        let mut force = loops[j].follows.acceleration * self.known.rotors[j];
-        for (i, own) in loops.iter().enumerate() {
-            force += entry(i.max(j), i.min(j)) * own.follows.acceleration;
-        }
-        self.inertia[j] = force / self.known.gains[j];
-    }
-}
-
 /// Share of a number within which it counts as whole.
 const WHOLE: f64 = 1e-3;
 /// Share of its stated value below which friction is no unit: a fit may end without any.
@@ -154,7 +96,7 @@ pub(crate) fn whole(number: f64) -> bool {
 }
 
 /// The state itself, as [`Machine::reading`] has it.
-const START: (f64, f64) = (0.0, 1.0);
+pub(super) const START: (f64, f64) = (0.0, 1.0);
 
 /// Period of a loop that holds its output, s; none where it answers at once.
 fn period(servo: &Servo) -> f64 {
@@ -163,7 +105,7 @@ fn period(servo: &Servo) -> f64 {
 
 /// Period of a loop that reads at the start of a substep of `dt` and holds its output: those of a whole number of
 /// substeps, and those so long that the next start is not far.
-fn held(servo: &Servo, dt: f64) -> Option<f64> {
+pub(super) fn held(servo: &Servo, dt: f64) -> Option<f64> {
     let period = period(servo);
     let number = period / dt;
     (whole(number) || number > 2.0).then_some(period)
@@ -175,7 +117,7 @@ const STIRRED: f64 = 0.3;
 
 /// How far into a substep of `dt` the state lies that a loop answers to which does not read at its start: in its
 /// middle, less the half period for which a held output is late on average.
-fn ahead(servo: &Servo, dt: f64) -> f64 {
+pub(super) fn ahead(servo: &Servo, dt: f64) -> f64 {
     0.5 * (dt - period(servo))
 }
 
@@ -280,7 +222,13 @@ impl<D: Pick> Machine<'_, D> {
 
     /// Position and velocity that the loop of a joint reads, `ahead` of a state at `t`, s, within a substep of `dt`.
     #[inline(always)]
-    fn reading(&self, state: &State<D>, j: usize, t: f64, (ahead, dt): (f64, f64)) -> (D, D) {
+    pub(super) fn reading(
+        &self,
+        state: &State<D>,
+        j: usize,
+        t: f64,
+        (ahead, dt): (f64, f64),
+    ) -> (D, D) {
         let late = self.loops[j].and_then(|(_, k)| k.feedback_delay);
         if let Some((q, v)) = late.and_then(|late| state.past[j].at(-late + (t + ahead))) {
             return self.sense(j, q, v);
@@ -386,63 +334,6 @@ impl<D: Pick> Machine<'_, D> {
         out
     }
 
-    /// What the drives' model makes up for at the positions that their loops read over the substep from
-    /// `t`: in its middle, or at its start where a loop reads there and holds its output.
-    #[inline(always)]
-    pub(super) fn feed_forward(&mut self, state: &State<D>, (t, dt): (f64, f64)) {
-        let Some(mut model) = self.model.take() else {
-            return;
-        };
-        for holds in [false, true] {
-            let reads = |j: usize| match self.loops[j] {
-                Some((servo, _)) if makes_up(&self.loops[j]) => {
-                    let period = held(servo, dt);
-                    period.is_some() == holds && (!holds || t >= state.loops[j].due - 1e-3 * dt)
-                }
-                _ => false,
-            };
-            if !(0..self.n()).any(reads) {
-                continue;
-            }
-            for j in 0..self.n() {
-                let ahead = match (holds, self.loops[j]) {
-                    (true, _) => 0.0,
-                    (false, Some((servo, _))) => ahead(servo, dt),
-                    (false, None) => 0.5 * dt,
-                };
-                model.q[j] = self.reading(state, j, t, (ahead, dt)).0;
-            }
-            self.evaluate_model(&mut model);
-            for j in (0..self.n()).filter(|&j| reads(j)) {
-                model.weigh(j);
-                if self.loops[j].is_some_and(|(_, k)| k.inertia.is_some()) {
-                    model.accelerate(j, &state.loops);
-                }
-            }
-        }
-        self.model = Some(model);
-    }
-
-    /// Forces that the drives' model needs to rest at its positions.
-    #[inline(always)]
-    fn evaluate_model(&self, model: &mut Model<D>) {
-        let at = links::At {
-            q: &model.q,
-            v: &model.still,
-            force: None,
-        };
-        let programs = &self.constants.nominal().links;
-        programs.evaluate(&mut model.links, &at, D::sine_cosine, &mut model.bias);
-    }
-
-    /// Inputs with which the model of the drive of a joint makes up for gravity and inertia.
-    fn fed(&self, j: usize) -> (D, D) {
-        match &self.model {
-            Some(own) => (own.gravity[j], own.inertia[j]),
-            None => (D::nil(), D::nil()),
-        }
-    }
-
     /// The velocity that a loop uses in place of the one it reads, in the middle and at the end of `dt`, and
     /// how it moves with that.
     #[inline(always)]
@@ -521,14 +412,7 @@ impl<D: Pick> Machine<'_, D> {
     /// Output of the loops of all joints as they hold the robot at a state at rest, for targets `r`:
     /// torques without a loop. An integral is where the torque `self.bias` needs it.
     pub(super) fn hold(&mut self, state: &mut State<D>, targets: &[f64]) -> Vec<D> {
-        if let Some(mut model) = self.model.take() {
-            for j in 0..self.n() {
-                model.q[j] = self.reading(state, j, self.begin, START).0;
-            }
-            self.evaluate_model(&mut model);
-            (0..self.n()).for_each(|j| model.weigh(j));
-            self.model = Some(model);
-        }
+        self.weigh_at_rest(state);
         let of = |j: usize| {
             let r = D::constant(targets[j]);
             let Some((servo, k)) = self.loops[j] else {
@@ -548,60 +432,5 @@ impl<D: Pick> Machine<'_, D> {
             output(servo, &k, &at, integral).u
         };
         (0..targets.len()).map(of).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::effect::Term;
-    use crate::nominal::Nominal;
-
-    /// A drive that feeds inertia forward counts with the targets of joints whose drives do not.
-    #[test]
-    fn inertia_is_fed_forward_for_the_targets_of_all_joints() {
-        const H: f64 = 4e-3;
-        const ACCELERATION: f64 = 3.0;
-        let drive = "[drive]\nlaw = \"pd\"\nkp = 50.0\nkd = 5.0\n\n[[joint]]";
-        let text = include_str!("../../robots/ur10e.toml").replacen("[[joint]]", drive, 1);
-        let nominal = Nominal::parse(&text, "ur10e.toml".as_ref()).expect("a description");
-        let q = [0.3, -0.8, 0.9, 0.2, 0.4, 0.1];
-        let effect = crate::effects::by_id("inertia_feed_forward").expect("an effect");
-        let hypothesis = Hypothesis::new(vec![Term { effect, joint: 1 }]);
-        let constants = Constants::new(&nominal, &vec![0.0; nominal.size()]);
-        let mut machine = Machine::<f64>::new(constants, &hypothesis, vec![1.0]);
-        let mut state = machine.rest(&q, &[0.0; 6], &q);
-        // The third joint alone has a target that is accelerated.
-        let target = |j: usize, k: i32| match j {
-            2 => q[j] + 0.5 * ACCELERATION * (H * f64::from(k)).powi(2),
-            _ => q[j],
-        };
-        let targets: Vec<Vec<f64>> = (0..6)
-            .map(|j| (0..10).map(|k| target(j, k)).collect())
-            .collect();
-        let of = |u| Commands {
-            u,
-            h: H,
-            linear: false,
-            begin: 0.0,
-            t: 5.0 * H,
-            dt: 1e-6,
-            others: 0.0,
-        };
-        let commands: Vec<Commands<'_>> = targets.iter().map(|u| of(u)).collect();
-        machine.step(&mut state, &commands, Some(1e-6));
-        let (mut work, known) = Constants::<f64>::known_to_drives(&nominal);
-        let at = links::At {
-            q: &q,
-            v: &[0.0; 6],
-            force: None,
-        };
-        let mut bias = [0.0; 6];
-        (nominal.links).evaluate(&mut work, &at, f64::sin_cos, &mut bias);
-        // Row 2, column 1 of the lower triangle.
-        let expected = work.mass()[4] * ACCELERATION / known.gains[1];
-        let (_, fed) = machine.fed(1);
-        assert!(expected.abs() > 0.01, "{expected}");
-        assert!((fed / expected - 1.0).abs() < 1e-6, "{fed} {expected}");
     }
 }

@@ -4,8 +4,8 @@ use super::about;
 use super::rig::{BAR, CASCADE, Loop, PD, described, records};
 use crate::common::identified;
 
-/// A policy's targets behind a filter, a derivative behind another and a band: what is stated of the target acts on it,
-/// the filter of the velocity is found.
+/// A policy's targets behind a filter, a derivative behind another and a band: what is stated of the target acts on
+/// it, the filter of the velocity is found.
 #[test]
 fn a_pd_with_filters_and_a_band_has_its_gains() {
     let own = Loop {

@@ -159,8 +159,8 @@ pub fn output<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>, integral: D)
     }
 }
 
-/// What is left of an output where the limit falls with the speed of the motor, in the direction that a positive output
-/// drives; `None` where the limit holds nothing back.
+/// What is left of an output where the limit falls with the speed of the motor, in the direction that a positive
+/// output drives; `None` where the limit holds nothing back.
 #[inline(always)]
 pub fn slowed<D: Scalar>(servo: &Servo, u: D, speed: D) -> Option<Output<D>> {
     let own = servo.falling?;

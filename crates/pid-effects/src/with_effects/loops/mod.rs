@@ -72,8 +72,8 @@ pub fn gain_name(gain: Gain, joint: &str) -> String {
     format!("{}_{joint}", gain.key())
 }
 
-/// A number of a loop as a parameter: within a decade of where it starts, with its sign; a share from none to twice the
-/// whole; held where it is exact.
+/// A number of a loop as a parameter: within a decade of where it starts, with its sign; a share from none to twice
+/// the whole; held where it is exact.
 fn parameter(servo: &Servo, gain: Gain, joint: &str, unit: String) -> ParamInfo {
     let own = servo.gain(gain);
     let value = own.value.unwrap_or(0.0);

@@ -169,7 +169,8 @@ fn derivatives_behind_stages_are_those_of_differences() {
     }
 }
 
-/// The law damps what its filter lets through, less the share of the target's velocity; a band of the error counts as none.
+/// The law damps what its filter lets through, less the share of the target's velocity; a band of the error counts as
+/// none.
 #[test]
 fn stages_are_those_of_the_drives() {
     let (with, _) = behind(&format!("{PD}{AHEAD}{FILTER}dead_band = 0.2\n"));

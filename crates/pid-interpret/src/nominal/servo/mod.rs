@@ -111,8 +111,8 @@ impl Default for DriveModel {
     }
 }
 
-/// What a motor brings at most in the direction in which it turns: at a speed v up to `stall (1 − v/no_load_speed)`, none
-/// beyond; against it as much as that goes on to (a motor with back-EMF at a limited voltage: W. Leonhard, Control of
+/// What a motor brings at most in the direction in which it turns: at a speed v up to `stall (1 − v/no_load_speed)`,
+/// none beyond; against it as much as that goes on to (a motor with back-EMF at a limited voltage: W. Leonhard, Control of
 /// Electrical Drives, 2001, chapter 5).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FallingLimit {
