@@ -180,7 +180,7 @@ impl Loop {
         let (Some(limit), Some(speed)) = (self.limit, self.no_load) else {
             return asked;
         };
-        let most = |v: f64| (limit * (1.0 - v / speed)).max(0.0);
+        let most = |v: f64| limit * (1.0 - v / speed);
         asked.clamp(-most(-v), most(v))
     }
 

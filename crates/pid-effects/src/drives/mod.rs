@@ -165,24 +165,14 @@ pub fn output<D: Scalar>(servo: &Servo, k: &Gains<D>, at: &Seen<D>, integral: D)
 pub fn slowed<D: Scalar>(servo: &Servo, u: D, speed: D) -> Option<Output<D>> {
     let own = servo.falling?;
     let most = |speed: D| (-speed / own.no_load_speed + 1.0) * own.stall;
-    let (high, low) = (most(speed), -most(-speed));
-    let end = if u.value() > high.value().max(0.0) {
-        high
-    } else if u.value() < low.value().min(0.0) {
-        low
-    } else {
+    let (low, high) = (-most(-speed), most(speed));
+    if u.value() >= low.value() && u.value() <= high.value() {
         return None;
-    };
-    // Beyond the speed at which nothing is left nothing brakes either.
-    let there = end.value() * u.value() > 0.0;
-    let nil = D::nil();
-    let falls = D::constant(own.stall / own.no_load_speed);
-    let (u, damping) = if there { (end, falls) } else { (nil, nil) };
-    let stiffness = nil;
+    }
     Some(Output {
-        u,
-        stiffness,
-        damping,
+        u: u.limit(low, high),
+        stiffness: D::nil(),
+        damping: D::constant(own.stall / own.no_load_speed),
     })
 }
 
@@ -291,7 +281,8 @@ mod tests {
         assert_eq!((at(1.9, 0.0), at(2.1, 0.0)), (None, Some(2.0)));
         assert_eq!((at(0.9, 2.0), at(5.0, 2.0)), (None, Some(1.0)));
         assert_eq!((at(-2.9, 2.0), at(-3.1, 2.0)), (None, Some(-3.0)));
-        assert_eq!((at(0.1, 4.5), at(-0.1, 4.5)), (Some(0.0), None));
+        // Faster than without a load it brakes.
+        assert_eq!((at(0.1, 5.0), at(-0.6, 5.0)), (Some(-0.5), None));
         assert_eq!((at(-5.0, -2.0), at(5.0, -2.0)), (Some(-1.0), Some(3.0)));
     }
 

@@ -94,8 +94,20 @@ pub(super) struct Loop {
     pub(super) servo: Servo,
     /// The joint, which is its coordinate.
     pub(super) joint: usize,
+    /// Sign of the motor gain.
+    pub(super) sign: f64,
     /// Place of each argument in z.
     pub(super) places: Vec<Option<usize>>,
+}
+
+/// A value within two ends, and its slope times that of the value, rounded as every limit of [`Smooth`].
+fn clipped((x, slope): (Smooth, Smooth), [low, high]: [Smooth; 2]) -> (Smooth, Smooth) {
+    let round = (high - low) * CORNER;
+    let from = |end: Smooth| {
+        let x = x - end;
+        x / (x * x + round * round).root()
+    };
+    (x.limit(low, high), slope * (from(low) - from(high)) * 0.5)
 }
 
 /// A point with what holds the robot there against gravity.
@@ -162,26 +174,28 @@ impl Loop {
         self.limited(&self.seeded(at, a, b)).0
     }
 
-    /// Input of the motor, and the slope of its limit.
+    /// Input of the motor, and how it moves with the output of the law.
     fn limited(&self, x: &[Smooth; MOST]) -> (Smooth, Smooth) {
         let (k, at) = self.seen(x);
-        let free = unlimited(&self.servo, &k, &at, x[W]).u;
-        let Some(limit) = self.servo.limit else {
-            return (free, Smooth::constant(1.0));
-        };
-        let round = (2.0 * limit * CORNER).powi(2);
-        let slope = |end: f64| {
-            let x = free - end;
-            x / (x * x + round).root()
-        };
-        let end = Smooth::constant(limit);
-        let slope = (slope(-limit) - slope(limit)) * 0.5;
-        (free.limit(-end, end), slope)
+        let mut out = (
+            unlimited(&self.servo, &k, &at, x[W]).u,
+            Smooth::constant(1.0),
+        );
+        if let Some(limit) = self.servo.limit {
+            out = clipped(out, [-limit, limit].map(Smooth::constant));
+        }
+        if let Some(own) = self.servo.falling {
+            let speed = x[V] * (self.sign / own.no_load_speed);
+            let ends = [-speed - 1.0, -speed + 1.0].map(|end| end * own.stall);
+            out = (clipped(out, ends).0, out.1);
+        }
+        out
     }
 
     /// Arguments on which the input depends, ascending.
     pub(super) fn acting(&self) -> impl Iterator<Item = usize> + '_ {
-        let unused = if self.places[F].is_some() { V } else { F };
+        let hides = self.places[F].is_some() && self.servo.falling.is_none();
+        let unused = if hides { V } else { MOST };
         let all = [Q, V, R, KP, KD, KV, W, AHEAD, R_DOT, F, SHARE];
         let used = all.into_iter().filter(move |&a| a != unused);
         let all = used.chain(MOST..self.places.len());

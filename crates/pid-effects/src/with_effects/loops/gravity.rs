@@ -4,7 +4,6 @@
 use std::sync::{Mutex, PoisonError};
 
 use pid_interpret::links;
-use pid_interpret::nominal as description;
 
 use crate::constants::Constants;
 use crate::nominal::{DriveKnowledge, Nominal};
@@ -42,9 +41,9 @@ pub(super) enum Order {
 }
 
 impl Known {
-    pub(super) fn new(nominal: &description::Nominal) -> Self {
+    pub(super) fn new(nominal: Nominal) -> Self {
         Self {
-            nominal: Nominal::new(nominal.clone()),
+            nominal,
             idle: Mutex::default(),
         }
     }

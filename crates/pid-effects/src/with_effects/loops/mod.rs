@@ -32,6 +32,7 @@ use super::DECADE;
 use super::arguments::{self, narrowed, widened};
 use super::merge::Merged;
 use super::states::add_state;
+use crate::nominal::Nominal;
 
 thread_local! {
     /// Inner inputs; kept so that evaluations do not allocate.
@@ -104,6 +105,8 @@ struct Driven<'a> {
     joint: usize,
     servo: &'a Servo,
     motor: usize,
+    /// Sign of the motor gain.
+    sign: f64,
 }
 
 impl<'m> WithLoops<'m> {
@@ -117,6 +120,7 @@ impl<'m> WithLoops<'m> {
         dataset: &mut Dataset,
     ) -> Self {
         let before = inner.dims();
+        let stated = Nominal::new(nominal.clone());
         let driven: Vec<Driven<'_>> = (servos.iter().enumerate())
             .filter(|(j, _)| dataset.joints[*j].input == InputQuantity::Position)
             .filter_map(|(joint, servo)| {
@@ -125,6 +129,7 @@ impl<'m> WithLoops<'m> {
                     joint,
                     servo: (*servo)?,
                     motor,
+                    sign: stated.gain(joint).signum(),
                 })
             })
             .collect();
@@ -146,7 +151,7 @@ impl<'m> WithLoops<'m> {
             states: Vec::new(),
             known: (driven.iter())
                 .any(|d| d.servo.has(Gain::Gravity))
-                .then(|| Known::new(nominal)),
+                .then(|| Known::new(stated)),
             chain: Chain::new(inner.as_ref(), &[], |z| widened(&before, &dims, z)),
             jacobian: Merged::new(inner.jacobian_pattern(), std::iter::empty()),
             hessian: Merged::new(inner.hessian_pattern(), std::iter::empty()),
@@ -216,6 +221,7 @@ impl<'m> WithLoops<'m> {
         let all = Loop {
             servo: own.servo.clone(),
             joint: own.joint,
+            sign: own.sign,
             places,
         };
         self.states

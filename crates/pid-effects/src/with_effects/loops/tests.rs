@@ -144,6 +144,10 @@ fn derivatives_behind_stages_are_those_of_differences() {
         (CASCADE, "velocity_limit = 0.9\n"),
         (PD, WEIGHED),
         (
+            PD,
+            "stall = 2.0\nno_load_speed = 1.5\nvelocity_filter_s = 0.05\n",
+        ),
+        (
             CASCADE,
             "gravity = { value = 0.8, tolerance = 0.2 }\nlimit = 1.3\n",
         ),
@@ -299,7 +303,6 @@ fn further_stages_of_loops_are_refused() {
         ("inertia_feed_forward = 1.0", "inertia_feed_forward"),
         ("feedback_delay_s = 0.01", "feedback_delay_s"),
         ("ki = 1.0\nintegral_limit = 1.0", "integral_limit"),
-        ("limit = 2.0\nno_load_speed = 9.0", "no_load_speed"),
     ] {
         let law = if key == "integral_limit" { "pid" } else { "pd" };
         let nominal = described(&format!("law = \"{law}\"\nkp = 3.0\nkd = 0.4\n{line}\n"));

@@ -112,7 +112,7 @@ impl Default for DriveModel {
 }
 
 /// What a motor brings at most in the direction in which it turns: at a speed v up to `stall (1 − v/no_load_speed)`,
-/// none beyond; against it as much as that goes on to (a motor with back-EMF at a limited voltage: W. Leonhard, Control of
+/// against it as much as that goes on to (a motor with back-EMF at a limited voltage: W. Leonhard, Control of
 /// Electrical Drives, 2001, chapter 5).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FallingLimit {
@@ -218,10 +218,7 @@ impl Servo {
     /// What the loop has that equations of motion with exact second derivatives do not hold, as its key.
     pub fn beyond_equations(&self) -> Option<&'static str> {
         let numbers = [Gain::InertiaAhead, Gain::FeedbackDelay];
-        let keys = [
-            ("integral_limit", self.integral_limit.is_some()),
-            ("no_load_speed", self.falling.is_some()),
-        ];
+        let keys = [("integral_limit", self.integral_limit.is_some())];
         let numbers = numbers.map(|gain| (gain.key(), self.has(gain)));
         let mut all = keys.into_iter().chain(numbers);
         all.find_map(|(key, there)| there.then_some(key))
