@@ -28,6 +28,7 @@ LARGEST = 9.9
 
 
 def module(folder):
+    """The wrapper of an export; others may be loaded beside it."""
     spec = importlib.util.spec_from_file_location("robot_effects", folder / "robot_effects.py")
     loaded = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(loaded)
@@ -167,7 +168,9 @@ def main(export, description, data):
         pick = lambda what, k: column(rows, f"{what}_{names[k]}", f"{what}{k + 1}", f"{what}_{k + 1}", what)
         r = {"t": t, "h": h}
         for what, key in (("q", "q"), ("dq", "v"), ("u", "u")):
-            own = [pick(what, k) for k in range(robot.n)]
+            # Behind a position loop the input is the target.
+            target = lambda k: what == "u" and robot.loops[k] is not None
+            own = [pick("qref" if target(k) else what, k) for k in range(robot.n)]
             r[key] = np.array([np.full(len(t), math.nan) if x is None else x for x in own])
         if e.get("u_unit_factor"):
             r["u"] = r["u"] * e["u_unit_factor"]

@@ -141,7 +141,10 @@ fn list(machine: &Machine) -> String {
             );
         }
     }
-    for line in &machine.mended {
+    for line in machine
+        .loops_left_out()
+        .chain(machine.mended.iter().cloned())
+    {
         let _ = writeln!(out, "\n{line}");
     }
     out

@@ -31,6 +31,7 @@ mod drives;
 mod error;
 mod machine;
 pub mod mujoco;
+mod position_loop;
 mod ranges;
 mod urdf;
 mod xml;

@@ -12,6 +12,7 @@ use pid_effects::nominal::{EncoderSide, Nominal};
 use pid_interpret::nominal::{self as description, Velocity};
 
 use crate::error::ExportError;
+use crate::position_loop::PositionLoop;
 
 /// Least mass, kg, and principal moment, kg m², of a moving body: MuJoCo refuses less than 1e-15.
 const LEAST: f64 = 1e-12;
@@ -35,6 +36,21 @@ pub(crate) struct Drive {
     pub(crate) peak: Option<f64>,
     /// The gear between rotor and link, if one gives way.
     pub(crate) gear: Option<Gear<f64>>,
+    /// The loop that makes the input of a target.
+    pub(crate) position_loop: Option<PositionLoop>,
+    /// Torque or force per unit of the input, as the drive knows it.
+    pub(crate) known_gain: f64,
+}
+
+impl Drive {
+    /// Largest torque or force of the drive, N m or N: by its loop, and by a limit of its input.
+    pub(crate) fn most(&self, limit_input: Option<f64>) -> Option<f64> {
+        let own = self.position_loop.as_ref();
+        let stated = ["limit", "stall"].map(|key| own.and_then(|own| own.get(key)));
+        let all = stated.into_iter().chain([limit_input]).flatten();
+        let least = all.min_by(f64::total_cmp);
+        least.map(|u| (u * self.gain).abs())
+    }
 }
 
 /// An effect with its parameters, SI.
@@ -73,7 +89,9 @@ pub(crate) struct Machine {
     pub(crate) tool: Option<(usize, [f64; 3])>,
     /// Side of the encoders.
     pub(crate) encoder_side: EncoderSide,
-    /// What was changed so that a simulator takes it, and position loops, which no file has: one sentence each.
+    /// The robot as the feed-forward of the drives knows it, where a drive has one.
+    pub(crate) known: Option<Box<Machine>>,
+    /// What was changed so that a simulator takes it, and position loops whose gains nobody knows: one sentence each.
     pub(crate) mended: Vec<String>,
 }
 
@@ -118,40 +136,79 @@ impl Machine {
             effects,
             tool,
             encoder_side: own.encoder_side,
+            known: None,
             mended: Vec::new(),
         };
         machine.check()?;
         machine.mend();
-        machine.leave_loops_out(nominal);
+        machine.close_loops(nominal, &constants);
+        let modelled = machine.loops().any(|(_, own)| own.has_model());
+        if modelled {
+            let known = machine.known_to_drives(nominal, &before)?;
+            machine.known = Some(Box::new(known));
+        }
         Ok(machine)
     }
 
-    /// Says that the inputs of the files are those of the motors where a drive follows targets.
-    fn leave_loops_out(&mut self, nominal: &description::Nominal) {
+    /// The position loops with their joints.
+    pub(crate) fn loops(&self) -> impl Iterator<Item = (&str, &PositionLoop)> {
+        let drives = self.drives.iter().enumerate();
+        drives.filter_map(|(c, drive)| Some((self.joint(c), drive.position_loop.as_ref()?)))
+    }
+
+    /// What is said of loops for which a format has no element.
+    pub(crate) fn loops_left_out(&self) -> impl Iterator<Item = String> {
+        self.loops().map(|(joint, own)| {
+            format!(
+                "Joint `{joint}`: its drive follows targets by a position loop of law \"{}\", for which there is no element here: close the loop in code of yours.",
+                own.law()
+            )
+        })
+    }
+
+    /// Gives the drives their position loops, and says which are left out.
+    fn close_loops(&mut self, nominal: &description::Nominal, constants: &Constants<'_, f64>) {
         for c in 0..self.drives.len() {
-            let Some(servo) = nominal.servo(c) else {
-                continue;
-            };
-            let late = self.effects.iter().filter(|e| {
-                let effect = &*e.term.effect;
-                e.term.joint == c && effect.before_drive()
-            });
-            let late: Vec<&str> = late.map(Named::id).collect();
-            let acts = match late.is_empty() {
-                true => String::new(),
-                false => format!(
-                    "; {} acts on the target there, on that input here",
-                    late.join(", ")
-                ),
-            };
-            let line = format!(
-                "Joint `{}`: its drive follows targets by a position loop of law \"{}\", which no file has. The input of the files is that of the motor behind the loop, in {}: close the loop in code of yours{acts}.",
-                self.joint(c),
-                servo.law.word(),
-                self.drives[c].unit,
-            );
-            self.mended.push(line);
+            match PositionLoop::of(nominal, c, constants, &self.effects) {
+                Some(Ok(own)) => self.drives[c].position_loop = Some(own),
+                Some(Err(unknown)) => self.mended.push(format!(
+                    "Joint `{}`: its drive follows targets by a position loop whose {} nobody knows, so it is left out: the input of the files is that of the motor, in {}. Export the extended.toml of a diagnosis or the identified.toml of an identification, which know.",
+                    self.joint(c),
+                    unknown.join(", "),
+                    self.drives[c].unit,
+                )),
+                None => {}
+            }
         }
+    }
+
+    /// The robot as the drives know it: as it is stated, or as is stated of its drives.
+    fn known_to_drives(
+        &mut self,
+        nominal: &description::Nominal,
+        stated: &Constants<'_, f64>,
+    ) -> Result<Self, ExportError> {
+        let mut known = Self {
+            mechanism: tree(nominal.robot())?,
+            effects: Vec::new(),
+            tool: None,
+            ..self.clone()
+        };
+        for c in 0..known.drives.len() {
+            let (drive, own) = (&mut known.drives[c], nominal.drive_model(c));
+            (drive.gear, drive.position_loop) = (None, None);
+            let body = &mut known.mechanism.bodies[drive.body];
+            body.limits = None;
+            body.rotor = Some(stated.get(Constant::Rotor(c)));
+            self.drives[c].known_gain = stated.get(Constant::Gain(c));
+            if let Some(own) = own {
+                (body.mass, body.com, body.inertia) = (own.mass, own.com, own.inertia);
+                body.rotor = Some(own.rotor_inertia);
+                self.drives[c].known_gain = own.motor_gain;
+            }
+        }
+        known.mend();
+        Ok(known)
     }
 
     /// Size of gravity, m/s².
@@ -297,6 +354,8 @@ fn drives(
             velocity: channel.map_or(Velocity::Measured { noise: None }, |c| c.velocity),
             peak: channel.and_then(|c| c.torque_peak),
             gear,
+            position_loop: None,
+            known_gain: constants.get(Constant::Gain(coordinate)),
         });
     }
     out

@@ -244,6 +244,9 @@ fn list(machine: &Machine) -> String {
             &format!("nothing: set {size} m/s^2 along -z of the world in the simulator"),
         );
     }
+    for line in machine.loops_left_out() {
+        row("position loop", "", &line);
+    }
     for line in &machine.mended {
         row("inertia", "", line);
     }

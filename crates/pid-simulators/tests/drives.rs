@@ -50,6 +50,34 @@ fn drives_have_the_values_of_their_effects() {
     }
 }
 
+/// The loop of j2, by hand: gain 3, kp 20, kd 2, at most 4 of its output, and 5 at rest.
+#[test]
+fn position_loops_are_stiffness_and_damping() {
+    let limits = "limit = 4.0\nstall = 5.0\nno_load_speed = 9.0\nrate_hz = 500.0\n";
+    let nominal = behind_loop(&format!("{LOOP}{limits}"), "");
+    for target in [Target::IsaacLab, Target::Newton] {
+        let files = export(&nominal, target, &Options::default()).expect("files");
+        let text = |name: &str| &files.iter().find(|f| f.name == name).expect("a file").text;
+        let data: serde_json::Value =
+            serde_json::from_str(text("robot_drives.json")).expect("JSON");
+        let of = |k: usize, name: &str| data["drives"][k][name].as_f64();
+        for (name, own, other) in [
+            ("stiffness", Some(60.0), Some(0.0)),
+            ("damping", Some(6.0), Some(0.0)),
+            ("effort_limit", Some(12.0), None),
+            ("stall_effort", Some(15.0), None),
+            ("no_load_speed", Some(9.0), None),
+        ] {
+            assert_eq!((of(1, name), of(0, name)), (own, other), "{name}");
+        }
+        let list = text("not_expressed.md");
+        assert!(
+            list.contains("whose gains are stiffness and damping; left out: rate_hz."),
+            "{list}"
+        );
+    }
+}
+
 /// Values by hand: gain 3 N m/A, Coulomb 0.8, viscous 0.5, rotor 0.1.
 #[test]
 fn joints_become_models_of_bam() {

@@ -237,6 +237,50 @@ fn every_effect_is_told() {
     }
 }
 
+/// The loop of j2 is that of an actuator which reads its target: gain 3, kp 20, kd 2, at most 4 of its output.
+#[test]
+fn a_position_loop_is_an_actuator() {
+    let nominal = behind_loop(&format!("{LOOP}limit = 4.0\nrate_hz = 500.0\n"), "");
+    let text = file(&nominal, "robot.xml");
+    let actuators = Mjcf::parse("robot.xml", &text).expect("a model").actuators;
+    let loops: Vec<_> = actuators.iter().map(|a| a.position_loop()).collect();
+    let own = loops[1].as_ref().expect("a loop");
+    assert_eq!((own.kp, own.kd), (60.0, 6.0));
+    assert!(loops[0].is_none() && loops[2].is_none());
+    assert_eq!(actuators[1].force_on_joint(), Some(12.0));
+    let data: serde_json::Value =
+        serde_json::from_str(&file(&nominal, "robot_effects.json")).expect("JSON");
+    let expected =
+        serde_json::json!({"law": "pd", "kp": 20.0, "kd": 2.0, "limit": 4.0, "rate_hz": 500.0});
+    assert_eq!(data["joints"][1]["loop"], expected);
+    assert!(data["joints"][0]["loop"].is_null() && data["drive_model"].is_null());
+    let list = file(&nominal, "not_expressed.md");
+    assert!(
+        list.contains("The actuator of robot.xml has its gains, without rate_hz;"),
+        "{list}"
+    );
+    assert!(file(&nominal, "position_loops.py").contains("class Loop"));
+}
+
+/// What a drive knows of the robot is a file of its own: the masses of its table, whatever was found since.
+#[test]
+fn what_drives_know_is_a_file() {
+    let known = "[joint.drive_model]\nmass = 1.5\ncom = [0.0, 0.0, -0.2]\nrotor_inertia = 0.02\nmotor_gain = 1.8\n";
+    let payload = effect("payload", None, &[("mass", 0.5)]);
+    let nominal = behind_loop(&format!("{LOOP}gravity = 1.0\n{known}"), &payload);
+    let bodies = read(&file(&nominal, "drive_model.xml")).bodies;
+    let masses: Vec<f64> = bodies.iter().map(|b| b.mass).collect();
+    assert_eq!(masses, [2.0, 1.5, 2.0]);
+    assert_eq!((bodies[1].rotor, bodies[0].rotor), (Some(0.02), Some(0.1)));
+    let data: serde_json::Value =
+        serde_json::from_str(&file(&nominal, "robot_effects.json")).expect("JSON");
+    let gains: Vec<_> = (0..3)
+        .map(|j| data["joints"][j]["known_gain"].as_f64())
+        .collect();
+    assert_eq!(gains, [Some(3.0), Some(1.8), Some(3.0)]);
+    assert_eq!(data["drive_model"], "drive_model.xml");
+}
+
 /// An inertia that no body has becomes one, and is told.
 #[test]
 fn an_inertia_that_no_body_has_is_told() {

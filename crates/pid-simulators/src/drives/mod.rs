@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use crate::error::ExportError;
 use crate::machine::Machine;
+use crate::position_loop::PositionLoop;
 use crate::{File, urdf};
 
 /// Which of the two.
@@ -35,12 +36,16 @@ struct Drive<'a> {
     friction: f64,
     static_friction: f64,
     viscous: f64,
+    stiffness: f64,
+    damping: f64,
     effort_limit: Option<f64>,
+    stall_effort: Option<f64>,
+    no_load_speed: Option<f64>,
     delay_s: f64,
     constant_effort: f64,
 }
 
-const NOTE: &str = "SI units at the joint. effort = gain * input + constant_effort, delayed by delay_s, within effort_limit.";
+const NOTE: &str = "SI units at the joint. Without stiffness: effort = gain * input + constant_effort, delayed by delay_s, within effort_limit. With stiffness the input is the target of a position loop: effort = stiffness * (input - position) - damping * velocity + constant_effort, within effort_limit and stall_effort * (1 - speed / no_load_speed).";
 
 /// Files for an engine.
 pub(crate) fn files(machine: &Machine, engine: Engine) -> Result<Vec<File>, ExportError> {
@@ -70,6 +75,9 @@ pub(crate) fn files(machine: &Machine, engine: Engine) -> Result<Vec<File>, Expo
 fn drive(machine: &Machine, c: usize) -> Drive<'_> {
     let own = &machine.drives[c];
     let of = |id: &str, name: &str| machine.at(id, c).and_then(|e| e.value(name));
+    let own_loop = own.position_loop.as_ref();
+    let [kp, kd] = own_loop.map_or([0.0; 2], PositionLoop::gains);
+    let number = |key: &str| own_loop.and_then(|own| own.get(key));
     Drive {
         joint: machine.joint(c),
         unit: &own.unit,
@@ -78,7 +86,11 @@ fn drive(machine: &Machine, c: usize) -> Drive<'_> {
         friction: own.coulomb,
         static_friction: own.coulomb * (1.0 + of("stribeck", "excess").unwrap_or(0.0)),
         viscous: own.viscous,
-        effort_limit: of("torque_saturation", "limit_input").map(|x| (x * own.gain).abs()),
+        stiffness: kp * own.gain,
+        damping: kd * own.gain,
+        effort_limit: own.most(of("torque_saturation", "limit_input")),
+        stall_effort: number("stall").map(|x| (x * own.gain).abs()),
+        no_load_speed: number("no_load_speed"),
         delay_s: of("input_delay", "delay_s").unwrap_or(0.0),
         constant_effort: own.gain * of("current_offset", "offset").unwrap_or(0.0),
     }
@@ -143,6 +155,18 @@ fn list(machine: &Machine, engine: Engine) -> String {
         out,
         "\nGravity is {size} m/s^2 along -z of the world; set it in the simulator. Noise of sensors and drives is in no file."
     );
+    for (joint, own) in machine.loops() {
+        let left = own.beyond(&["limit", "stall", "no_load_speed"]);
+        let left = match left.is_empty() {
+            true => String::new(),
+            false => format!("; left out: {}", left.join(", ")),
+        };
+        let _ = writeln!(
+            out,
+            "\nJoint `{joint}`: the input is the target of its position loop (law \"{}\"), whose gains are stiffness and damping{left}.",
+            own.law()
+        );
+    }
     for line in &machine.mended {
         let _ = writeln!(out, "\n{line}");
     }

@@ -6,15 +6,15 @@
     add_robot(builder, step=0.002)           # step of the physics, s
     model = builder.finalize()
 
-It adds robot.urdf, sets armature, friction and damping of its joints, and gives each an actuator
-without gains: command efforts, the gain of the drive (`gain` in robot_drives.json) times the input, as
-feedforward.
+It adds robot.urdf, sets armature, friction and damping of its joints, and gives each an actuator: with
+the gains of its position loop, where it has one, for which target positions are the commands. Others have
+none: command efforts, the gain of the drive (`gain` in robot_drives.json) times the input, as feedforward.
 """
 
 import json
 from pathlib import Path
 
-from newton.actuators import ClampingMaxEffort, DrivePD
+from newton.actuators import ClampingDCMotor, ClampingMaxEffort, DrivePD
 
 FOLDER = Path(__file__).resolve().parent
 DRIVES = json.loads((FOLDER / "robot_drives.json").read_text(encoding="utf-8"))["drives"]
@@ -34,15 +34,19 @@ def add_robot(builder, step, **options):
         builder.joint_friction[dof] = drive["friction"]
         builder.joint_damping[dof] = drive["viscous"]
         builder.joint_target_ke[dof] = builder.joint_target_kd[dof] = 0.0
-        limit = drive["effort_limit"]
+        limit, no_load = drive["effort_limit"], drive["no_load_speed"]
+        clamping = [] if limit is None else [(ClampingMaxEffort, {"max_effort": limit})]
+        if no_load is not None:
+            motor = {"saturation_effort": drive["stall_effort"], "velocity_limit": no_load}
+            clamping.append((ClampingDCMotor, motor))
         builder.add_actuator(
             DrivePD,
             index=dof,
             pos_index=builder.joint_q_start[joint],
-            clamping=None if limit is None else [(ClampingMaxEffort, {"max_effort": limit})],
+            clamping=clamping or None,
             delay_steps=round(drive["delay_s"] / step) or None,
-            kp=0.0,
-            kd=0.0,
+            kp=drive["stiffness"],
+            kd=drive["damping"],
             const_effort=drive["constant_effort"],
         )
         degrees[drive["joint"]] = dof

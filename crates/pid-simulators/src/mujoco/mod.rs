@@ -18,6 +18,8 @@ pub use told::expression;
 
 /// Group of the actuators: the wrapper turns it off where it drives the joints itself.
 const GROUP: u8 = 5;
+/// File of the robot as the feed-forward of the drives knows it.
+const KNOWN: &str = "drive_model.xml";
 /// Time constant, damping ratio, and impedance of dry friction and of followers: within 0.01 % of a
 /// rigid constraint. MuJoCo takes no time constant below two steps.
 const IMPEDANCE: [f64; 3] = [0.9999, 0.9999, 0.001];
@@ -32,12 +34,22 @@ pub(crate) fn files(machine: &Machine, options: &Options<'_>) -> Result<Vec<File
             name: "robot.xml",
             error,
         })?;
-    Ok(vec![
+    let mut files = vec![
         File::new("robot.xml", text),
         File::new("robot_effects.py", wrapper::MODULE),
         File::new("robot_effects.json", wrapper::data(machine)?),
         File::new("not_expressed.md", told::list(machine)),
-    ])
+    ];
+    if machine.drives.iter().any(|d| d.position_loop.is_some()) {
+        files.push(File::new("position_loops.py", wrapper::LOOPS));
+    }
+    if let Some(known) = &machine.known {
+        let text = xml(known, options)
+            .text()
+            .map_err(|error| ExportError::Text { name: KNOWN, error })?;
+        files.push(File::new(KNOWN, text));
+    }
+    Ok(files)
 }
 
 /// Name of the joint in series with that of a coordinate: the twist of its gear.
@@ -292,19 +304,24 @@ fn actuator(machine: &Machine, c: usize, drive: &Drive, options: &Options<'_>) -
     let mut out = Element::new("general")
         .with("name", format!("u_{joint}"))
         .with("joint", joint)
-        .with("group", GROUP.to_string())
-        .numbers("gainprm", &[drive.gain]);
+        .with("group", GROUP.to_string());
+    // Behind a loop the control is its target, in front of which a lag of the motor has no place.
+    let (looped, [kp, kd]) = match &drive.position_loop {
+        Some(own) => (true, own.gains()),
+        None => (false, [1.0, 0.0]),
+    };
+    out = out.numbers("gainprm", &[drive.gain * kp]);
     let of = |id: &str, name: &str| machine.at(id, c).and_then(|e| e.value(name));
-    if let Some(offset) = of("current_offset", "offset") {
-        out = out
-            .with("biastype", "affine")
-            .numbers("biasprm", &[drive.gain * offset, 0.0, 0.0]);
+    let offset = of("current_offset", "offset");
+    if looped || offset.is_some() {
+        let held = if looped { drive.gain } else { 0.0 };
+        let bias = [drive.gain * offset.unwrap_or(0.0), -held * kp, -held * kd];
+        out = out.with("biastype", "affine").numbers("biasprm", &bias);
     }
-    if let Some(limit) = of("torque_saturation", "limit_input") {
-        let most = (limit * drive.gain).abs();
-        out = out.numbers("forcerange", &[-most, most]);
+    if let Some(limit) = drive.most(of("torque_saturation", "limit_input")) {
+        out = out.numbers("forcerange", &[-limit, limit]);
     }
-    if let Some(time) = of("actuator_lag", "time_constant_s") {
+    if let (Some(time), false) = (of("actuator_lag", "time_constant_s"), looped) {
         out = out
             .with("dyntype", "filterexact")
             .numbers("dynprm", &[time]);

@@ -10,9 +10,10 @@ Needs numpy and mujoco. Reads robot.xml and robot_effects.json from its own fold
         robot.step(robot.data, command, period)
         q, v = robot.readings(robot.data)    # as the encoders show them, once per period
 
-Inputs are in the units of the description (A, V, N m or N). The wrapper drives the joints itself: it
-turns the group of the robot's actuators off and sets forces, friction and damping of its joints at
-every step. Everything else of the model and its data stays as it is.
+Inputs are in the units of the description (A, V, N m or N); where a drive has a position loop they are
+its targets (rad or m). The wrapper drives the joints itself: it turns the group of the robot's
+actuators off and sets forces, friction and damping of its joints at every step. Everything else of the
+model and its data stays as it is.
 
 Positions and velocities are those of the side of the gear on which the encoder sits. One step of
 length h, for every joint, with Coulomb level and damping from the effects:
@@ -20,6 +21,7 @@ length h, for every joint, with Coulomb level and damping from the effects:
     M dv/dt + bias = gain u_a + forces - damping v - friction,  friction within its level
 """
 
+import importlib.util
 import json
 import math
 from pathlib import Path
@@ -69,6 +71,14 @@ READING = ("encoder_offset", "encoder_eccentricity", "sensor_delay", "velocity_f
 GEAR = ("backlash",)
 
 
+def _beside(name):
+    """A module of this folder, which need not be on the path of Python."""
+    spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 class _Effect:
     """An effect with its parameters and its memory."""
 
@@ -116,6 +126,10 @@ class Robot:
             (*(id_of(mujoco.mjtObj.mjOBJ_JOINT, f[key]) for key in ("joint", "leader")), f["ratio"], f["offset"])
             for f in known["followers"]
         ]
+        own = [j["loop"] for j in self.joints]
+        laws = _beside("position_loops") if any(own) else None
+        self.loops = [None if p is None else laws.Loop(p) for p in own]
+        self.drives = _Known(folder / known["drive_model"], self.joints) if known["drive_model"] else None
         self.tool = None
         if known["tool"] is not None:
             body = id_of(mujoco.mjtObj.mjOBJ_BODY, known["tool"]["body"])
@@ -126,7 +140,7 @@ class Robot:
 
     def reset(self, q, v, u=None, time=0.0, earlier=(), data=None):
         """Starts `data` anew, with the robot where its encoders read `q`, `v` (without delay) and
-        its drives at the inputs `u`.
+        its drives at the inputs `u`; a loop without a target starts at the position that it reads.
 
         Gears are twisted and bristles bent as at rest under the weight. `time`: seconds since the
         start of what counts as the start of the motion (warm-up, pushes). `earlier`: pairs of the
@@ -135,7 +149,8 @@ class Robot:
         """
         d = self.data if data is None else data
         m = self.model
-        u = np.zeros(self.n) if u is None else np.asarray(u, float)
+        at_rest = [0.0 if loop is None else float(q[j]) for j, loop in enumerate(self.loops)]
+        u = np.asarray(at_rest if u is None else u, float)
         mujoco.mj_resetData(m, d)
         d.time = time
         true = [self._unread(j, float(q[j]), float(v[j])) for j in range(self.n)]
@@ -153,6 +168,9 @@ class Robot:
         mujoco.mj_forward(m, d)
         self.load = bias
         self.commands = [(t, np.asarray(x, float)) for t, x in earlier]
+        self.spacing = m.opt.timestep
+        self.acceleration = np.zeros(self.n)
+        u = self._rest(d, u, bias)
         self.history = [(d.time, *self._encoders(d))]
         self.shown = self._encoders(d)[1].copy()
         self.filtered = self.shown.copy()
@@ -164,6 +182,16 @@ class Robot:
             elif e.id == "presliding_hysteresis":
                 balance = self.gain[e.joint] * u[e.joint] - bias[e.joint]
                 e.memory = min(1.0, max(-1.0, balance / (self.coulomb[e.joint] + 1e-12)))
+
+    def _rest(self, d, u, bias):
+        """Inputs of the motors at rest: of loops, those for their targets."""
+        out = np.array(u, float)
+        read = [self._sense(j, q, v) for j, (q, v) in enumerate(zip(*self._encoders(d)))]
+        gravity = self.drives.weight([q for q, _ in read]) if self.drives else np.zeros(self.n)
+        for j, loop in enumerate(self.loops):
+            if loop is not None:
+                out[j] = loop.reset(u[j], *read[j], needed=bias[j] / self.gain[j], gravity=gravity[j])
+        return out
 
     def _weight(self, d):
         """Torque that holds each joint at rest."""
@@ -194,7 +222,10 @@ class Robot:
         steps = max(1, math.ceil(duration / longest - 1e-9))
         h = duration / steps
         self.commands.append((data.time, np.asarray(u, float)))
-        oldest = data.time - max([e.p["delay_s"] for e in self.effects if e.id == "input_delay"], default=0.0) - h
+        self.spacing = duration
+        late = max([e.p["delay_s"] for e in self.effects if e.id == "input_delay"], default=0.0)
+        # The acceleration of a target takes two more.
+        oldest = data.time - late - h - 2.0 * duration
         while len(self.commands) > 1 and self.commands[1][0] <= oldest:
             self.commands.pop(0)
         self.model.opt.timestep = h
@@ -205,12 +236,18 @@ class Robot:
     def _one(self, d, h):
         m = self.model
         q, v = d.qpos[self.qadr], d.qvel[self.dof]
-        applied = np.array([self._input(j, d.time, h) for j in range(self.n)])
+        reading = self._encoders(d)
+        self.falls = np.zeros(self.n)
+        fed = self._follow(reading, d.time, h) if any(self.loops) else (np.zeros(self.n), np.zeros(self.n))
+        applied = np.array([self._input(j, d, reading, fed, h) for j in range(self.n)])
         forward, backward = self.coulomb.copy(), self.coulomb.copy()
         damping = self.viscous.copy()
         for e in self.effects:
             self._friction(e, q, v, d.time, h, forward, backward, damping)
-        force = self.gain * applied
+        # Half of what the step changes of a loop's damping is implicit.
+        implicit = 0.5 * self.gain * self.falls
+        force = self.gain * applied + implicit * v
+        damping += implicit
         for e in self.effects:
             self._force(e, q, v, d.time, h, force, damping)
         # Friction within [-backward, forward] is a symmetric one about half of the difference.
@@ -240,7 +277,9 @@ class Robot:
                 w = moved[e.joint] / e.p["presliding_range"]
                 decay, mean, _ = _passage(abs(w))
                 e.memory = e.memory * decay + w * mean
-        self.history.append((d.time, *self._encoders(d)))
+        now = self._encoders(d)
+        self.acceleration = (now[1] - reading[1]) / h
+        self.history.append((d.time, *now))
         self._forget(d.time)
 
     def _contact(self, d, at, dof, gear, h):
@@ -258,18 +297,58 @@ class Robot:
         self.model.dof_damping[dof] = gear["open"] + gear["damping"] + implicit
         return implicit * d.qvel[dof] - gear["stiffness"] * over
 
-    def _input(self, j, t, h):
-        """Applied input of joint `j`, averaged over the step of length `h` from `t`."""
-        u = self.commands[-1][1][j]
+    def _command(self, j, t, h, before=0):
+        """Command of joint `j` as it arrives over the step of length `h` from `t`, or so many commands before."""
+        late = self._sum("input_delay", j, "delay_s")
+        if late == 0.0 and before == 0:
+            return self.commands[-1][1][j]
+        return self._earlier(j, t - late - before * self.spacing, h)
+
+    def _follow(self, reading, t, h):
+        """Moves what the loops follow on; the inputs with which drives make up for gravity and inertia."""
+        for j, loop in enumerate(self.loops):
+            if loop is None:
+                continue
+            r = self._command(j, t, h)
+            rate = acceleration = 0.0
+            if loop.needs_rate or self.drives is not None:
+                last, first = (self._command(j, t, h, before) for before in (1, 2))
+                rate = (r - last) / self.spacing
+                acceleration = (rate - (last - first) / self.spacing) / self.spacing
+            loop.follow(r, rate, acceleration, t, h)
+        if self.drives is None:
+            return np.zeros(self.n), np.zeros(self.n)
+        q = [self._read(j, reading, t, 0.0)[0] for j in range(self.n)]
+        follows = [0.0 if loop is None else loop.follows.acceleration for loop in self.loops]
+        return self.drives.weight(q), self.drives.inertia(follows)
+
+    def _read(self, j, reading, t, ahead):
+        """Position and velocity of joint `j` as its loop reads them, so long after `t`."""
+        late = 0.0 if self.loops[j] is None else self.loops[j].delay
+        if late > 0.0:
+            return self._sense(j, *self._late(j, t + ahead - late))
+        q, v = reading[0][j], reading[1][j]
+        return self._sense(j, q + v * ahead, v + self.acceleration[j] * ahead)
+
+    def _input(self, j, d, reading, fed, h):
+        """Applied input of joint `j`, averaged over the step of length `h`."""
+        t = d.time
+        u = self._command(j, t, h)
+        loop = self.loops[j]
+        if loop is not None:
+            read = lambda ahead: self._read(j, reading, t, ahead)
+            asked, falls = loop.answer(read, fed[0][j], fed[1][j], t, h)
+            side = math.copysign(1.0, self.gain[j])
+            u = loop.slowed(asked, side * d.qvel[self.dof[j]])
+            # Behind a gear that gives way the encoder may move by itself.
+            self.falls[j] = falls if u == asked and not (self.on_link and j in self.twist) else 0.0
         for e in self.effects:
             if e.id == "supply_sag":
                 others = sum(abs(x) for k, x in enumerate(self.commands[-1][1]) if k != j)
                 u = u * (1.0 - e.p["loss_per_input"] * (abs(u) + others))
             if e.joint != j:
                 continue
-            if e.id == "input_delay":
-                u = self._earlier(j, t - e.p["delay_s"], h)
-            elif e.id == "actuator_lag":
+            if e.id == "actuator_lag":
                 time = e.p["time_constant_s"]
                 fade = math.exp(-h / time)
                 gone = e.memory - u
@@ -436,6 +515,7 @@ class Robot:
 
     def _forget(self, t):
         longest = max((self._sum("sensor_delay", j, "delay_s") for j in range(self.n)), default=0.0)
+        longest = max([longest, *(loop.delay for loop in self.loops if loop is not None)])
         while len(self.history) > 2 and self.history[1][0] < t - longest:
             self.history.pop(0)
 
@@ -472,6 +552,33 @@ class Robot:
                 self.shown[j] = fade * self.shown[j] + (1.0 - fade) * read
             v[j] = self.shown[j]
         return q, v
+
+
+class _Known:
+    """The robot as the drives know it, at rest."""
+
+    def __init__(self, file, joints):
+        self.model = mujoco.MjModel.from_xml_path(str(file))
+        self.data = mujoco.MjData(self.model)
+        m = self.model
+        joint = [mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_JOINT, j["name"]) for j in joints]
+        self.qadr = np.array([m.jnt_qposadr[k] for k in joint])
+        self.dof = np.array([m.jnt_dofadr[k] for k in joint])
+        self.gain = np.array([j["known_gain"] for j in joints])
+
+    def weight(self, q):
+        """Inputs that hold it at positions."""
+        self.data.qpos[self.qadr] = q
+        mujoco.mj_forward(self.model, self.data)
+        return self.data.qfrc_bias[self.dof] / self.gain
+
+    def inertia(self, acceleration):
+        """Inputs that accelerate it where it was weighed last."""
+        full = np.zeros(self.model.nv)
+        full[self.dof] = acceleration
+        force = np.zeros(self.model.nv)
+        mujoco.mj_mulM(self.model, self.data, force, full)
+        return force[self.dof] / self.gain
 
 
 def _wave(p, phase):

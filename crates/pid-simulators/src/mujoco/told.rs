@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use crate::machine::{Machine, Named};
+use crate::position_loop::PositionLoop;
 
 /// What carries an effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -186,8 +187,8 @@ fn stage(id: &str) -> Option<Row> {
         | "velocity_feed_forward"
         | "feedback_delay" => (
             Who::Nobody,
-            "nothing: the file has motors without position loops",
-            "nothing: it is a stage of the loop that makes the input",
+            "nothing: its actuators have the gains of position loops alone",
+            "a stage of the joint's position loop",
         ),
         _ => return None,
     })
@@ -247,6 +248,19 @@ fn composed(id: &str) -> Option<Row> {
     })
 }
 
+/// What of a position loop is where.
+fn loops(joint: &str, own: &PositionLoop) -> String {
+    let left = own.beyond(&["limit"]);
+    let left = match left.is_empty() {
+        true => String::new(),
+        false => format!(", without {}", left.join(", ")),
+    };
+    format!(
+        "Joint `{joint}`: the input of both files is the target of its position loop (law \"{}\"). The actuator of robot.xml has its gains{left}; robot_effects.py has all of it.",
+        own.law()
+    )
+}
+
 /// The list for one robot.
 pub(super) fn list(machine: &Machine) -> String {
     let mut out = String::from(
@@ -289,6 +303,7 @@ pub(super) fn list(machine: &Machine) -> String {
     if machine.drives.iter().any(|d| d.gear.is_some()) {
         always.push("The position of the first joint of a gear is that of the rotor; the link is at the sum of both joints.".to_owned());
     }
+    always.extend(machine.loops().map(|(joint, own)| loops(joint, own)));
     always.extend(machine.mended.iter().cloned());
     for line in always {
         let _ = writeln!(out, "- {line}");

@@ -8,15 +8,20 @@ use super::told::{Who, who};
 use super::{GROUP, twist};
 use crate::error::ExportError;
 use crate::machine::{Drive, Machine, Named};
+use crate::position_loop::PositionLoop;
 
 /// The module; it reads the data beside it.
 pub(super) const MODULE: &str = include_str!("robot_effects.py");
+/// What it does where drives have position loops.
+pub(super) const LOOPS: &str = include_str!("position_loops.py");
 
 #[derive(Serialize)]
 struct Data<'a> {
     robot: &'a str,
     actuator_group: u8,
     encoder_side: &'static str,
+    /// File of the robot as the drives know it.
+    drive_model: Option<&'static str>,
     tool: Option<Tool<'a>>,
     joints: Vec<Joint<'a>>,
     followers: Vec<Follower<'a>>,
@@ -39,6 +44,10 @@ struct Joint<'a> {
     velocity: &'static str,
     filter_hz: Option<f64>,
     gear: Option<Gear>,
+    #[serde(rename = "loop")]
+    position_loop: Option<&'a PositionLoop>,
+    /// Torque or force per unit of the input as the drive knows it.
+    known_gain: f64,
 }
 
 /// A joint at `ratio · position + offset` of another.
@@ -77,6 +86,7 @@ pub(super) fn data(machine: &Machine) -> Result<String, ExportError> {
             EncoderSide::Motor => "motor",
             EncoderSide::Joint => "joint",
         },
+        drive_model: machine.known.is_some().then_some(super::KNOWN),
         tool: machine.tool.map(|(body, point)| Tool {
             body: &bodies[body].link,
             point,
@@ -128,6 +138,8 @@ fn joint<'a>(machine: &'a Machine, c: usize, drive: &'a Drive) -> Joint<'a> {
             open: gear.open,
             gap: gear.gap,
         }),
+        position_loop: drive.position_loop.as_ref(),
+        known_gain: drive.known_gain,
     }
 }
 

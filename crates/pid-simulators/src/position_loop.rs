@@ -1,0 +1,104 @@
+//! The position loop of a drive, as the files of a simulator have it.
+
+use std::collections::BTreeMap;
+
+use pid_effects::constants::{Constant, Constants};
+use pid_interpret::nominal::{Gain, Nominal, Servo, ServoLaw};
+use serde::Serialize;
+
+use crate::machine::Named;
+
+/// A loop with all its numbers.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct PositionLoop {
+    #[serde(skip)]
+    servo: ServoLaw,
+    law: &'static str,
+    /// By their keys in a description; those of effects that are stages of the loop among them.
+    #[serde(flatten)]
+    numbers: BTreeMap<&'static str, f64>,
+}
+
+impl PositionLoop {
+    /// Of a coordinate. `Err` has the gains that nobody knows.
+    pub(crate) fn of(
+        nominal: &Nominal,
+        coordinate: usize,
+        constants: &Constants<'_, f64>,
+        effects: &[Named],
+    ) -> Option<Result<Self, Vec<&'static str>>> {
+        let servo = nominal.servo(coordinate)?;
+        let unknown = servo
+            .gains()
+            .filter(|&gain| servo.gain(gain).value.is_none());
+        let unknown: Vec<&str> = unknown.map(Gain::key).collect();
+        if !unknown.is_empty() {
+            return Some(Err(unknown));
+        }
+        let own = effects.iter().filter(|e| e.term.joint == coordinate);
+        let stages: Vec<Gain> = own.filter_map(|e| e.term.effect.stage()).collect();
+        let gains = Gain::ALL.into_iter();
+        let gains = gains.filter(|gain| servo.has(*gain) || stages.contains(gain));
+        let value = |gain| constants.get(Constant::Servo(gain, coordinate));
+        let numbers = gains
+            .map(|gain| (gain.key(), value(gain)))
+            .chain(stated(servo));
+        Some(Ok(Self {
+            servo: servo.law,
+            law: servo.law.word(),
+            numbers: numbers.collect(),
+        }))
+    }
+
+    /// The word of its law.
+    pub(crate) fn law(&self) -> &'static str {
+        self.law
+    }
+
+    /// A number by its key.
+    pub(crate) fn get(&self, key: &str) -> Option<f64> {
+        self.numbers.get(key).copied()
+    }
+
+    /// Output per error of the position, and per velocity, of the loop alone.
+    pub(crate) fn gains(&self) -> [f64; 2] {
+        let get = |gain: Gain| self.get(gain.key()).unwrap_or(0.0);
+        match self.servo {
+            ServoLaw::P => [get(Gain::Kp), 0.0],
+            ServoLaw::Cascade => [get(Gain::Kp) * get(Gain::Kv), get(Gain::Kv)],
+            _ => [get(Gain::Kp), get(Gain::Kd)],
+        }
+    }
+
+    /// Keys of what two gains and these `further` keys leave out.
+    pub(crate) fn beyond(&self, further: &[&str]) -> Vec<&'static str> {
+        let gains = [Gain::Kp, Gain::Kd, Gain::Kv].map(Gain::key);
+        let kept = |key: &&str| gains.contains(key) || further.contains(key);
+        let all = self.numbers.iter();
+        let own = all.filter(|(key, value)| !kept(*key) && !(**key == "ki" && **value == 0.0));
+        own.map(|(key, _)| *key).collect()
+    }
+
+    /// Whether the drive needs a model of the robot.
+    pub(crate) fn has_model(&self) -> bool {
+        let shares = [Gain::Gravity, Gain::InertiaAhead];
+        shares.iter().any(|gain| self.get(gain.key()).is_some())
+    }
+}
+
+/// Numbers that are no gains.
+fn stated(servo: &Servo) -> impl Iterator<Item = (&'static str, f64)> {
+    let all = [
+        ("limit", servo.limit),
+        ("stall", servo.falling.map(|own| own.stall)),
+        ("no_load_speed", servo.falling.map(|own| own.no_load_speed)),
+        ("integral_limit", servo.integral_limit),
+        ("velocity_limit", servo.velocity_limit),
+        ("dead_band", servo.dead_band),
+        ("target_step", servo.shaping.step),
+        ("target_rate_hz", servo.shaping.rate_hz),
+        ("rate_hz", servo.rate_hz),
+    ];
+    all.into_iter()
+        .filter_map(|(key, value)| Some((key, value?)))
+}
