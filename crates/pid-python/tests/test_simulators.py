@@ -1,0 +1,92 @@
+"""What `simtrue export` writes, run in MuJoCo."""
+
+import importlib.util
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+CHECK = ROOT / "crates" / "pid-simulators" / "check"
+LEG = ROOT / "examples" / "leg" / "nominal.toml"
+
+TARGET = np.array([0.2, 0.6, -1.0])
+"""Abduction, hip and knee, rad."""
+
+
+def load(file: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_position_loops_are_those_of_the_library() -> None:
+    """The table stands for the library: the tests of pid-simulators hold it."""
+    known = json.loads((CHECK / "position_loops.json").read_text(encoding="utf-8"))
+    for own, expected in zip(load(CHECK / "position_loops.py").table(), known, strict=True):
+        assert own["loop"] == expected["loop"]
+        assert own["u"] == pytest.approx(expected["u"], rel=1e-9, abs=1e-9)
+
+
+@pytest.fixture
+def leg(tmp_path: Path, command: Callable[..., Any]) -> Callable[[str], Path]:
+    """Exports the leg with known gains and further lines of its loops."""
+
+    def export(lines: str) -> Path:
+        text = LEG.read_text(encoding="utf-8")
+        for gain, value in (("kp", 40.0), ("kd", 1.0)):
+            text = text.replace(f"{gain} = {{ unknown = true }}", f"{gain} = {value}")
+        robot = tmp_path / "leg.toml"
+        robot.write_text(text.replace("rate_hz = 1000.0", f"rate_hz = 1000.0\n{lines}", 1), encoding="utf-8")
+        done = command("export", robot, "--to", "mujoco", "--out", tmp_path / "sim")
+        assert done.returncode == 0, done.stderr
+        return tmp_path / "sim"
+
+    return export
+
+
+def test_a_leg_goes_to_its_targets(leg: Callable[[str], Path]) -> None:
+    """With gravity made up for, friction alone holds it off: 0.3 N m over 40 N m/rad. Without that the weight does
+    too, in the file alone as in the wrapper."""
+    mujoco = pytest.importorskip("mujoco")
+    within = 0.3 / 40.0 + 1e-3
+    held = load(leg("gravity = 1.0") / "robot_effects.py").Robot()
+    held.reset(np.zeros(3), np.zeros(3), u=np.zeros(3))
+    for _ in range(100):
+        held.step(held.data, TARGET, 0.02)
+    assert np.abs(held.readings(held.data)[0] - TARGET).max() < within
+
+    free = load(leg("") / "robot_effects.py").Robot()
+    free.reset(np.zeros(3), np.zeros(3), u=np.zeros(3))
+    for _ in range(100):
+        free.step(free.data, TARGET, 0.02)
+    own = free.readings(free.data)[0]
+    assert np.abs(own - TARGET).max() > 2.0 * within
+
+    model = mujoco.MjModel.from_xml_path(str(leg("") / "robot.xml"))
+    data = mujoco.MjData(model)
+    data.ctrl[:] = TARGET
+    for _ in range(round(2.0 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    assert np.abs(data.qpos - own).max() < 2.0 * within
+
+
+def test_a_drive_at_its_no_load_speed_brings_nothing(leg: Callable[[str], Path]) -> None:
+    """A target far away: the joint comes to the speed at which the motor has as much left as friction takes."""
+    pytest.importorskip("mujoco")
+    robot = load(leg("no_load_speed = 6.0") / "robot_effects.py").Robot()
+    robot.model.opt.gravity[:] = 0.0
+    robot.reset(np.zeros(3), np.zeros(3), u=np.zeros(3))
+    far = np.array([1e3, 0.0, 0.0])
+    for _ in range(100):
+        robot.step(robot.data, far, 0.02)
+    speed = robot.readings(robot.data)[1][0]
+    # stall (1 - v/6) = 0.3 + 0.05 v with a stall of 23.
+    expected = (23.0 - 0.3) / (23.0 / 6.0 + 0.05)
+    assert speed == pytest.approx(expected, rel=0.02)
