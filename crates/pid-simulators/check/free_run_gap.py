@@ -51,12 +51,25 @@ def smoothed(t, q):
     return q, np.gradient(q, t)
 
 
+def begins(q, h, fastest):
+    """Velocity with which a record begins: the slope of a cubic through its first 0.1 s, where that is certain and
+    more than a tenth of the largest speed."""
+    count = min(len(q), max(8, round(0.1 / h)))
+    known = np.isfinite(q[:count])
+    x, y = h * np.arange(count)[known], q[:count][known]
+    if len(x) < 6:
+        return 0.0
+    line, spread = np.polyfit(x, y, 3, cov=True)
+    certain = abs(line[2]) > 4.0 * math.sqrt(spread[2, 2])
+    return line[2] if certain and abs(line[2]) > 0.1 * fastest else 0.0
+
+
 def prompt(robot, j, delay, smooth_q, smooth_v, k, h):
     """Smoothed reading of joint j at sample k, shifted by the delay of its sensor."""
     x = min(k + delay / h, len(smooth_q) - 1.0)
     i = min(int(x), len(smooth_q) - 2)
     s = x - i
-    v = 0.0 if k == 0 else smooth_v[i] * (1 - s) + smooth_v[i + 1] * s
+    v = smooth_v[0] if k == 0 else smooth_v[i] * (1 - s) + smooth_v[i + 1] * s
     return smooth_q[i] * (1 - s) + smooth_q[i + 1] * s, v
 
 
@@ -183,6 +196,7 @@ def main(export, description, data):
             r["t"] = t = even
         smooth = [smoothed(t, q) for q in r["q"]]
         r["sq"], r["sv"] = np.array([s[0] for s in smooth]), np.array([s[1] for s in smooth])
+        r["sv"][:, 0] = [begins(q, h, np.abs(v[1:]).max()) for q, v in zip(r["q"], r["sv"])]
         last = len(t) - 1
         horizon = stated["robot"].get("horizon_s")
         length = last if horizon is None else min(max(round(horizon / h), 1), last)
