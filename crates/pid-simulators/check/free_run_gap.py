@@ -8,7 +8,8 @@ of `horizon_s`, errors of position and velocity over the standard deviation of t
 mean square over joints, channels and test records.
 
 Where a window begins within a record, states that no sensor reads come from a run over the second
-before; positions and velocities are then set to the smoothed readings.
+before, integrals of position loops from a run over all of the record before; positions and velocities
+are then set to the smoothed readings.
 """
 
 import csv
@@ -88,19 +89,27 @@ def put(robot, q, v):
         d.qpos[robot.qadr[j]], d.qvel[robot.dof[j]] = a, b
 
 
-def hidden(robot, r, k, size, velocities):
-    """Twists of gears at the start of a record and their rates, from the second after it.
+def integrals(robot):
+    """Joints whose loops have an integral."""
+    return [j for j, loop in enumerate(robot.loops) if loop is not None and loop._integrates()]
+
+
+def hidden(robot, r, k, size, velocities, twisted):
+    """Twists of gears at the start of a record and their rates, if they are asked for, and what integrals of loops
+    hold beyond the weight, from the second after it.
 
     They minimise the free-run error over 1 % of the motion, and the squares of the deviations from rest
-    over a tenth of the twist under the largest torque: Gauss-Newton steps with differences.
+    over a tenth of the twist under the largest torque, or over the input that dry friction holds:
+    Gauss-Newton steps with differences.
     """
-    gears = [(j, g) for j, (_, _, g) in robot.twist.items()]
-    if k > 0 or not gears:
-        return []
+    gears = [(j, g) for j, (_, _, g) in robot.twist.items()] if twisted else []
     units = []
     for j, g in gears:
         twist = 0.1 * np.abs(robot.gain[j] * r["u"][j]).max() / g["stiffness"] + 0.5 * g["gap"]
         units += [twist, twist * math.sqrt(g["stiffness"] / mass(robot, j))]
+    units += [robot.coulomb[j] / abs(robot.gain[j]) for j in integrals(robot)]
+    if k > 0 or not units:
+        return []
     length = min(round(1.0 / r["h"]), r["q"].shape[1] - 1)
 
     def left(x):
@@ -129,12 +138,14 @@ def mass(robot, j):
     return full[robot.twist[j][1], robot.twist[j][1]]
 
 
-def window(robot, r, k, length, velocities, twists=()):
-    """Errors of one window, [sample, joint, channel]."""
+def window(robot, r, k, length, velocities, states=()):
+    """Errors of one window, [sample, joint, channel]; `states` are those of the start of the record."""
     n, h, t = robot.n, r["h"], r["t"]
     delays = [robot._sum("sensor_delay", j, "delay_s") for j in range(n)]
     at = lambda k: list(zip(*[prompt(robot, j, delays[j], r["sq"][j], r["sv"][j], k, h) for j in range(n)]))
-    begin = max(0, k - round(WARM / h))
+    begin = max(0, k - round(WARM / h)) if not integrals(robot) else 0
+    own = len(integrals(robot))
+    twists, held = (states[: len(states) - own], states[len(states) - own :]) if begin == 0 else ((), ())
     hold = slice(begin, begin + int(0.015 / h) + 1)
     robot.reset(*at(begin), u=r["u"][:, hold].mean(axis=1), time=begin * h,
                 earlier=[(i * h, r["u"][:, i]) for i in range(max(0, begin - 200), begin)])
@@ -145,6 +156,8 @@ def window(robot, r, k, length, velocities, twists=()):
         if robot.on_link:
             robot.data.qpos[robot.qadr[j]] -= twists[2 * i]
             robot.data.qvel[robot.dof[j]] -= twists[2 * i + 1]
+    for j, more in zip(integrals(robot), held):
+        robot.loops[j].integral += more
     for i in range(begin, k):
         robot.step(robot.data, r["u"][:, i], h)
     if k > begin:
@@ -202,8 +215,9 @@ def main(export, description, data):
         length = last if horizon is None else min(max(round(horizon / h), 1), last)
         size = np.stack([np.nanstd(r["q"], axis=1), np.nanstd(r["v"], axis=1)], axis=1)
         velocities = bool(np.isfinite(r["v"]).any())
-        twists = hidden(robot, r, 0, size, velocities) if stated.get("simulated", {}).get("hidden_states") else []
-        run = lambda k: window(robot, r, k, length, velocities, twists if k <= WARM / h else [])
+        twisted = bool(stated.get("simulated", {}).get("hidden_states"))
+        states = hidden(robot, r, 0, size, velocities, twisted)
+        run = lambda k: window(robot, r, k, length, velocities, states)
         errors = [run(k * length) / size for k in range(last // length)]
         each = [np.sqrt(np.nanmean(e**2)) for e in errors]
         print(f"  {name}: windows", " ".join(f"{x:.4f}" for x in each))
