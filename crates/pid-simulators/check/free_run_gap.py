@@ -226,7 +226,7 @@ def main(export, description, data):
     joints = np.mean(sums, axis=0)
     for name, (q, v) in zip(names, np.sqrt(joints)):
         print(f"  joint {name}: position {q:.4f}, velocity {v:.4f}")
-    print(f"free-run gap in MuJoCo: {math.sqrt(np.nanmean(joints)):.4f}")
+    print(f"free-run gap in MuJoCo: {math.sqrt(np.nanmean(joints)):.3g}")
 
 
 if __name__ == "__main__":
