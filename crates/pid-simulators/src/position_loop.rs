@@ -73,10 +73,13 @@ impl PositionLoop {
     /// Keys of what two gains and these `further` keys leave out.
     pub(crate) fn beyond(&self, further: &[&str]) -> Vec<&'static str> {
         let gains = [Gain::Kp, Gain::Kd, Gain::Kv].map(Gain::key);
-        let kept = |key: &&str| gains.contains(key) || further.contains(key);
-        let all = self.numbers.iter();
-        let own = all.filter(|(key, value)| !kept(*key) && !(**key == "ki" && **value == 0.0));
-        own.map(|(key, _)| *key).collect()
+        let kept = |key: &str, value: f64| {
+            let nothing = key == Gain::Ki.key() && value == 0.0;
+            nothing || gains.contains(&key) || further.contains(&key)
+        };
+        let all = self.numbers.iter().map(|(key, value)| (*key, *value));
+        let own = all.filter(|&(key, value)| !kept(key, value));
+        own.map(|(key, _)| key).collect()
     }
 
     /// Whether the drive needs a model of the robot.
