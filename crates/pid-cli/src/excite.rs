@@ -21,7 +21,7 @@ use crate::progress::{Interrupt, Progress};
 use crate::{output, parameters};
 
 /// A robot that is to move.
-pub(crate) enum Mover {
+enum Mover {
     /// Declared with `robot!`.
     Declared(&'static dyn Hessian),
     /// Of a URDF, an MJCF or a description.
@@ -30,7 +30,7 @@ pub(crate) enum Mover {
 
 impl Mover {
     /// Of a robot file, of a folder with a description, or by its name.
-    pub(crate) fn of(args: &ExciteArgs) -> Result<Self, CliError> {
+    fn of(args: &ExciteArgs) -> Result<Self, CliError> {
         let own = args.robot.join("nominal.toml");
         let path: &PathBuf = if own.is_file() { &own } else { &args.robot };
         if robot_and_logs(std::slice::from_ref(path)).is_some() {
@@ -45,7 +45,7 @@ impl Mover {
         Ok(Self::Declared(crate::models::by_name(name)?.model))
     }
 
-    pub(crate) fn model(&self) -> &dyn Hessian {
+    fn model(&self) -> &dyn Hessian {
         match self {
             Self::Declared(model) => *model,
             Self::Described(own) => &own.0,
@@ -53,7 +53,7 @@ impl Mover {
     }
 
     /// The description it came from.
-    pub(crate) fn nominal(&self) -> Option<&Nominal> {
+    fn nominal(&self) -> Option<&Nominal> {
         match self {
             Self::Declared(_) => None,
             Self::Described(own) => Some(&own.1),
@@ -77,8 +77,8 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<u8, CliError> {
         }));
     }
     let asked = LimitFile::read(args.limits.as_deref(), model)?;
-    let kinematics = asked.kinematics(&mover)?;
-    let limits = asked.limits(args, &mover, kinematics.as_ref());
+    let kinematics = asked.kinematics((model, mover.nominal()))?;
+    let limits = asked.limits(args, (model, mover.nominal()), kinematics.as_ref());
     let settings = Settings {
         period: args.period,
         harmonics: args.harmonics,

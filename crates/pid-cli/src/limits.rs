@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use pid_fit::excite::{Limits, Workspace};
 use pid_interpret::Kinematics;
 use pid_interpret::kinematics::{KinematicsError, Point};
+use pid_interpret::nominal::Nominal;
 use pid_runtime::dynamics::Hessian;
 use pid_toml::{Mistake, Place, Source};
 use serde::Deserialize;
 
 use crate::args::excite::ExciteArgs;
-use crate::excite::Mover;
 
 /// Largest velocity of a joint for which nothing states one, rad/s or m/s: slow for an arm, so that a first motion
 /// does no harm.
@@ -122,7 +122,10 @@ impl LimitFile {
     }
 
     /// Positions of the limited points; `None` without any.
-    pub(crate) fn kinematics(&self, mover: &Mover) -> Result<Option<Kinematics>, LimitsError> {
+    pub(crate) fn kinematics(
+        &self,
+        (model, nominal): (&dyn Hessian, Option<&Nominal>),
+    ) -> Result<Option<Kinematics>, LimitsError> {
         let point = |of: &PointBox| Point {
             link: of.link.clone(),
             at: of.point,
@@ -131,9 +134,9 @@ impl LimitFile {
         if points.is_empty() {
             return Ok(None);
         }
-        Ok(Some(match mover.nominal() {
+        Ok(Some(match nominal {
             Some(nominal) => Kinematics::new(nominal.robot(), &points)?,
-            None => Kinematics::of_declared(mover.model(), &points)?,
+            None => Kinematics::of_declared(model, &points)?,
         }))
     }
 
@@ -141,7 +144,7 @@ impl LimitFile {
     pub(crate) fn limits<'a>(
         &self,
         args: &ExciteArgs,
-        mover: &Mover,
+        (model, nominal): (&dyn Hessian, Option<&Nominal>),
         kinematics: Option<&'a Kinematics>,
     ) -> Limits<'a> {
         let mut limits = Limits {
@@ -154,10 +157,8 @@ impl LimitFile {
                 boxes: self.boxes.iter().map(|b| [b.x, b.y, b.z]).collect(),
             }),
         };
-        let channels = mover
-            .nominal()
-            .map_or(&[][..], |own| &own.measurement().channels);
-        for joint in mover.model().joints() {
+        let channels = nominal.map_or(&[][..], |own| &own.measurement().channels);
+        for joint in model.joints() {
             let own = self.joints.get(joint.name.as_ref());
             let own = own.cloned().unwrap_or_default();
             let stated = channels.iter().find(|own| own.name == joint.name);
@@ -189,7 +190,7 @@ mod tests {
 
     #[test]
     fn limits_of_a_file_come_first_and_unknown_joints_are_named() {
-        let model = pid_models::by_name("two_link").unwrap();
+        let model: &dyn Hessian = pid_models::by_name("two_link").unwrap();
         let folder = std::env::temp_dir().join(format!("pid-excite-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let file = folder.join("limits.toml");
@@ -199,7 +200,7 @@ mod tests {
         );
         std::fs::write(&file, "[elbow]\nvelocity = 1.5\nposition = [-1, 1]\n").unwrap();
         let found = LimitFile::read(Some(&file), model).unwrap();
-        let found = found.limits(&args(&line), &Mover::Declared(model), None);
+        let found = found.limits(&args(&line), (model, None), None);
         assert_eq!((found.v, found.q[1]), (vec![3.0, 1.5], Some((-1.0, 1.0))));
         for (text, message) in [
             (
@@ -230,9 +231,7 @@ mod tests {
         ] {
             std::fs::write(&file, text).unwrap();
             let read = LimitFile::read(Some(&file), model);
-            let error = read
-                .and_then(|f| f.kinematics(&Mover::Declared(model)))
-                .unwrap_err();
+            let error = read.and_then(|f| f.kinematics((model, None))).unwrap_err();
             let error = error.to_string();
             assert!(error.contains(message), "{error}");
         }

@@ -169,7 +169,9 @@ impl Machine {
     /// Gives the drives their position loops, and says which are left out.
     fn close_loops(&mut self, nominal: &description::Nominal, constants: &Constants<'_, f64>) {
         for c in 0..self.drives.len() {
-            match PositionLoop::of(nominal, c, constants, &self.effects) {
+            let own = self.effects.iter().filter(|e| e.term.joint == c);
+            let stages: Vec<_> = own.filter_map(|e| e.term.effect.stage()).collect();
+            match PositionLoop::of(nominal, c, constants, &stages) {
                 Some(Ok(own)) => self.drives[c].position_loop = Some(own),
                 Some(Err(unknown)) => self.mended.push(format!(
                     "Joint `{}`: its drive follows targets by a position loop whose {} nobody knows, so it is left out: the input of the files is that of the motor, in {}. Export the extended.toml of a diagnosis or the identified.toml of an identification, which know.",

@@ -6,8 +6,6 @@ use pid_effects::constants::{Constant, Constants};
 use pid_interpret::nominal::{Gain, Nominal, Servo, ServoLaw};
 use serde::Serialize;
 
-use crate::machine::Named;
-
 /// A loop with all its numbers.
 #[derive(Debug, Clone, Serialize)]
 pub(crate) struct PositionLoop {
@@ -20,12 +18,12 @@ pub(crate) struct PositionLoop {
 }
 
 impl PositionLoop {
-    /// Of a coordinate. `Err` has the gains that nobody knows.
+    /// Of a coordinate, with the stages that effects add. `Err` has the gains that nobody knows.
     pub(crate) fn of(
         nominal: &Nominal,
         coordinate: usize,
         constants: &Constants<'_, f64>,
-        effects: &[Named],
+        stages: &[Gain],
     ) -> Option<Result<Self, Vec<&'static str>>> {
         let servo = nominal.servo(coordinate)?;
         let unknown = servo
@@ -35,8 +33,6 @@ impl PositionLoop {
         if !unknown.is_empty() {
             return Some(Err(unknown));
         }
-        let own = effects.iter().filter(|e| e.term.joint == coordinate);
-        let stages: Vec<Gain> = own.filter_map(|e| e.term.effect.stage()).collect();
         let gains = Gain::ALL.into_iter();
         let gains = gains.filter(|gain| servo.has(*gain) || stages.contains(gain));
         let value = |gain| constants.get(Constant::Servo(gain, coordinate));
