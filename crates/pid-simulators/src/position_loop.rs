@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use pid_effects::constants::{Constant, Constants};
-use pid_interpret::nominal::{Gain, Nominal, Servo, ServoLaw};
+use pid_interpret::nominal::{Gain, Nominal, ServoLaw};
 use serde::Serialize;
 
 /// A loop with all its numbers.
@@ -38,7 +38,7 @@ impl PositionLoop {
         let value = |gain| constants.get(Constant::Servo(gain, coordinate));
         let numbers = gains
             .map(|gain| (gain.key(), value(gain)))
-            .chain(stated(servo));
+            .chain(servo.stated());
         Some(Ok(Self {
             servo: servo.law,
             law: servo.law.word(),
@@ -83,21 +83,4 @@ impl PositionLoop {
         let shares = [Gain::Gravity, Gain::InertiaAhead];
         shares.iter().any(|gain| self.get(gain.key()).is_some())
     }
-}
-
-/// Numbers that are no gains.
-fn stated(servo: &Servo) -> impl Iterator<Item = (&'static str, f64)> {
-    let all = [
-        ("limit", servo.limit),
-        ("stall", servo.falling.map(|own| own.stall)),
-        ("no_load_speed", servo.falling.map(|own| own.no_load_speed)),
-        ("integral_limit", servo.integral_limit),
-        ("velocity_limit", servo.velocity_limit),
-        ("dead_band", servo.dead_band),
-        ("target_step", servo.shaping.step),
-        ("target_rate_hz", servo.shaping.rate_hz),
-        ("rate_hz", servo.rate_hz),
-    ];
-    all.into_iter()
-        .filter_map(|(key, value)| Some((key, value?)))
 }

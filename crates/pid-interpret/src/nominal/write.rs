@@ -236,21 +236,8 @@ fn write_servo(out: &mut String, servo: &Servo) {
         let value = servo::written(servo.gain(gain));
         line(out, &format!("{} = {value}", gain.key()));
     }
-    let numbers = [
-        ("limit", servo.limit),
-        ("stall", servo.falling.map(|own| own.stall)),
-        ("no_load_speed", servo.falling.map(|own| own.no_load_speed)),
-        ("integral_limit", servo.integral_limit),
-        ("velocity_limit", servo.velocity_limit),
-        ("dead_band", servo.dead_band),
-        ("target_step", servo.shaping.step),
-        ("target_rate_hz", servo.shaping.rate_hz),
-        ("rate_hz", servo.rate_hz),
-    ];
-    for (key, value) in numbers {
-        if let Some(x) = value {
-            line(out, &format!("{key} = {x:?}"));
-        }
+    for (key, x) in servo.stated() {
+        line(out, &format!("{key} = {x:?}"));
     }
 }
 

@@ -6,8 +6,8 @@
 //!
 //! The law, as in kp (r − q) − kd v with the growth ki (r − q), is that of [`drives`](crate::drives).
 //! Here it answers at once, whatever the rate of the drive; limits and bands are rounded as all of
-//! [`Smooth`](crate::smooth::Smooth). An integral w is one more coordinate s with w = ṡ, as other states are; it rests
-//! where the output is limited. The velocity behind a filter is another. Stages of a target act on the records.
+//! [`Smooth`](crate::smooth::Smooth). An integral w is one more coordinate s with w = ṡ, as other states are; it
+//! rests where the output is limited. The velocity behind a filter is another. Stages of a target act on the records.
 //! Effects that act between a drive and its motor act on u; the loop reads the coordinate of its joint.
 
 mod drive;

@@ -215,6 +215,23 @@ impl Servo {
         }
     }
 
+    /// Its numbers that are no gains, by their keys in a description.
+    pub fn stated(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let all = [
+            ("limit", self.limit),
+            ("stall", self.falling.map(|own| own.stall)),
+            ("no_load_speed", self.falling.map(|own| own.no_load_speed)),
+            ("integral_limit", self.integral_limit),
+            ("velocity_limit", self.velocity_limit),
+            ("dead_band", self.dead_band),
+            ("target_step", self.shaping.step),
+            ("target_rate_hz", self.shaping.rate_hz),
+            ("rate_hz", self.rate_hz),
+        ];
+        let known = |(key, value): (&'static str, Option<f64>)| Some((key, value?));
+        all.into_iter().filter_map(known)
+    }
+
     /// What the loop has that equations of motion with exact second derivatives do not hold, as its key.
     pub fn beyond_equations(&self) -> Option<&'static str> {
         let numbers = [Gain::InertiaAhead, Gain::FeedbackDelay];
