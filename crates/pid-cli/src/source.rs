@@ -98,6 +98,7 @@ impl Subject {
             model: self.model(),
             judged: self.judged(dataset, values),
         }
+            unread: self.nominal().map_or(&[], |(_, with)| &with.unread),
     }
 
     /// The nominal description it came from, if it came from one, and its model.

@@ -194,7 +194,7 @@ pub fn locate(case: &Case, base: &Fit, dataset: &Dataset) -> Result<MissingForce
     let mut joints = vec![JointForce::default(); n];
     let (mut squares, mut count) = (vec![0.0; n], 0.0);
     for e in dataset.with_role(Role::Test) {
-        let force = missing_force(&model, &p, dataset, e)?;
+        let force = missing_force(&model, &p, dataset, e, &[])?;
         count += force.t.len() as f64;
         for (j, out) in joints.iter_mut().enumerate() {
             let column = |x: &[f64]| -> Vec<f64> { x.iter().skip(j).step_by(n).copied().collect() };

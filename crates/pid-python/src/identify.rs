@@ -152,6 +152,7 @@ fn fitted(
         judged: (model, dataset, &best.parameters),
     };
     simtrue::report::report(&subject, dataset, &found, &|what| watch.step(&what))
+        unread: nominal.map_or(&[], |(_, with)| &with.unread),
         .map_err(|e| e.to_string())
 }
 

@@ -83,7 +83,7 @@ fn tiles(report: &Report) -> Markup {
             div.tile {
                 div.name { "Model" }
                 div.value { (report.model.name) }
-                div.more { (report.model.nq) " joint" (plural(report.model.nq)) ", " (report.model.np) " parameters" }
+                div.more { (report.data.joints.len()) " joint" (plural(report.data.joints.len())) ", " (report.model.np) " parameters" }
             }
             div.tile {
                 div.name { "Data" }

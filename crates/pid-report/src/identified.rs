@@ -65,7 +65,12 @@ pub fn report(
     let more = &mut report.findings;
     more.extend(force_findings(&identification.force_error));
     more.extend(optima(identification));
-    more.extend(noise_finding(identification, settings, dataset));
+    more.extend(noise_finding(
+        identification,
+        settings,
+        dataset,
+        subject.unread,
+    ));
     more.extend(found.consistency.iter().map(consistency_finding));
     let drawn = found.bootstrap.iter();
     more.extend(drawn.flat_map(|drawn| bootstrap_findings(params, drawn)));
@@ -309,13 +314,19 @@ fn profile_finding(info: &ParamInfo, found: &Profile) -> String {
 }
 
 /// Noise levels of a fit by likelihood.
-fn noise_finding(found: &Identification, settings: &Settings, data: &Dataset) -> Option<String> {
+fn noise_finding(
+    found: &Identification,
+    settings: &Settings,
+    data: &Dataset,
+    unread: &[usize],
+) -> Option<String> {
     settings.likelihood.as_ref()?;
     let nq = data.nq();
     let levels: Vec<String> = found
         .noise
         .iter()
         .enumerate()
+        .filter(|(c, _)| !unread.contains(&(c % nq)))
         .filter_map(|(c, level)| {
             let letter = if c < nq { "q" } else { "dq" };
             Some(format!(

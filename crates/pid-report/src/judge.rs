@@ -4,7 +4,8 @@
 use pid_data::{Dataset, Experiment, Horizon, Kind, Role};
 use pid_fit::gap::force::{MissingForceError, MissingForceEstimate, missing_force};
 use pid_fit::gap::metrics::{
-    FreeRunError, FreeRunScore, FreeRunSettings, StartVelocity, free_run, free_run_table,
+    ChannelError, FreeRunError, FreeRunScore, FreeRunSettings, JointError, StartVelocity, free_run,
+    free_run_table,
 };
 use pid_nlp::solver::Iteration;
 use pid_page::number::short;
@@ -30,6 +31,17 @@ pub struct Subject<'a> {
     /// The model that is simulated, its records and its parameters: those without what is wrong
     /// with the readings.
     pub judged: (&'a dyn Hessian, &'a Dataset, &'a [f64]),
+    /// Coordinates of it that no sensor reads: there is nothing to compare their motion with.
+    pub unread: &'a [usize],
+}
+
+impl Subject<'_> {
+    /// Keeps what belongs to coordinates that sensors read, by their names.
+    pub(crate) fn keep_read<T>(&self, all: &mut Vec<T>, name: impl Fn(&T) -> &str) {
+        let joints = &self.judged.1.joints;
+        let unread: Vec<&str> = self.unread.iter().map(|&j| &*joints[j].name).collect();
+        all.retain(|own| !unread.contains(&name(own)));
+    }
 }
 
 /// Parameters that cannot be judged.
@@ -141,11 +153,17 @@ pub fn judge(subject: &Subject<'_>, fit: Fit, step: &dyn Fn(String)) -> Result<R
             ));
         }
         let how = format!("restarted every {DRAWN}");
-        motions.push(motion(dataset, experiment, &run, &how, budget));
-        forces.push((experiment, missing_force(model, p, dataset, experiment)?));
+        let mut motion = motion(dataset, experiment, &run, &how, budget);
+        subject.keep_read(&mut motion.joints, |own| &own.joint);
+        motions.push(motion);
+        let force = missing_force(model, p, dataset, experiment, subject.unread)?;
+        forces.push((experiment, force));
     }
-    let missing = condense(dataset, &records(&forces), budget);
-    notes.push(force_note(dataset, &forces));
+    let mut missing = condense(dataset, &records(&forces), budget);
+    subject.keep_read(&mut missing, |own| &own.joint);
+    notes.push(force_note(subject, &forces));
+    let mut data = DataSection::of(dataset);
+    subject.keep_read(&mut data.joints, |own| &own.name);
 
     let dims = model.dims();
     let solving = fit.log.last().map_or(0, |i| i.iteration);
@@ -160,7 +178,7 @@ pub fn judge(subject: &Subject<'_>, fit: Fit, step: &dyn Fn(String)) -> Result<R
             nu: dims.nu,
             np: subject.model.dims().np,
         },
-        data: DataSection::of(dataset),
+        data,
         settings: fit.settings,
         outcome: OutcomeSection {
             verdict: fit.verdict,
@@ -210,7 +228,21 @@ fn free_runs(
             scores.extend(unseen);
         }
     }
+    if !subject.unread.is_empty() {
+        for score in &mut scores {
+            subject.keep_read(&mut score.joints, |own| &own.joint);
+            score.objective = objective(&score.joints);
+        }
+    }
     Ok(scores)
+}
+
+/// Mean square of positions and, where all joints have them, velocities.
+fn objective(joints: &[JointError]) -> Option<f64> {
+    let square = |c: &Option<ChannelError>| c.map(|e| e.rms * e.rms);
+    let q: Option<f64> = joints.iter().map(|own| square(&own.q)).sum();
+    let v: Option<f64> = joints.iter().map(|own| square(&own.v)).sum();
+    q.map(|q| q + v.unwrap_or(0.0))
 }
 
 /// The parameters with their ranges and deviations.
@@ -271,10 +303,10 @@ fn records<'a>(forces: &'a Forces<'_>) -> Vec<ForceRecord<'a>> {
 }
 
 /// How the missing forces were found, and the noise beside them.
-fn force_note(dataset: &Dataset, forces: &Forces<'_>) -> String {
+fn force_note(subject: &Subject<'_>, forces: &Forces<'_>) -> String {
     let noise = forces
         .iter()
-        .map(|(e, f)| noise_in_words(dataset, &e.name, f));
+        .map(|(e, f)| noise_in_words(subject, &e.name, f));
     format!(
         "The missing force w is the smoothest one that makes the model follow the record: measurement noise and the drift of w are weighed by their likelihood, and its band is two standard deviations given the record. Noise found: {}.",
         noise.collect::<Vec<_>>().join("; ")
@@ -282,11 +314,11 @@ fn force_note(dataset: &Dataset, forces: &Forces<'_>) -> String {
 }
 
 /// `train: q 0.0012 rad` for every joint.
-fn noise_in_words(dataset: &Dataset, experiment: &str, force: &MissingForceEstimate) -> String {
-    let joints: Vec<String> = dataset
-        .joints
-        .iter()
-        .zip(force.noise.position.iter().zip(&force.noise.velocity))
+fn noise_in_words(subject: &Subject<'_>, experiment: &str, force: &MissingForceEstimate) -> String {
+    let noise = force.noise.position.iter().zip(&force.noise.velocity);
+    let mut all: Vec<_> = subject.judged.1.joints.iter().zip(noise).collect();
+    subject.keep_read(&mut all, |(joint, _)| &joint.name);
+    let joints: Vec<String> = (all.into_iter())
         .map(|(joint, (q, v))| {
             let velocity = match v.is_finite() {
                 true => format!(", {} {}", short(*v), joint.velocity_unit()),

@@ -41,7 +41,7 @@ fn outcome(r: &Report, out: &mut String) -> std::fmt::Result {
         out,
         "  model {} ({}, {} parameters), data {} ({}, {} samples)",
         r.model.name,
-        count(r.model.nq, "joint"),
+        count(r.data.joints.len(), "joint"),
         r.model.np,
         r.data.name,
         count(r.data.experiments.len(), "experiment"),

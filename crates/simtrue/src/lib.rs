@@ -187,6 +187,7 @@ pub use pid_preflight as preflight;
 ///     source: entry.source,
 ///     model: entry.model,
 ///     judged: (entry.model, &data, &found.identification.best().parameters),
+///     unread: &[],
 /// };
 /// let report = report(&subject, &data, &found, &|_step| {})?;
 /// assert!(report.to_html().contains("two_link identified on demo"));

@@ -46,6 +46,8 @@ pub struct Assembled {
     pub noise: Vec<Option<f64>>,
     /// The records as they were read, where they have got columns since.
     pub read: Option<Dataset>,
+    /// Coordinates of which no sensor reads position or velocity.
+    pub unread: Vec<usize>,
 }
 
 impl Assembled {
@@ -156,6 +158,7 @@ fn before_loops(
     Ok(())
 }
 
+            unread: Vec::new(),
 /// Whether an effect is a filter of a velocity reading.
 fn filters(own: &Placed) -> bool {
     let e = vec![1.0; own.ranges.len()];
@@ -223,8 +226,17 @@ impl Assembled {
             }
             model = Box::new(with);
         }
-        let with = Self { model, noise, read };
-        Ok(lagging(nominal, with, &lags, dataset)?)
+        let with = Self {
+            model,
+            noise,
+            read,
+            unread: Vec::new(),
+        };
+        let mut with = lagging(nominal, with, &lags, dataset)?;
+        let nq = with.model.dims().nq;
+        let none = |c: usize| with.noise.get(c) == Some(&Some(f64::INFINITY));
+        with.unread = (0..nq).filter(|&j| none(j) && none(nq + j)).collect();
+        Ok(with)
     }
 }
 
@@ -248,6 +260,7 @@ fn drives(nominal: &description::Nominal, model: &dyn Dynamics) -> Drives {
         model.params().iter().position(|p| p.name == own.name)
     };
     Drives {
+        ..
         side: nominal.measurement().encoder_side,
         rotors: (0..model.dims().nq).map(rotor).collect(),
     }
@@ -312,5 +325,10 @@ fn lagging(
             model = Box::new(lagging);
         }
     }
-    Ok(Assembled { model, noise, read })
+    Ok(Assembled {
+        model,
+        noise,
+        read,
+        unread: Vec::new(),
+    })
 }

@@ -37,7 +37,8 @@ const SETTLED: f64 = 0.02;
 /// A velocity channel counts where it is a measurement of its own
 /// ([`Measured`](pid_data::VelocityKind::Measured)). Missing samples of q and v count as not
 /// measured; missing inputs are bridged by straight lines. Inputs that are held from sample to
-/// sample act as they are on each interval, others with their mean.
+/// sample act as they are on each interval, others with their mean. Coordinates that are `unread` are states whose
+/// equations are definitions, as that of a filter: nothing is read of them, and no force is missing there.
 ///
 /// # Errors
 /// [`MissingForceError`] for records too short or empty, and where the model cannot be evaluated.
@@ -46,10 +47,11 @@ pub fn missing_force(
     p: &[f64],
     dataset: &Dataset,
     experiment: &Experiment,
+    unread: &[usize],
 ) -> Result<MissingForceEstimate, MissingForceError> {
     let start = state_from_data(experiment, None)?;
     let (n, nq) = (experiment.len(), experiment.nq);
-    let mut problem = Problem::new(model, p, dataset, experiment);
+    let mut problem = Problem::new(model, p, dataset, (experiment, unread));
 
     // The filtered record is no trajectory of the chain; the first step makes one of it.
     let mut path = Path {
@@ -82,7 +84,7 @@ pub fn missing_force(
         } else {
             problem.search(&mut path, next, &noise, &prior)
         };
-        let moved = pace.hurry(&mut noise, &s.moments, &problem.floor);
+        let moved = pace.hurry(&mut noise, &s.moments, &problem);
         smoothed = Some(s);
         if arrived && moved < SETTLED {
             settled = true;

@@ -43,6 +43,8 @@ pub(super) struct Problem<'a> {
     pub(super) y: Vec<f64>,
     /// Smallest admitted variances of q, v and drift; 3 nq.
     pub(super) floor: Vec<f64>,
+    /// Whether a coordinate is a state that nothing reads and no force acts on.
+    unread: Vec<bool>,
     values: Vec<f64>,
     q: Vec<f64>,
     v: Vec<f64>,
@@ -53,13 +55,14 @@ impl<'a> Problem<'a> {
         model: &'a dyn Jacobian,
         p: &'a [f64],
         dataset: &Dataset,
-        experiment: &'a Experiment,
+        (experiment, unread): (&'a Experiment, &[usize]),
     ) -> Self {
         let (n, nq) = (experiment.len(), experiment.nq);
         let u = inputs_on_intervals(experiment, dataset.input_hold);
         let mut y = vec![f64::NAN; n * 2 * nq];
         let mut floor = vec![f64::MIN_POSITIVE.sqrt(); 3 * nq];
-        for (j, joint) in dataset.joints.iter().enumerate() {
+        let read = dataset.joints.iter().enumerate();
+        for (j, joint) in read.filter(|(j, _)| !unread.contains(j)) {
             let velocity = experiment
                 .v
                 .as_ref()
@@ -85,6 +88,7 @@ impl<'a> Problem<'a> {
             u,
             y,
             floor,
+            unread: (0..nq).map(|j| unread.contains(&j)).collect(),
             values: vec![0.0; model.jacobian_pattern().nnz()],
             q: vec![0.0; nq],
             v: vec![0.0; nq],
@@ -350,7 +354,11 @@ impl<'a> Problem<'a> {
             .map(|j| {
                 let w: Vec<f64> = path.w.iter().skip(j).step_by(nq).copied().collect();
                 let sum: f64 = w.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum();
-                (sum / duration).max(self.floor[2 * nq + j])
+                let least = self.floor[2 * nq + j];
+                match self.unread[j] {
+                    true => least,
+                    false => (sum / duration).max(least),
+                }
             })
             .collect();
         Variances {
@@ -383,6 +391,7 @@ impl<'a> Problem<'a> {
                 match k / nq {
                     0 => 100.0 * noise.position[j] + 1e-4 * wide,
                     1 => wide + 1e-6,
+                    _ if self.unread[j] => noise.drift[j] * self.h(0),
                     _ => 10.0 * wide + noise.drift[j] * self.h(0),
                 }
             }),
@@ -460,11 +469,11 @@ impl Pace {
         &mut self,
         noise: &mut Variances,
         moments: &Variances,
-        floor: &[f64],
+        problem: &Problem<'_>,
     ) -> f64 {
         let nq = noise.drift.len();
         let mut most: f64 = 0.0;
-        for k in 0..3 * nq {
+        for k in (0..3 * nq).filter(|k| !problem.unread[k % nq]) {
             let (old, new) = match k / nq {
                 0 => (&mut noise.position, &moments.position),
                 1 => (&mut noise.velocity, &moments.velocity),
@@ -480,7 +489,8 @@ impl Pace {
                 false => 1.0,
             };
             self.last[k] = change;
-            let next = (old[j] * (self.power[k] * change).clamp(-3.0, 3.0).exp()).max(floor[k]);
+            let next =
+                (old[j] * (self.power[k] * change).clamp(-3.0, 3.0).exp()).max(problem.floor[k]);
             most = most.max((next / old[j]).ln().abs());
             old[j] = next;
         }
