@@ -383,7 +383,6 @@ fn stages_of_position_loops_are_read_and_written() {
             "s"
         ]
     );
-    assert_eq!(servo.beyond_equations(), Some("inertia_feed_forward"));
     let again = parse(&nominal.to_toml().unwrap());
     assert_eq!(loops(&again), loops(&nominal));
     assert!(again.drive_model(0).is_none());

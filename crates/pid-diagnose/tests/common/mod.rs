@@ -215,11 +215,20 @@ pub(crate) fn source_holds(model: &dyn Dynamics, report: &Report) {
 
 /// All parameters by the program with exact derivatives, by their names: targets and positions alone.
 pub(crate) fn identified(nominal: &Nominal, dataset: &Dataset) -> BTreeMap<String, f64> {
+    let (with, _, values) = identified_model(nominal, dataset);
+    let names = with.model.params().iter().map(|p| p.name.to_string());
+    names.zip(values).collect()
+}
+
+/// The same with the model and the records as it takes them.
+pub(crate) fn identified_model(
+    nominal: &Nominal,
+    dataset: &Dataset,
+) -> (Assembled, Dataset, Vec<f64>) {
     let (nominal, mut dataset) = commanded(&nominal.description, dataset).expect("targets");
     let with = Assembled::new(&nominal, &mut dataset).expect("equations");
     let settings = ident::Settings {
-        horizon: Horizon::Seconds(1.0),
-        substeps: 2,
+        horizon: Horizon::Record,
         likelihood: Some(Likelihood {
             noise: with.noise.clone(),
             priors: with.priors(&nominal),
@@ -230,7 +239,6 @@ pub(crate) fn identified(nominal: &Nominal, dataset: &Dataset) -> BTreeMap<Strin
     let mut go_on = |_: &ident::Progress<'_>| ControlFlow::Continue(());
     let model = with.model.as_ref();
     let found = ident::identify(model, &dataset, &settings, None, &mut go_on).expect("a fit");
-    let values = found.best().parameters.iter().copied();
-    let names = model.params().iter().map(|p| p.name.to_string());
-    names.zip(values).collect()
+    let values = found.best().parameters.clone();
+    (with, dataset, values)
 }

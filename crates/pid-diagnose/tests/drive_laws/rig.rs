@@ -53,6 +53,8 @@ pub(super) struct Loop {
     pub(super) average: Option<f64>,
     pub(super) target_filter: Option<f64>,
     pub(super) limit: Option<f64>,
+    /// Largest size of the integral's part.
+    pub(super) most: Option<f64>,
     /// Speed at which nothing of the limit is left.
     pub(super) no_load: Option<f64>,
     pub(super) hz: Option<f64>,
@@ -171,6 +173,8 @@ impl Loop {
         if before.abs() <= limit || before * rate < 0.0 {
             inside.integral += rate * dt;
         }
+        let most = self.most.unwrap_or(f64::INFINITY);
+        inside.integral = inside.integral.clamp(-most, most);
         inside.output = (direct + inside.integral + feed).clamp(-limit, limit);
         inside.output
     }
@@ -334,6 +338,7 @@ pub(super) const PD: Loop = Loop {
     average: None,
     target_filter: None,
     limit: Some(6.0),
+    most: None,
     no_load: None,
     hz: None,
 };

@@ -155,6 +155,14 @@ fn loops() -> Vec<(Loop, String)> {
         ),
         with(
             Loop {
+                most: Some(0.3),
+                ..PID
+            },
+            pid,
+            "integral_limit = 0.3\n",
+        ),
+        with(
+            Loop {
                 velocity_filter: Some(0.03),
                 ..PD
             },

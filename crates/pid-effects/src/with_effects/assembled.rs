@@ -121,22 +121,6 @@ fn follows(nominal: &description::Nominal, dataset: &Dataset, joint: usize) -> b
     nominal.servo(joint).is_some() && input == Some(InputQuantity::Position)
 }
 
-/// Refuses loops with more than equations of motion hold.
-fn plain_loops(nominal: &description::Nominal, dataset: &Dataset) -> Result<(), EffectError> {
-    for (j, joint) in nominal.robot().joints.iter().enumerate() {
-        let servo = nominal.servo(j).filter(|_| follows(nominal, dataset, j));
-        if let Some((servo, key)) = servo.and_then(|s| Some((s, s.beyond_equations()?))) {
-            let place = servo.place.as_ref();
-            return Err(EffectError::BeyondEquations {
-                joint: joint.name.clone(),
-                place: place.map_or_else(|| "drive".to_owned(), ToString::to_string),
-                key,
-            });
-        }
-    }
-    Ok(())
-}
-
 /// Refuses what stands between a target and the loop that follows it: a law of the command, and a gear
 /// before the reading of the loop.
 fn before_loops(
@@ -158,7 +142,6 @@ fn before_loops(
     Ok(())
 }
 
-            unread: Vec::new(),
 /// Whether an effect is a filter of a velocity reading.
 fn filters(own: &Placed) -> bool {
     let e = vec![1.0; own.ranges.len()];
@@ -175,6 +158,7 @@ impl Assembled {
             model: Box::new(Model::new(nominal.robot())?),
             noise: stated_noise(nominal),
             read: None,
+            unread: Vec::new(),
         })
     }
 
@@ -216,7 +200,6 @@ impl Assembled {
             model = Box::new(with);
         }
         if looped {
-            plain_loops(nominal, dataset)?;
             let servos: Vec<_> = joints.map(|j| nominal.servo(j)).collect();
             let before = model.dims().nq;
             let with = WithLoops::new(model, &servos, nominal, dataset);
@@ -260,7 +243,6 @@ fn drives(nominal: &description::Nominal, model: &dyn Dynamics) -> Drives {
         model.params().iter().position(|p| p.name == own.name)
     };
     Drives {
-        ..
         side: nominal.measurement().encoder_side,
         rotors: (0..model.dims().nq).map(rotor).collect(),
     }
@@ -278,6 +260,7 @@ fn lagging(
         mut model,
         mut noise,
         read,
+        ..
     } = with;
     let h = states::step(dataset);
     for own in lags {

@@ -34,18 +34,6 @@ pub enum EffectError {
         /// The parameter.
         parameter: String,
     },
-    /// A loop has a part that depends on the motion so far, on other joints, or with a corner.
-    #[error(
-        "{place}: joint `{joint}`: equations of motion do not hold `{key}` of a position loop\n  help: `simtrue simulate` and `simtrue diagnose` take it; leave it out here where the records do without, as an `integral_limit` beside `limit`, or record the inputs of the motors"
-    )]
-    BeyondEquations {
-        /// The joint.
-        joint: String,
-        /// Where its loop stands.
-        place: String,
-        /// The key of the part.
-        key: &'static str,
-    },
 }
 
 /// Why equations of motion cannot take an effect.

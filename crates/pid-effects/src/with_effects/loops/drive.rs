@@ -1,4 +1,8 @@
 //! The loop of one drive over [`Smooth`]: its input of the motor and the growth of its states.
+//!
+//! A reading that is late by τ is that behind an all-pass, (1 − τs/2) / (1 + τs/2), which has the same gain and a phase
+//! within (ωτ)³/12 of it (the Padé approximation of first order: G. A. Baker, Essentials of Padé Approximants, 1975). With
+//! what its position lags, ξ̇ = v − 2ξ/τ, the loop reads q − 2ξ and its velocity 4ξ/τ − v.
 
 use pid_interpret::nominal::{Gain, Servo};
 use pid_runtime::dynamics::{At, Dims};
@@ -8,11 +12,12 @@ use crate::scalar::Scalar;
 use crate::smooth::{CORNER, Smooth};
 use crate::with_effects::arguments;
 
-use super::gravity::Weights;
+use super::feed_forward::{Fed, Read};
 
 /// Places of the arguments: position, velocity, target, gains, the integral and how fast it grows, the share of the
 /// target's velocity and that velocity, the velocity behind a filter, how fast that grows, and the filter's time; the
-/// share of gravity, and the input that makes up for all of it, which is no variable of its own.
+/// share of gravity; what a late position lags, how fast that grows, and by how much it is late; the share of inertia.
+/// The inputs that make up for all of gravity and inertia are no variables of their own.
 pub(super) const Q: usize = 0;
 pub(super) const V: usize = 1;
 pub(super) const R: usize = 2;
@@ -29,8 +34,18 @@ pub(super) const F_DOT: usize = 12;
 const TIME: usize = 13;
 const SHARE: usize = 14;
 const WEIGHT: usize = 15;
-/// Number of these. The positions of the other joints follow where a drive makes up for gravity.
-pub(super) const MOST: usize = 16;
+pub(super) const LAG: usize = 16;
+const LAG_DOT: usize = 17;
+const LATE: usize = 18;
+const INERTIA_SHARE: usize = 19;
+const INERTIA: usize = 20;
+/// Number of these. [`Loop::further`] follow where a drive has a feed-forward.
+pub(super) const MOST: usize = 21;
+
+/// By how much the position that a loop reads moves with what it lags.
+pub(super) const LAGS: f64 = -2.0;
+/// Share of the limit of an integral per second by which its growth is rounded at zero.
+const SLOW: f64 = 1e-3;
 
 /// Place of a number of a loop among the arguments; `None` of one that is no parameter of the equations.
 pub(super) fn argument(gain: Gain) -> Option<usize> {
@@ -42,6 +57,8 @@ pub(super) fn argument(gain: Gain) -> Option<usize> {
         Gain::VelocityAhead => Some(AHEAD),
         Gain::VelocityTime => Some(TIME),
         Gain::Gravity => Some(SHARE),
+        Gain::FeedbackDelay => Some(LATE),
+        Gain::InertiaAhead => Some(INERTIA_SHARE),
         _ => None,
     }
 }
@@ -60,6 +77,8 @@ pub(super) enum Memory {
     Integral,
     /// The velocity behind its filter.
     Filter,
+    /// What the position that it reads lags.
+    Lag,
 }
 
 impl Memory {
@@ -68,6 +87,7 @@ impl Memory {
         match self {
             Memory::Integral => [W, W_DOT],
             Memory::Filter => [F, F_DOT],
+            Memory::Lag => [LAG, LAG_DOT],
         }
     }
 
@@ -76,6 +96,7 @@ impl Memory {
         match self {
             Memory::Integral => "integral",
             Memory::Filter => "filtered",
+            Memory::Lag => "lag",
         }
     }
 
@@ -84,6 +105,7 @@ impl Memory {
         let all = [
             (Memory::Integral, servo.law.integrates()),
             (Memory::Filter, servo.has(Gain::VelocityTime)),
+            (Memory::Lag, servo.has(Gain::FeedbackDelay)),
         ];
         all.into_iter().filter_map(|(own, has)| has.then_some(own))
     }
@@ -98,6 +120,8 @@ pub(super) struct Loop {
     pub(super) sign: f64,
     /// Place of each argument in z.
     pub(super) places: Vec<Option<usize>>,
+    /// What the arguments behind the first [`MOST`] are.
+    pub(super) further: Vec<Read>,
 }
 
 /// A value within two ends, and its slope times that of the value, rounded as every limit of [`Smooth`].
@@ -110,26 +134,36 @@ fn clipped((x, slope): (Smooth, Smooth), [low, high]: [Smooth; 2]) -> (Smooth, S
     (x.limit(low, high), slope * (from(low) - from(high)) * 0.5)
 }
 
-/// A point with what holds the robot there against gravity.
+/// How fast an integral grows that keeps within its limit: there it grows inwards alone, rounded.
+fn kept(w: Smooth, growth: Smooth, most: f64) -> Smooth {
+    let part = |x: Smooth| (x + (x * x + (SLOW * most).powi(2)).root()) * 0.5;
+    let beyond = |w: Smooth| {
+        let out = (w - most) / (2.0 * most * CORNER);
+        (out.hyperbolic_tangent() + 1.0) * 0.5
+    };
+    growth - part(growth) * beyond(w) + part(-growth) * beyond(-w)
+}
+
+/// A point with what the drives feed forward there.
 pub(super) struct Point<'a> {
     x: [Smooth; MOST],
-    weights: Option<&'a Weights>,
+    fed: Option<&'a Fed>,
 }
 
 impl Loop {
-    pub(super) fn at<'a>(&self, at: &At<'_>, d: &Dims, weights: Option<&'a Weights>) -> Point<'a> {
+    pub(super) fn at<'a>(&self, at: &At<'_>, d: &Dims, fed: Option<&'a Fed>) -> Point<'a> {
         Point {
             x: arguments::arguments(&self.places, at, d),
-            weights,
+            fed,
         }
     }
 
-    /// The coordinate that an argument is the position of.
-    fn position(&self, argument: usize) -> Option<usize> {
+    /// What a feed-forward reads of an argument.
+    fn read(&self, argument: usize) -> Option<Read> {
         match argument {
-            Q => Some(self.joint),
-            a if a >= MOST => self.places[a],
-            _ => None,
+            Q => Some(Read::Position(self.joint, 1.0)),
+            LAG => Some(Read::Position(self.joint, LAGS)),
+            a => self.further.get(a.checked_sub(MOST)?).copied(),
         }
     }
 
@@ -142,29 +176,50 @@ impl Loop {
         if let Some(own) = b.and_then(|b| x.get_mut(b)) {
             own.0.eps2 = 1.0;
         }
-        if let (Some(weights), true) = (at.weights, self.servo.has(Gain::Gravity)) {
-            let position = |a: Option<usize>| self.position(a?);
-            x[WEIGHT] = weights.of(self.joint, position(a), position(b));
+        let Some(fed) = at.fed else { return x };
+        let read = |a: Option<usize>| self.read(a?);
+        if self.servo.has(Gain::Gravity) {
+            x[WEIGHT] = fed.gravity(self.joint, read(a), read(b));
+        }
+        if self.servo.has(Gain::InertiaAhead) {
+            x[INERTIA] = fed.inertia(self.joint, read(a), read(b));
         }
         x
     }
 
-    /// Where the velocity stands that the law uses.
-    fn velocity(&self) -> usize {
-        if self.places[F].is_some() { F } else { V }
+    fn is_late(&self) -> bool {
+        self.places[LAG].is_some()
+    }
+
+    /// The position and velocity that the loop reads.
+    fn readings(&self, x: &[Smooth; MOST]) -> (Smooth, Smooth) {
+        match self.is_late() {
+            true => (x[Q] + x[LAG] * LAGS, x[LAG] * 4.0 / x[LATE] - x[V]),
+            false => (x[Q], x[V]),
+        }
+    }
+
+    /// Arguments on which the velocity depends that the law uses.
+    fn velocity(&self) -> &'static [usize] {
+        match (self.places[F].is_some(), self.is_late()) {
+            (true, _) => &[F],
+            (false, true) => &[V, LAG, LATE],
+            (false, false) => &[V],
+        }
     }
 
     /// Gains, and what the law sees.
     fn seen(&self, x: &[Smooth; MOST]) -> (Gains<Smooth>, Seen<Smooth>) {
         let own = |gain| argument(gain).filter(|_| self.servo.has(gain));
         let k = Gains::of(|gain| own(gain).map(|a| x[a]));
+        let (q, v) = self.readings(x);
         let at = Seen {
             r: x[R],
-            q: x[Q],
-            v: x[self.velocity()],
+            q,
+            v: if self.places[F].is_some() { x[F] } else { v },
             ahead: x[AHEAD] * x[R_DOT],
             gravity: x[WEIGHT],
-            inertia: Smooth::constant(0.0),
+            inertia: x[INERTIA],
         };
         (k, at)
     }
@@ -177,8 +232,12 @@ impl Loop {
     /// Input of the motor, and how it moves with the output of the law.
     fn limited(&self, x: &[Smooth; MOST]) -> (Smooth, Smooth) {
         let (k, at) = self.seen(x);
+        let integral = match self.servo.integral_limit.map(Smooth::constant) {
+            Some(most) => x[W].limit(-most, most),
+            None => x[W],
+        };
         let mut out = (
-            unlimited(&self.servo, &k, &at, x[W]).u,
+            unlimited(&self.servo, &k, &at, integral).u,
             Smooth::constant(1.0),
         );
         if let Some(limit) = self.servo.limit {
@@ -194,10 +253,29 @@ impl Loop {
 
     /// Arguments on which the input depends, ascending.
     pub(super) fn acting(&self) -> impl Iterator<Item = usize> + '_ {
-        let hides = self.places[F].is_some() && self.servo.falling.is_none();
-        let unused = if hides { V } else { MOST };
-        let all = [Q, V, R, KP, KD, KV, W, AHEAD, R_DOT, F, SHARE];
-        let used = all.into_iter().filter(move |&a| a != unused);
+        let speed = self.servo.falling.is_some();
+        let reads = move |a: usize| match a {
+            V => speed || self.velocity().contains(&a),
+            LATE => self.velocity().contains(&a),
+            _ => true,
+        };
+        let all = [
+            Q,
+            V,
+            R,
+            KP,
+            KD,
+            KV,
+            W,
+            AHEAD,
+            R_DOT,
+            F,
+            SHARE,
+            LAG,
+            LATE,
+            INERTIA_SHARE,
+        ];
+        let used = all.into_iter().filter(move |&a| reads(a));
         let all = used.chain(MOST..self.places.len());
         all.filter(|&a| self.places[a].is_some())
     }
@@ -207,9 +285,14 @@ impl Loop {
         match memory {
             Memory::Integral => {
                 let (k, at) = self.seen(x);
-                growth(&self.servo, &k, &at) * self.limited(x).1
+                let free = growth(&self.servo, &k, &at) * self.limited(x).1;
+                match self.servo.integral_limit {
+                    Some(most) => kept(x[W], free, most),
+                    None => free,
+                }
             }
-            Memory::Filter => (x[V] - x[F]) / x[TIME],
+            Memory::Filter => (self.readings(x).1 - x[F]) / x[TIME],
+            Memory::Lag => x[V] - x[LAG] * 2.0 / x[LATE],
         }
     }
 
@@ -227,16 +310,16 @@ impl Loop {
 
     /// Arguments on which the residual of a memory depends, ascending.
     pub(super) fn active(&self, memory: Memory) -> Vec<usize> {
-        let limited = self.servo.limit.is_some();
-        let cascade = self.servo.has(Gain::Kv);
         let mut all = match memory {
-            Memory::Integral => vec![Q, R, KI, W_DOT],
-            Memory::Filter => vec![V, F, F_DOT, TIME],
+            Memory::Integral => vec![Q, R, KI, W, W_DOT, LAG],
+            Memory::Filter => vec![V, F, F_DOT, TIME, LAG, LATE],
+            Memory::Lag => vec![V, LAG, LAG_DOT, LATE],
         };
-        if memory == Memory::Integral && cascade {
-            all.extend([self.velocity(), KP, AHEAD, R_DOT]);
+        if memory == Memory::Integral && self.servo.has(Gain::Kv) {
+            all.extend(self.velocity());
+            all.extend([KP, AHEAD, R_DOT]);
         }
-        if memory == Memory::Integral && limited {
+        if memory == Memory::Integral && self.servo.limit.is_some() {
             all.extend(self.acting());
         }
         all.retain(|&a| self.places[a].is_some());

@@ -7,11 +7,13 @@
 //! The law, as in kp (r − q) − kd v with the growth ki (r − q), is that of [`drives`](crate::drives).
 //! Here it answers at once, whatever the rate of the drive; limits and bands are rounded as all of
 //! [`Smooth`](crate::smooth::Smooth). An integral w is one more coordinate s with w = ṡ, as other states are; it
-//! rests where the output is limited. The velocity behind a filter is another. Stages of a target act on the records.
+//! rests where the output is limited. The velocity behind a filter is another, and so is what a late position lags. Stages
+//! of a target act on the records.
 //! Effects that act between a drive and its motor act on u; the loop reads the coordinate of its joint.
 
 mod drive;
-mod gravity;
+mod feed_forward;
+mod memories;
 mod targets;
 #[cfg(test)]
 mod tests;
@@ -26,12 +28,12 @@ use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
 };
 
-use self::drive::{Loop, MOST, Memory, Q, R, R_DOT, V, argument, parameters};
-use self::gravity::{Known, Order, Weights};
+use self::drive::{LAGS, Loop, MOST, Memory, Q, R, R_DOT, V, argument, parameters};
+use self::feed_forward::{Fed, Known, Order, Read};
 use super::DECADE;
 use super::arguments::{self, narrowed, widened};
 use super::merge::Merged;
-use super::states::add_state;
+use super::states::{Starts, add_state};
 use crate::nominal::Nominal;
 
 thread_local! {
@@ -49,8 +51,12 @@ pub struct WithLoops<'m> {
     inputs: Vec<InputInfo>,
     loops: Vec<Loop>,
     states: Vec<State>,
-    /// The robot that the drives know, where one makes up for gravity.
+    /// The robot that the drives know, where one has a feed-forward.
     known: Option<Known>,
+    /// By coordinate of a joint: that of what its late position lags, and the input that is the acceleration of its
+    /// target.
+    lags: Vec<Option<usize>>,
+    accelerations: Vec<Option<usize>>,
     /// Input of the motor of each loop in the inner u.
     motors: Vec<usize>,
     chain: Chain,
@@ -81,7 +87,9 @@ fn parameter(servo: &Servo, gain: Gain, joint: &str, unit: String) -> ParamInfo 
     let fixed = own.half_width == 0.0;
     let (least, most) = match (fixed, gain) {
         (true, _) => (value, value),
-        (false, Gain::VelocityAhead | Gain::Gravity) => (0.0, value.max(1.0) * 2.0),
+        (false, Gain::VelocityAhead | Gain::Gravity | Gain::InertiaAhead) => {
+            (0.0, value.max(1.0) * 2.0)
+        }
         (false, _) => (value / DECADE, value * DECADE),
     };
     ParamInfo {
@@ -90,7 +98,9 @@ fn parameter(servo: &Servo, gain: Gain, joint: &str, unit: String) -> ParamInfo 
         doc: Cow::Borrowed(match gain {
             Gain::VelocityAhead => "Share of the target's velocity in the position loop",
             Gain::Gravity => "Share of gravity that the drive makes up for",
+            Gain::InertiaAhead => "Share of inertia that the drive makes up for",
             Gain::VelocityTime => "Time constant of the position loop's velocity",
+            Gain::FeedbackDelay => "Time by which the position loop reads late",
             _ => "Gain of the position loop",
         }),
         nominal: value,
@@ -137,9 +147,13 @@ impl<'m> WithLoops<'m> {
         let gains: usize = driven.iter().map(|d| parameters(d.servo).count()).sum();
         let ahead = |d: &&Driven<'_>| d.servo.has(Gain::VelocityAhead);
         let rates = driven.iter().filter(ahead).count();
+        let has = |gain| driven.iter().any(|d| d.servo.has(gain));
+        let inertia = has(Gain::InertiaAhead);
+        let fed = inertia || has(Gain::Gravity);
+        let accelerations = if inertia { driven.len() } else { 0 };
         let dims = Dims {
             nq: before.nq + states,
-            nu: before.nu + states + rates,
+            nu: before.nu + states + rates + accelerations,
             np: before.np + gains,
         };
         let mut out = Self {
@@ -149,9 +163,9 @@ impl<'m> WithLoops<'m> {
             motors: driven.iter().map(|d| d.motor).collect(),
             loops: Vec::new(),
             states: Vec::new(),
-            known: (driven.iter())
-                .any(|d| d.servo.has(Gain::Gravity))
-                .then(|| Known::new(stated)),
+            known: fed.then(|| Known::new(stated, inertia)),
+            lags: vec![None; before.nq],
+            accelerations: vec![None; before.nq],
             chain: Chain::new(inner.as_ref(), &[], |z| widened(&before, &dims, z)),
             jacobian: Merged::new(inner.jacobian_pattern(), std::iter::empty()),
             hessian: Merged::new(inner.hessian_pattern(), std::iter::empty()),
@@ -159,14 +173,15 @@ impl<'m> WithLoops<'m> {
             dims,
         };
         for own in &driven {
-            out.add(own, dataset);
+            out.add(own, dataset, inertia);
         }
         out.settle();
         out
     }
 
-    /// Adds a loop, its parameters, and the coordinates of its states.
-    fn add(&mut self, own: &Driven<'_>, dataset: &mut Dataset) {
+    /// Adds a loop, its parameters, the coordinates of its states, and inputs that its target moves by: its velocity
+    /// where that is fed forward, its `acceleration` where a drive feeds inertia forward.
+    fn add(&mut self, own: &Driven<'_>, dataset: &mut Dataset, acceleration: bool) {
         let (before, dims) = (self.inner.dims(), self.dims);
         let info = self.inner.joints()[own.joint].clone();
         let unit = self.inner.inputs()[own.motor].unit.to_string();
@@ -191,55 +206,80 @@ impl<'m> WithLoops<'m> {
             };
         }
         let ahead = own.servo.has(Gain::VelocityAhead);
-        let followed = (ahead || targets::shapes(own.servo))
+        let followed = (ahead || acceleration || targets::shapes(own.servo))
             .then(|| targets::along(dataset, own.joint, own.servo));
         if let Some(followed) = &followed {
             targets::put(dataset, own.joint, followed);
         }
-        let states: Vec<(Memory, usize)> = Memory::of(own.servo)
-            .map(|memory| (memory, self.coordinate(memory, own, dataset)))
-            .collect();
-        for &(memory, state) in &states {
+        let rates: Option<Vec<&[f64]>> =
+            (followed.as_ref()).map(|all| all.iter().map(|own| own.rate.as_slice()).collect());
+        for memory in Memory::of(own.servo) {
+            let state = self.coordinate(memory, own, rates.as_deref(), dataset);
             let [value, growth] = memory.places();
             (places[value], places[growth]) = (Some(dims.v() + state), Some(dims.a() + state));
-        }
-        if let (Some(followed), true) = (&followed, ahead) {
-            // Behind the inputs of all joints and states, in the order of the loops.
-            let driven = self.loops.iter().filter(|l| l.places[R_DOT].is_some());
-            let place = before.nu + dims.nq - before.nq + driven.count();
-            places[R_DOT] = Some(dims.u() + place);
-            targets::add_rates(dataset, followed);
-            self.inputs.push(InputInfo {
-                name: Cow::Owned(format!("target_rate_{}", info.name)),
-                unit: Cow::Owned(format!("{}/s", info.unit())),
-                joint: None,
+            if memory == Memory::Lag {
+                self.lags[own.joint] = Some(state);
+            }
+            self.states.push(State {
+                own: self.loops.len(),
+                memory,
+                coordinate: state,
+                active: Vec::new(),
             });
         }
-        if let (Some(known), true) = (&self.known, own.servo.has(Gain::Gravity)) {
-            places.extend((0..known.n()).filter(|&i| i != own.joint).map(Some));
+        if let Some(followed) = &followed {
+            if let (Some(rates), true) = (rates, ahead) {
+                let place = self.input("rate", &info, "s", dataset, rates.into_iter());
+                places[R_DOT] = Some(place);
+            }
+            if acceleration {
+                let all = followed.iter().map(|own| own.acceleration.as_slice());
+                let place = self.input("acceleration", &info, "s^2", dataset, all);
+                self.accelerations[own.joint] = Some(place);
+            }
         }
-        let all = Loop {
+        self.loops.push(Loop {
             servo: own.servo.clone(),
             joint: own.joint,
             sign: own.sign,
             places,
-        };
-        self.states
-            .extend(states.into_iter().map(|(memory, coordinate)| State {
-                own: self.loops.len(),
-                memory,
-                coordinate,
-                active: all.active(memory),
-            }));
-        self.loops.push(all);
+            further: Vec::new(),
+        });
+    }
+
+    /// Adds what moves a target as an input behind all others, with its column in each record. Its place in z.
+    fn input<'r>(
+        &mut self,
+        word: &str,
+        joint: &JointInfo,
+        per: &str,
+        dataset: &mut Dataset,
+        columns: impl Iterator<Item = &'r [f64]>,
+    ) -> usize {
+        targets::add_input(dataset, columns);
+        // Idle inputs of states to come go before it.
+        let states = self.dims.nq - self.joints.len();
+        self.inputs.push(InputInfo {
+            name: Cow::Owned(format!("target_{word}_{}", joint.name)),
+            unit: Cow::Owned(format!("{}/{per}", joint.unit())),
+            joint: None,
+        });
+        self.dims.u() + states + self.inputs.len() - 1
     }
 
     /// Adds the coordinate of a state with its idle input, and its column to the records.
-    fn coordinate(&mut self, memory: Memory, own: &Driven<'_>, dataset: &mut Dataset) -> usize {
+    fn coordinate(
+        &mut self,
+        memory: Memory,
+        own: &Driven<'_>,
+        rates: Option<&[&[f64]]>,
+        dataset: &mut Dataset,
+    ) -> usize {
         let info = self.inner.joints()[own.joint].clone();
         let state = self.joints.len();
         let name = format!("{}_{}", memory.word(), info.name);
-        add_state(dataset, own.joint, false, &name);
+        let along = memories::along(dataset, own.joint, own.servo, memory, rates);
+        add_state(dataset, own.joint, Starts::Along(&along), &name);
         let idle = InputInfo {
             name: Cow::Owned(format!("nothing_{name}")),
             unit: Cow::Borrowed(info.force_unit()),
@@ -254,8 +294,35 @@ impl<'m> WithLoops<'m> {
         state
     }
 
+    /// What the loops with a feed-forward read of the other joints.
+    fn read_others(&mut self) {
+        let Some(known) = &self.known else { return };
+        let velocities = self.dims.v();
+        for own in &mut self.loops {
+            let inertia = own.servo.has(Gain::InertiaAhead);
+            if !(inertia || own.servo.has(Gain::Gravity)) {
+                continue;
+            }
+            let others = (0..known.n()).filter(|&i| i != own.joint);
+            let positions = others.clone().map(|i| (Read::Position(i, 1.0), i));
+            let late = others.filter_map(|i| Some((i, self.lags[i]?)));
+            let late = late.map(|(i, lag)| (Read::Position(i, LAGS), velocities + lag));
+            let moved = self.accelerations.iter().enumerate();
+            let moved = moved.filter_map(|(i, place)| Some((Read::Acceleration(i), (*place)?)));
+            let moved = moved.filter(|_| inertia);
+            let all = positions.chain(late).chain(moved);
+            let (further, places): (Vec<Read>, Vec<usize>) = all.unzip();
+            own.further = further;
+            own.places.extend(places.into_iter().map(Some));
+        }
+    }
+
     /// Patterns, once all loops are there.
     fn settle(&mut self) {
+        self.read_others();
+        for state in &mut self.states {
+            state.active = self.loops[state.own].active(state.memory);
+        }
         let (before, dims) = (self.inner.dims(), self.dims);
         let group = |(own, &motor): (&Loop, &usize)| {
             let mut arguments = vec![None; own.places.len()];
@@ -282,12 +349,17 @@ impl<'m> WithLoops<'m> {
         self.states.len()
     }
 
-    /// Calls with what makes up for gravity at a point, where a drive does.
-    fn weighed<T>(&self, at: &At<'_>, order: Order, work: impl FnOnce(Option<&Weights>) -> T) -> T {
-        match &self.known {
-            Some(known) => known.at(at.q, order, |weights| work(Some(weights))),
-            None => work(None),
-        }
+    /// Calls with what the drives feed forward at a point, where one does.
+    fn fed<T>(&self, at: &At<'_>, order: Order, work: impl FnOnce(Option<&Fed>) -> T) -> T {
+        let Some(known) = &self.known else {
+            return work(None);
+        };
+        let reads = |j: usize| {
+            let lag = self.lags[j].map_or(0.0, |lag| LAGS * at.v[lag]);
+            let acceleration = self.accelerations[j].map_or(0.0, |z| at.u[z - self.dims.u()]);
+            (at.q[j] + lag, acceleration)
+        };
+        known.at(reads, order, |fed| work(Some(fed)))
     }
 
     /// Puts the residuals of the states into theirs, times a factor.
@@ -295,10 +367,10 @@ impl<'m> WithLoops<'m> {
         if self.states.is_empty() {
             return;
         }
-        self.weighed(at, Order::Value, |weights| {
+        self.fed(at, Order::Value, |fed| {
             for s in &self.states {
                 let own = &self.loops[s.own];
-                let here = own.at(at, &self.dims, weights);
+                let here = own.at(at, &self.dims, fed);
                 r[s.coordinate] = factor * own.residual(s.memory, &here, None, None).0.re;
             }
         });
@@ -318,9 +390,9 @@ impl Substituted for WithLoops<'_> {
         let mut u = SCRATCH.with(|s| std::mem::take(&mut *s.borrow_mut()));
         let sizes = (&self.inner.dims(), &self.dims);
         let drives = |u: &mut [f64]| {
-            self.weighed(at, Order::Value, |weights| {
+            self.fed(at, Order::Value, |fed| {
                 for (own, &motor) in self.loops.iter().zip(&self.motors) {
-                    let here = own.at(at, &self.dims, weights);
+                    let here = own.at(at, &self.dims, fed);
                     u[motor] = own.input(&here, None, None).0.re;
                 }
             });
@@ -331,9 +403,9 @@ impl Substituted for WithLoops<'_> {
     }
 
     fn gradients(&self, at: &At<'_>, out: &mut Vec<f64>) {
-        self.weighed(at, Order::Slope, |weights| {
+        self.fed(at, Order::Slope, |fed| {
             for own in &self.loops {
-                let here = own.at(at, &self.dims, weights);
+                let here = own.at(at, &self.dims, fed);
                 let first = out.len();
                 out.resize(first + own.places.len(), 0.0);
                 for a in own.acting() {
@@ -345,9 +417,9 @@ impl Substituted for WithLoops<'_> {
 
     /// The lower triangles: those the chain reads.
     fn curvatures(&self, at: &At<'_>, weights: &[f64], out: &mut Vec<f64>) {
-        self.weighed(at, Order::Curve, |held| {
+        self.fed(at, Order::Curve, |fed| {
             for (own, w) in self.loops.iter().zip(weights) {
-                let here = own.at(at, &self.dims, held);
+                let here = own.at(at, &self.dims, fed);
                 let (first, width) = (out.len(), own.places.len());
                 out.resize(first + width * width, 0.0);
                 for a in own.acting() {
@@ -417,10 +489,10 @@ impl Jacobian for WithLoops<'_> {
         self.outer_jacobian(at, &mut r[..nq], &mut values[..own]);
         self.jacobian.spread(values);
         if !self.states.is_empty() {
-            self.weighed(at, Order::Slope, |weights| {
+            self.fed(at, Order::Slope, |fed| {
                 for (state, slots) in self.states.iter().zip(self.jacobian.slots()) {
                     let own = &self.loops[state.own];
-                    let here = own.at(at, &self.dims, weights);
+                    let here = own.at(at, &self.dims, fed);
                     for (&a, &slot) in state.active.iter().zip(slots) {
                         values[slot] += own.residual(state.memory, &here, Some(a), None).0.eps1;
                     }
@@ -442,10 +514,10 @@ impl Hessian for WithLoops<'_> {
         if self.states.is_empty() {
             return;
         }
-        self.weighed(at, Order::Curve, |weights| {
+        self.fed(at, Order::Curve, |fed| {
             for (state, slots) in self.states.iter().zip(self.hessian.slots()) {
                 let own = &self.loops[state.own];
-                let (weight, here) = (lambda[state.coordinate], own.at(at, &self.dims, weights));
+                let (weight, here) = (lambda[state.coordinate], own.at(at, &self.dims, fed));
                 let active = &state.active;
                 let pairs = (0..active.len()).flat_map(|i| (0..=i).map(move |k| (i, k)));
                 for ((i, k), &slot) in pairs.zip(slots) {

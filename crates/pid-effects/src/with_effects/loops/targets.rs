@@ -14,10 +14,19 @@ const STEP: f64 = 5e-4;
 /// Fewest steps of a stage from one sample to the next.
 const FEWEST: f64 = 4.0;
 
-/// Target and its velocity, sample by sample.
+/// Target, its velocity and its acceleration, sample by sample.
 pub(super) struct Followed {
     pub(super) r: Vec<f64>,
     pub(super) rate: Vec<f64>,
+    pub(super) acceleration: Vec<f64>,
+}
+
+impl Followed {
+    fn push(&mut self, own: Motion<f64>) {
+        self.r.push(own.r);
+        self.rate.push(own.rate);
+        self.acceleration.push(own.acceleration);
+    }
 }
 
 /// What the loop of a joint follows along the records, in their order.
@@ -47,6 +56,7 @@ fn along_record(e: &Experiment, joint: usize, servo: &Servo, linear: bool) -> Fo
     let mut out = Followed {
         r: Vec::with_capacity(target.len()),
         rate: Vec::with_capacity(target.len()),
+        acceleration: Vec::with_capacity(target.len()),
     };
     for i in 0..target.len() {
         let span = |i: usize| e.t[i + 1] - e.t[i];
@@ -58,8 +68,7 @@ fn along_record(e: &Experiment, joint: usize, servo: &Servo, linear: bool) -> Fo
         let next = target[if last { i } else { i + 1 }];
         if !(target[i].is_finite() && next.is_finite() && dt > 0.0) {
             // A lost target stays lost; the loop goes on with the one before.
-            out.r.push(target[i]);
-            out.rate.push(0.0);
+            out.push(Motion::at_rest(target[i]));
             continue;
         }
         let rate = match (linear, i) {
@@ -76,7 +85,7 @@ fn along_record(e: &Experiment, joint: usize, servo: &Servo, linear: bool) -> Fo
         moves = own;
         let steps = (dt / STEP).ceil().max(FEWEST);
         let step = dt / steps;
-        let mut mean = (0.0, 0.0);
+        let mut mean = Motion::at_rest(0.0);
         let mut start = None;
         for n in 0..steps as usize {
             let after = step * n as f64;
@@ -86,15 +95,15 @@ fn along_record(e: &Experiment, joint: usize, servo: &Servo, linear: bool) -> Fo
             };
             let t = e.t[i] - e.t[0] + after;
             let [middle, end] = followed(servo, &k, &mut memory, &now, (t, step), 0.0);
-            mean = (mean.0 + middle.r / steps, mean.1 + middle.rate / steps);
+            mean.r += middle.r / steps;
+            mean.rate += middle.rate / steps;
+            mean.acceleration += middle.acceleration / steps;
             start.get_or_insert(end);
         }
-        let (r, rate) = match start {
-            Some(start) if linear => (start.r, start.rate),
+        out.push(match start {
+            Some(start) if linear => start,
             _ => mean,
-        };
-        out.r.push(r);
-        out.rate.push(rate);
+        });
     }
     out
 }
@@ -108,12 +117,12 @@ pub(super) fn put(dataset: &mut Dataset, joint: usize, followed: &[Followed]) {
     }
 }
 
-/// Adds the velocity of what a loop follows as the last input of the records.
-pub(super) fn add_rates(dataset: &mut Dataset, followed: &[Followed]) {
-    for (e, own) in dataset.experiments.iter_mut().zip(followed) {
+/// Adds a column, one for each record, as the last input.
+pub(super) fn add_input<'r>(dataset: &mut Dataset, columns: impl Iterator<Item = &'r [f64]>) {
+    for (e, own) in dataset.experiments.iter_mut().zip(columns) {
         let rows = e.u.chunks_exact(e.nu().max(1));
-        let wide = rows.zip(&own.rate).flat_map(|(row, rate)| {
-            let more = [*rate];
+        let wide = rows.zip(own).flat_map(|(row, more)| {
+            let more = [*more];
             row.iter().copied().chain(more).collect::<Vec<f64>>()
         });
         e.u = wide.collect();

@@ -33,7 +33,7 @@ use member::{
     A, COULOMB, GAIN, Kind, Member, OWN, Q, ROTOR, S, SAMPLES, U, V, VISCOUS, W, W_DOT, kind,
 };
 use records::add_past;
-pub(super) use records::{add_state, step};
+pub(super) use records::{Starts, add_state, step};
 
 /// Sides of the gear and rotor inertias, which only a description states.
 #[derive(Debug, Clone)]
@@ -201,7 +201,10 @@ impl Widening<'_> {
             add_state(
                 dataset,
                 joint,
-                kind == Kind::Gear,
+                match kind {
+                    Kind::Gear => Starts::Joint,
+                    _ => Starts::Zero,
+                },
                 &format!("{word}_{name}"),
             );
         }

@@ -10,12 +10,27 @@ pub(in super::super) fn step(dataset: &Dataset) -> f64 {
     steps.get(steps.len() / 2).copied().unwrap_or(1.0)
 }
 
-/// Adds a coordinate that no sensor reads to the records. The rotor of a gear starts where the
-/// joint is; a memory starts at zero.
-pub(in super::super) fn add_state(dataset: &mut Dataset, joint: usize, rotor: bool, name: &str) {
+/// Where a coordinate that no sensor reads starts along the records.
+#[derive(Debug, Clone, Copy)]
+pub(in super::super) enum Starts<'a> {
+    /// The rotor of a gear: where the joint is.
+    Joint,
+    /// A memory of which no record tells anything: at zero.
+    Zero,
+    /// Where these columns say, one for each record.
+    Along(&'a [Vec<f64>]),
+}
+
+/// Adds a coordinate that no sensor reads to the records.
+pub(in super::super) fn add_state(
+    dataset: &mut Dataset,
+    joint: usize,
+    starts: Starts<'_>,
+    name: &str,
+) {
     let nq = dataset.nq();
-    for e in &mut dataset.experiments {
-        add_column(e, nq, joint, rotor);
+    for (i, e) in dataset.experiments.iter_mut().enumerate() {
+        add_column(e, nq, joint, (starts, i));
     }
     let mut channel = dataset.joints[joint].clone();
     channel.name = name.to_owned();
@@ -24,13 +39,13 @@ pub(in super::super) fn add_state(dataset: &mut Dataset, joint: usize, rotor: bo
         true => InputQuantity::Force,
         false => InputQuantity::Torque,
     };
-    if !rotor {
+    if !matches!(starts, Starts::Joint) {
         channel.velocity = VelocityKind::Absent;
     }
     dataset.joints.push(channel);
 }
 
-fn add_column(e: &mut Experiment, nq: usize, joint: usize, rotor: bool) {
+fn add_column(e: &mut Experiment, nq: usize, joint: usize, (starts, record): (Starts<'_>, usize)) {
     let nu = e.nu();
     let wide = |x: &[f64], fill: &dyn Fn(usize, f64) -> f64| -> Vec<f64> {
         let rows = x.chunks_exact(nq).enumerate();
@@ -41,14 +56,18 @@ fn add_column(e: &mut Experiment, nq: usize, joint: usize, rotor: bool) {
         .collect()
     };
     let nothing = |_: usize, _: f64| f64::NAN;
-    match rotor {
-        true => {
+    match starts {
+        Starts::Joint => {
             e.q = wide(&e.q, &|_, x| x);
             e.v = e.v.take().map(|v| wide(&v, &|_, x| x));
         }
-        false => {
+        Starts::Zero => {
             // The value is zero at the start of the record and is read nowhere else.
             e.q = wide(&e.q, &|i, _| if i == 0 { 0.0 } else { f64::NAN });
+            e.v = e.v.take().map(|v| wide(&v, &nothing));
+        }
+        Starts::Along(columns) => {
+            e.q = wide(&e.q, &|i, _| columns[record][i]);
             e.v = e.v.take().map(|v| wide(&v, &nothing));
         }
     }

@@ -231,13 +231,4 @@ impl Servo {
         let known = |(key, value): (&'static str, Option<f64>)| Some((key, value?));
         all.into_iter().filter_map(known)
     }
-
-    /// What the loop has that equations of motion with exact second derivatives do not hold, as its key.
-    pub fn beyond_equations(&self) -> Option<&'static str> {
-        let numbers = [Gain::InertiaAhead, Gain::FeedbackDelay];
-        let keys = [("integral_limit", self.integral_limit.is_some())];
-        let numbers = numbers.map(|gain| (gain.key(), self.has(gain)));
-        let mut all = keys.into_iter().chain(numbers);
-        all.find_map(|(key, there)| there.then_some(key))
-    }
 }
