@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use pid_data::Dataset;
+use pid_diagnose::described::in_loops;
 use pid_diagnose::servo;
 use pid_diagnose::with_effects::Assembled;
 use pid_fit::wrap::controllers::{ControlError, Controllers};
@@ -97,8 +98,8 @@ impl Subject {
             source: &self.source,
             model: self.model(),
             judged: self.judged(dataset, values),
-        }
             unread: self.nominal().map_or(&[], |(_, with)| &with.unread),
+        }
     }
 
     /// The nominal description it came from, if it came from one, and its model.
@@ -257,7 +258,8 @@ fn behind_loops(nominal: Nominal, dataset: Dataset) -> Result<(Nominal, Dataset)
             "note: the recorded inputs of the motors act; the position loops of [drive] are left out",
         );
     }
-    Ok((nominal, dataset))
+    // Effects that are stages of these loops go with them.
+    Ok((in_loops(&nominal)?, dataset))
 }
 
 /// What is said of stages of targets that are not exact: they act on the records and are no parameters.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use pid_interpret::nominal::{
-    self as description, Effect as Stated, EffectParameter, Fault, NominalError, Written,
+    self as description, Effect as Stated, EffectParameter, Fault, NominalError, ServoGain, Written,
 };
 use pid_toml::{Place, nearest};
 
@@ -22,6 +22,30 @@ pub fn described(nominal: &description::Nominal) -> Result<Vec<(Term, Vec<f64>)>
     let all = all.map(|stated| term(nominal, stated, &library));
     all.collect::<Result<_, Fault>>()
         .map_err(|fault| fault.within(nominal.file()))
+}
+
+/// The same description with effects that are stages of position loops as numbers of these, as uncertain as they are
+/// large: equations of motion have them as parameters of the loop.
+///
+/// # Errors
+/// As [`described`].
+pub fn in_loops(nominal: &description::Nominal) -> Result<description::Nominal, NominalError> {
+    let mut servos = nominal.servos().to_vec();
+    let mut beside = Vec::new();
+    for ((term, e), stated) in described(nominal)?.iter().zip(nominal.effects()) {
+        let servo = servos.get_mut(term.joint).and_then(Option::as_mut);
+        match (term.effect.stage(), servo, e.as_slice()) {
+            (Some(stage), Some(servo), &[value]) => servo.set(
+                stage,
+                ServoGain {
+                    value: Some(value),
+                    half_width: value.abs(),
+                },
+            ),
+            _ => beside.push(stated.clone()),
+        }
+    }
+    Ok(nominal.clone().with_servos(servos).with_effects(beside))
 }
 
 /// One effect at its place with its parameters.

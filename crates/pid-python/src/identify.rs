@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use pyo3::prelude::*;
 use simtrue::data::{Dataset, Horizon};
+use simtrue::diagnosis::described::in_loops;
 use simtrue::diagnosis::search::Listener;
 use simtrue::diagnosis::servo;
 use simtrue::diagnosis::with_effects::Assembled;
@@ -83,7 +84,8 @@ fn described(
 ) -> Result<simtrue::report::Report, String> {
     let (nominal, mut dataset) = match servo::only_targets(nominal, &dataset) {
         true => servo::commanded(nominal, &dataset).map_err(|e| e.to_string())?,
-        false => (nominal.clone(), dataset),
+        // Effects that are stages of loops go with these, beside inputs of the motors.
+        false => (in_loops(nominal).map_err(|e| e.to_string())?, dataset),
     };
     let with = Assembled::new(&nominal, &mut dataset).map_err(|e| e.to_string())?;
     fitted(
@@ -150,9 +152,9 @@ fn fitted(
         source: "",
         model,
         judged: (model, dataset, &best.parameters),
+        unread: nominal.map_or(&[], |(_, with)| &with.unread),
     };
     simtrue::report::report(&subject, dataset, &found, &|what| watch.step(&what))
-        unread: nominal.map_or(&[], |(_, with)| &with.unread),
         .map_err(|e| e.to_string())
 }
 

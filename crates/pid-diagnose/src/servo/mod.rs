@@ -13,7 +13,8 @@ use pid_interpret::nominal as description;
 
 use crate::case::{Case, CaseError, Record};
 use crate::constants::{Constant, Constants};
-use crate::nominal::Nominal;
+use crate::described::in_loops;
+use crate::nominal::{Nominal, NominalError};
 use crate::regular;
 
 pub(crate) use begin::begin;
@@ -94,8 +95,9 @@ pub fn only_targets(nominal: &description::Nominal, dataset: &Dataset) -> bool {
     looped.any(|j| dataset.joints[j].input == InputQuantity::Position || silent(j))
 }
 
-/// Records with targets as inputs where the drives of a description have position loops, and the
-/// description with a value for every gain: an unknown one where the motions say it is.
+/// Records with targets as inputs where the drives of a description have position loops, and the description with
+/// effects that are stages of these as their numbers ([`in_loops`](crate::described::in_loops)) and a value for every
+/// gain: an unknown one where the motions say it is.
 ///
 /// # Errors
 /// As [`Case::new`].
@@ -103,6 +105,7 @@ pub fn commanded(
     nominal: &description::Nominal,
     dataset: &Dataset,
 ) -> Result<(description::Nominal, Dataset), CaseError> {
+    let nominal = &in_loops(nominal).map_err(NominalError::from)?;
     let case = Case::new(Nominal::new(nominal.clone()), dataset)?;
     let servos = case.nominal.servos(&vec![0.0; case.nominal.size()]);
     let mut records = match targets(&case.nominal, dataset)? {

@@ -1,8 +1,11 @@
 //! Stages of a loop that its description does not state.
 
+use pid_diagnose::effects::by_id;
 use pid_diagnose::extended::free_run_gap;
 use pid_diagnose::loop_gain::Told;
 use pid_diagnose::nominal::Nominal;
+
+use crate::common::identified;
 
 use super::rig::{BAR, CASCADE, Loop, PD, described, records};
 use super::{about, gains_hold, told, told_from_rivals};
@@ -85,6 +88,16 @@ fn a_stage_that_is_not_stated_is_named_with_its_size() {
         let gap = free_run_gap(again, &dataset).expect("a gap").total;
         let apart = gap / d.gap_after - 1.0;
         assert!(apart.abs() < 1e-6, "{id}: {gap} {}", d.gap_after);
+        // And the program with exact derivatives finds the same of what is a parameter of the loop.
+        let again = Nominal::parse(&text, "extended.toml".as_ref()).expect("a description");
+        let fitted = identified(&again, &dataset);
+        let effect = by_id(id).expect("an effect");
+        let stage = effect.stage().expect("a stage");
+        if !stage.shapes_target() {
+            let own = fitted[&format!("{}_a", stage.key())];
+            eprintln!("{id}: {own} by the program");
+            assert!((own / truth - 1.0).abs() < 0.1, "{id}: {own} for {truth}");
+        }
     }
 }
 

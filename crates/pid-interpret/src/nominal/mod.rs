@@ -259,6 +259,11 @@ impl Nominal {
         self.servos.iter().any(Option::is_some)
     }
 
+    /// Position loops of the drives, one per coordinate or none at all.
+    pub fn servos(&self) -> &[Option<Servo>] {
+        &self.servos
+    }
+
     /// The same robot with other position loops, one per coordinate or none at all.
     pub fn with_servos(mut self, servos: Vec<Option<Servo>>) -> Self {
         self.servos = servos;
@@ -326,6 +331,12 @@ impl Nominal {
     /// Effects beside the nominal structure, as a diagnosis named them.
     pub fn effects(&self) -> &[Effect] {
         &self.effects
+    }
+
+    /// The same robot with other effects.
+    pub fn with_effects(mut self, effects: Vec<Effect>) -> Self {
+        self.effects = effects;
+        self
     }
 
     /// How a diagnosis simulated the robot with them.
