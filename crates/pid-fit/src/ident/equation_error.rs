@@ -405,6 +405,7 @@ fn deviations(fit: &mut Fit<'_>, run: &Run, fixed: &[bool]) -> Spread {
     uncertainty::from_hessian(&Solved {
         hessian: &hessian,
         free: &free,
+        edges: Vec::new(),
         scale: fit.scale,
         lower: fit.lower,
         upper: fit.upper,

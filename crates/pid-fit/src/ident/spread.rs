@@ -2,7 +2,8 @@
 
 use super::motions::Motions;
 use super::noise;
-use super::uncertainty::{self, Solved, Spread};
+use super::uncertainty::{self, Edge, Solved, Spread};
+use faer::Mat;
 use pid_nlp::solver::Solution;
 use pid_nlp::solver::kkt::{Condensing, Kkt, KktValues};
 
@@ -21,10 +22,14 @@ pub(super) fn deviations<P: Motions>(
     }
     let parameters = problem.parameters(&solution.x);
     let setup = problem.setup().clone();
-    let held: Vec<bool> = (0..np)
-        .map(|j| fixed[j] || uncertainty::at_bound(parameters[j], setup.lower[j], setup.upper[j]))
+    let at_bound = |j: usize| uncertainty::at_bound(parameters[j], setup.lower[j], setup.upper[j]);
+    let held: Vec<bool> = (0..np).map(|j| fixed[j] || at_bound(j)).collect();
+    // Of values at bounds those that a prior knows are seen too: others move with them.
+    let prior = |j: usize| setup.priors.iter().find(|p| p.parameter == j);
+    let unseen: Vec<bool> = (0..np)
+        .map(|j| fixed[j] || held[j] && prior(j).is_none())
         .collect();
-    let mut kkt = problem.system(&held);
+    let mut kkt = problem.system(&unseen);
     let mut jacobian = vec![0.0; problem.jacobian_pattern().nnz()];
     let mut hessian = vec![0.0; problem.hessian_pattern().nnz()];
     problem.jacobian(&solution.x, &mut jacobian);
@@ -44,9 +49,21 @@ pub(super) fn deviations<P: Motions>(
         return (Spread::none(np), noise);
     }
     let scores = sandwich.then(|| problem.window_scores(&solution.x, &solution.lambda));
-    let (reduced, free) = kkt.reduced_hessian();
+    let (reduced, seen) = kkt.reduced_hessian();
+    let (inside, edges): (Vec<usize>, Vec<usize>) = (0..seen.len()).partition(|&i| !held[seen[i]]);
+    let free: Vec<usize> = inside.iter().map(|&i| seen[i]).collect();
+    let hessian = Mat::from_fn(free.len(), free.len(), |i, k| {
+        reduced[(inside[i], inside[k])]
+    });
+    let edge = |&e: &usize| {
+        Some(Edge {
+            deviation: prior(seen[e])?.deviation / setup.scale[seen[e]],
+            column: inside.iter().map(|&i| reduced[(i, e)]).collect(),
+        })
+    };
     let spread = uncertainty::from_hessian(&Solved {
-        hessian: reduced,
+        hessian: &hessian,
+        edges: edges.iter().filter_map(edge).collect(),
         free: &free,
         scale: &setup.scale,
         lower: &setup.lower,

@@ -115,12 +115,23 @@ pub(super) fn correlation_factor(residuals: &[f64], channels: usize) -> f64 {
     (1.0 + rho) / (1.0 - rho)
 }
 
+/// A parameter at a bound that a prior knows. The bound is the end of what the prior thinks possible: the value is as
+/// uncertain there as within, and the free parameters move with it.
+pub(super) struct Edge {
+    /// Second derivatives of the objective by it and each free parameter, all scaled.
+    pub(super) column: Vec<f64>,
+    /// Standard deviation of its prior, scaled.
+    pub(super) deviation: f64,
+}
+
 /// A solved problem with all that its uncertainty depends on.
 pub(super) struct Solved<'a> {
     /// Reduced Hessian of the objective in scaled parameters, over `free`.
     pub(super) hessian: &'a Mat<f64>,
     /// Parameters that are neither held nor at a bound.
     pub(super) free: &'a [usize],
+    /// Parameters at bounds that a prior knows.
+    pub(super) edges: Vec<Edge>,
     pub(super) scale: &'a [f64],
     pub(super) lower: &'a [f64],
     pub(super) upper: &'a [f64],
@@ -175,6 +186,9 @@ impl Solved<'_> {
 /// * Sandwich (P. J. Huber, 1967; clustered by window): `V = W/(W − 1) Σ_w g_w g_wᵀ + 2/N H_p` with
 ///   the windows' gradients g_w less their mean: right for noise of any correlation within a window
 ///   and any variance of it.
+/// * Beside either the free parameters move with those at bounds that a prior knows, by `−H⁺ H_e` each: their prior
+///   variances come to them (a first-order sensitivity: A. V. Fiacco, Introduction to Sensitivity and Stability
+///   Analysis in Nonlinear Programming, 1983).
 ///
 /// Directions are taken in parameters divided by their ranges (by their scales where a range is
 /// open). The data do not determine a direction whose deviation exceeds [`SHARE_OF_RANGE`] there,
@@ -240,7 +254,14 @@ pub(super) fn from_hessian(solved: &Solved<'_>) -> Spread {
     let middle = Mat::from_fn(n, n, |i, k| {
         data[(i, k)] + if i == k { certain(i) } else { 0.0 }
     });
-    let covariance = &inverse * &middle * &inverse;
+    let mut covariance = &inverse * &middle * &inverse;
+    for edge in &solved.edges {
+        let column = Mat::from_fn(n, 1, |i, _| edge.column[i] * width[i] / scale[free[i]]);
+        let moved = &inverse * &column;
+        for (i, k) in (0..n).flat_map(|i| (0..n).map(move |k| (i, k))) {
+            covariance[(i, k)] += moved[(i, 0)] * moved[(k, 0)] * edge.deviation.powi(2);
+        }
+    }
     for k in (0..n).filter(|&k| !known(k)) {
         spread.undetermined += 1;
         spread.open.push(open_direction(free, |i| u[(i, k)]));
@@ -326,6 +347,7 @@ mod tests {
         Solved {
             hessian,
             free,
+            edges: Vec::new(),
             scale,
             lower,
             upper,
@@ -363,6 +385,28 @@ mod tests {
         // H⁻¹ V H⁻¹ with the data's variance estimated and the prior's known.
         let precision = xx + 1.0 / 0.04;
         let expected = ((variance * xx + 1.0 / 0.04) / (precision * precision)).sqrt();
+        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+    }
+
+    /// Of y = a x + b z a fit with b at a bound has the a that goes with it: it moves by −Σxz/Σxx of b.
+    #[test]
+    fn what_a_prior_knows_at_a_bound_moves_the_others() {
+        let e: Vec<f64> = (0..2000)
+            .map(|k| if k % 2 == 0 { 1.0 } else { -1.0 })
+            .collect();
+        let n = e.len() as f64;
+        let (xx, xz, share) = (40.0, 30.0, 1.0 / n);
+        let scaled: Vec<f64> = e.iter().map(|e| e * share.sqrt()).collect();
+        let hessian = Mat::from_fn(1, 1, |_, _| 2.0 * share * xx);
+        let mut solved = solved(&hessian, &[0], &[1.0], &[-10.0], &[10.0], &scaled, 1);
+        solved.share = share;
+        let alone = from_hessian(&solved).deviations[0].expect("determined");
+        solved.edges = vec![Edge {
+            column: vec![2.0 * share * xz],
+            deviation: 0.2,
+        }];
+        let found = from_hessian(&solved).deviations[0].expect("determined");
+        let expected = (alone * alone + (xz / xx * 0.2_f64).powi(2)).sqrt();
         assert!((found - expected).abs() < 1e-12, "{found} {expected}");
     }
 
