@@ -4,10 +4,11 @@ mod common;
 
 use std::fmt::Write;
 
-use common::behind_loop;
+use common::{LOOP, behind_loop, described};
 use pid_effects::drives::target::{Motion, Shaped, followed};
 use pid_effects::drives::{Gains, Seen, filter, integrated, output};
-use pid_interpret::nominal::Servo;
+use pid_interpret::nominal::{Nominal, Servo};
+use pid_simulators::{Options, Target, export};
 
 /// Step, number of steps and of those between two outputs, as `check/position_loops.py` has them.
 const STEP: f64 = 1e-3;
@@ -98,4 +99,23 @@ fn loops_of_the_wrapper_are_those_of_the_library() {
         let spread = theirs.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
         assert!(spread > 0.1 && spread.is_finite(), "{text}");
     }
+}
+
+/// Steps of the engine are of first order: behind a loop they are shorter, unless one is asked for.
+#[test]
+fn robots_behind_loops_have_shorter_steps() {
+    let step = |nominal: &Nominal, asked: Option<f64>| {
+        let mut options = Options::default();
+        options.timestep = asked;
+        let files = export(nominal, Target::Mujoco, &options).expect("files");
+        let xml = files.iter().find(|f| f.name == "robot.xml");
+        let text = &xml.expect("a robot").text;
+        let from = text.find("timestep=\"").expect("a step") + 10;
+        let to = text[from..].find('"').expect("an end") + from;
+        text[from..to].parse::<f64>().expect("a number")
+    };
+    let looped = behind_loop(LOOP, "");
+    assert_eq!(step(&described(""), None), 5e-4);
+    assert_eq!(step(&looped, None), 1e-4);
+    assert_eq!(step(&looped, Some(2e-3)), 2e-3);
 }

@@ -113,7 +113,7 @@ fn ranges_have_values_and_deviations() {
 fn a_step_that_is_none_is_told() {
     for step in [0.0, -1e-3, f64::NAN] {
         let mut options = Options::default();
-        options.timestep = step;
+        options.timestep = Some(step);
         assert!(told(&options, "").contains("timestep: "), "{step}");
     }
 }

@@ -20,9 +20,9 @@ pub(crate) struct ExportArgs {
     /// Folder for the files; made if needed.
     #[arg(long, short, value_name = "FOLDER")]
     pub(crate) out: PathBuf,
-    /// Step of the simulation, s.
-    #[arg(long, value_name = "SECONDS", value_parser = positive, default_value_t = 5e-4)]
-    pub(crate) timestep: f64,
+    /// Step of the simulation, s. By default 5e-4, with position loops 1e-4.
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub(crate) timestep: Option<f64>,
     /// Numbers of `rust` and `c`.
     #[arg(long, value_enum, default_value_t, value_name = "BITS")]
     pub(crate) precision: PrecisionArg,

@@ -9,10 +9,10 @@ mod wrapper;
 use pid_derive::mechanism::Body;
 use pid_effects::nominal::EncoderSide;
 
+use crate::File;
 use crate::error::ExportError;
 use crate::machine::{Drive, Machine};
 use crate::xml::{Element, number};
-use crate::{File, Options};
 
 pub use told::expression;
 
@@ -27,8 +27,8 @@ const IMPEDANCE: [f64; 3] = [0.9999, 0.9999, 0.001];
 const STEPS: f64 = 2.0;
 
 /// Files for MuJoCo.
-pub(crate) fn files(machine: &Machine, options: &Options<'_>) -> Result<Vec<File>, ExportError> {
-    let text = xml(machine, options)
+pub(crate) fn files(machine: &Machine, step: f64) -> Result<Vec<File>, ExportError> {
+    let text = xml(machine, step)
         .text()
         .map_err(|error| ExportError::Text {
             name: "robot.xml",
@@ -44,7 +44,7 @@ pub(crate) fn files(machine: &Machine, options: &Options<'_>) -> Result<Vec<File
         files.push(File::new("position_loops.py", wrapper::LOOPS));
     }
     if let Some(known) = &machine.known {
-        let text = xml(known, options)
+        let text = xml(known, step)
             .text()
             .map_err(|error| ExportError::Text { name: KNOWN, error })?;
         files.push(File::new(KNOWN, text));
@@ -61,10 +61,10 @@ fn twist(machine: &Machine, coordinate: usize) -> String {
     name
 }
 
-fn xml(machine: &Machine, options: &Options<'_>) -> Element {
+fn xml(machine: &Machine, step: f64) -> Element {
     let mechanism = &machine.mechanism;
     let flags = Element::new("option")
-        .numbers("timestep", &[options.timestep])
+        .numbers("timestep", &[step])
         .with("integrator", "implicitfast")
         .numbers("gravity", &mechanism.gravity);
     let mut root = Element::new("mujoco")
@@ -77,15 +77,15 @@ fn xml(machine: &Machine, options: &Options<'_>) -> Element {
         )
         .child(flags);
     let mut world = Element::new("worldbody");
-    for child in children(machine, None, options) {
+    for child in children(machine, None, step) {
         world.push(child);
     }
     root.push(world);
     for part in [
-        equalities(machine, options),
+        equalities(machine, step),
         tendons(machine),
-        actuators(machine, options),
-        sensors(machine, options),
+        actuators(machine, step),
+        sensors(machine, step),
     ] {
         if !part.is_empty() {
             root.push(part);
@@ -94,14 +94,14 @@ fn xml(machine: &Machine, options: &Options<'_>) -> Element {
     root
 }
 
-fn children(machine: &Machine, parent: Option<usize>, options: &Options<'_>) -> Vec<Element> {
+fn children(machine: &Machine, parent: Option<usize>, step: f64) -> Vec<Element> {
     let bodies = machine.mechanism.bodies.iter().enumerate();
     let own = bodies.filter(|(_, body)| body.parent == parent);
-    own.map(|(index, body)| element(machine, index, body, options))
+    own.map(|(index, body)| element(machine, index, body, step))
         .collect()
 }
 
-fn element(machine: &Machine, index: usize, body: &Body, options: &Options<'_>) -> Element {
+fn element(machine: &Machine, index: usize, body: &Body, step: f64) -> Element {
     let mut out = Element::new("body")
         .with("name", body.link.as_str())
         .numbers("pos", &body.origin)
@@ -114,13 +114,13 @@ fn element(machine: &Machine, index: usize, body: &Body, options: &Options<'_>) 
         );
     let drives = &machine.drives;
     let coordinate = drives.iter().position(|drive| drive.body == index);
-    out.push(joint(machine, body, coordinate, options));
+    out.push(joint(machine, body, coordinate, step));
     if let Some(c) = coordinate
         && let Some(twisting) = twisting(machine, body, c)
     {
         out.push(twisting);
     }
-    for child in children(machine, Some(index), options) {
+    for child in children(machine, Some(index), step) {
         out.push(child);
     }
     out
@@ -134,12 +134,7 @@ fn axis(body: &Body, name: &str) -> Element {
 }
 
 /// The joint of a body: with its drive, if it moves on its own.
-fn joint(
-    machine: &Machine,
-    body: &Body,
-    coordinate: Option<usize>,
-    options: &Options<'_>,
-) -> Element {
+fn joint(machine: &Machine, body: &Body, coordinate: Option<usize>, step: f64) -> Element {
     let mut out = axis(body, &body.joint);
     if let Some((low, high)) = body.limits {
         out = out.numbers("range", &[low, high]);
@@ -161,7 +156,7 @@ fn joint(
     if drive.coulomb > 0.0 {
         out = out
             .numbers("frictionloss", &[drive.coulomb])
-            .numbers("solreffriction", &[STEPS * options.timestep, 1.0])
+            .numbers("solreffriction", &[STEPS * step, 1.0])
             .numbers("solimpfriction", &IMPEDANCE);
     }
     let (stiffness, preload) = spring(machine, c);
@@ -226,7 +221,7 @@ fn quaternion([roll, pitch, yaw]: [f64; 3]) -> [f64; 4] {
 }
 
 /// Joints that follow others.
-fn equalities(machine: &Machine, options: &Options<'_>) -> Element {
+fn equalities(machine: &Machine, step: f64) -> Element {
     let bodies = &machine.mechanism.bodies;
     let mut out = Element::new("equality");
     for body in bodies {
@@ -238,7 +233,7 @@ fn equalities(machine: &Machine, options: &Options<'_>) -> Element {
                 .with("joint1", body.joint.as_str())
                 .with("joint2", bodies[follows.body].joint.as_str())
                 .numbers("polycoef", &[follows.offset, follows.ratio, 0.0, 0.0, 0.0])
-                .numbers("solref", &[STEPS * options.timestep, 1.0])
+                .numbers("solref", &[STEPS * step, 1.0])
                 .numbers("solimp", &IMPEDANCE),
         );
     }
@@ -291,15 +286,15 @@ fn tendons(machine: &Machine) -> Element {
     out
 }
 
-fn actuators(machine: &Machine, options: &Options<'_>) -> Element {
+fn actuators(machine: &Machine, step: f64) -> Element {
     let mut out = Element::new("actuator");
     for (c, drive) in machine.drives.iter().enumerate() {
-        out.push(actuator(machine, c, drive, options));
+        out.push(actuator(machine, c, drive, step));
     }
     out
 }
 
-fn actuator(machine: &Machine, c: usize, drive: &Drive, options: &Options<'_>) -> Element {
+fn actuator(machine: &Machine, c: usize, drive: &Drive, step: f64) -> Element {
     let joint = machine.joint(c);
     let mut out = Element::new("general")
         .with("name", format!("u_{joint}"))
@@ -327,20 +322,20 @@ fn actuator(machine: &Machine, c: usize, drive: &Drive, options: &Options<'_>) -
             .numbers("dynprm", &[time]);
     }
     match of("input_delay", "delay_s") {
-        Some(delay) if delay > 0.0 => delayed(out, delay, options),
+        Some(delay) if delay > 0.0 => delayed(out, delay, step),
         _ => out,
     }
 }
 
 /// With a delay, s, and as many samples as it spans.
-fn delayed(element: Element, delay: f64, options: &Options<'_>) -> Element {
-    let samples = (delay / options.timestep).ceil() + 1.0;
+fn delayed(element: Element, delay: f64, step: f64) -> Element {
+    let samples = (delay / step).ceil() + 1.0;
     element
         .numbers("delay", &[delay])
         .with("nsample", number(samples))
 }
 
-fn sensors(machine: &Machine, options: &Options<'_>) -> Element {
+fn sensors(machine: &Machine, step: f64) -> Element {
     let mut out = Element::new("sensor");
     for (c, drive) in machine.drives.iter().enumerate() {
         let joint = machine.joint(c);
@@ -359,7 +354,7 @@ fn sensors(machine: &Machine, options: &Options<'_>) -> Element {
             };
             let sensor = sensor.with("name", format!("{what}_{joint}"));
             out.push(match delay {
-                Some(delay) => delayed(sensor, delay, options),
+                Some(delay) => delayed(sensor, delay, step),
                 None => sensor,
             });
         }
