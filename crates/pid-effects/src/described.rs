@@ -25,7 +25,7 @@ pub fn described(nominal: &description::Nominal) -> Result<Vec<(Term, Vec<f64>)>
 }
 
 /// The same description with effects that are stages of position loops as numbers of these, as uncertain as they are
-/// large: equations of motion have them as parameters of the loop.
+/// large: equations of motion have them as parameters of the loop. A stage of size zero is none.
 ///
 /// # Errors
 /// As [`described`].
@@ -35,6 +35,7 @@ pub fn in_loops(nominal: &description::Nominal) -> Result<description::Nominal, 
     for ((term, e), stated) in described(nominal)?.iter().zip(nominal.effects()) {
         let servo = servos.get_mut(term.joint).and_then(Option::as_mut);
         match (term.effect.stage(), servo, e.as_slice()) {
+            (Some(_), Some(_), &[0.0]) => {}
             (Some(stage), Some(servo), &[value]) => servo.set(
                 stage,
                 ServoGain {

@@ -96,8 +96,8 @@ pub fn only_targets(nominal: &description::Nominal, dataset: &Dataset) -> bool {
 }
 
 /// Records with targets as inputs where the drives of a description have position loops, and the description with
-/// effects that are stages of these as their numbers ([`in_loops`]) and a value for every
-/// gain: an unknown one where the motions say it is.
+/// effects that are stages of these as their numbers ([`in_loops`]) and a value for every gain: an unknown one where
+/// the motions say it is.
 ///
 /// # Errors
 /// As [`Case::new`].

@@ -1,9 +1,12 @@
 //! Numbers of loops with stages, by the program with exact derivatives.
 
+use pid_data::Dataset;
+use pid_diagnose::nominal::Nominal;
+use pid_fit::gap::force::missing_force;
+
 use super::about;
 use super::rig::{BAR, CASCADE, Loop, PD, PID, described, records};
 use crate::common::{identified, identified_model};
-use pid_fit::gap::force::missing_force;
 
 /// A policy's targets behind a filter, a derivative behind another and a band: what is stated of the target acts on
 /// it, the filter of the velocity is found.
@@ -82,8 +85,7 @@ fn a_cascade_has_its_share_of_gravity() {
 }
 
 /// A loop that reads 20 ms late, by a time that is not known.
-#[test]
-fn a_late_reading_has_its_time() {
+fn late() -> (Nominal, Dataset) {
     let own = Loop {
         late: Some(0.02),
         ..PD
@@ -94,7 +96,13 @@ fn a_late_reading_has_its_time() {
         about(1.05),
         about(0.014)
     );
-    let found = identified(&described(&drive), &records(&own, None, 0.0, 34));
+    (described(&drive), records(&own, None, 0.0, 34))
+}
+
+#[test]
+fn a_late_reading_has_its_time() {
+    let (nominal, dataset) = late();
+    let found = identified(&nominal, &dataset);
     hold(
         &found,
         &[
@@ -109,17 +117,8 @@ fn a_late_reading_has_its_time() {
 /// no sensor reads.
 #[test]
 fn no_force_is_missing_at_states_of_loops() {
-    let own = Loop {
-        late: Some(0.02),
-        ..PD
-    };
-    let drive = format!(
-        "law = \"pd\"\nkp = {}\nkd = {}\nlimit = 6.0\nfeedback_delay_s = {}\n",
-        about(10.5),
-        about(1.05),
-        about(0.014)
-    );
-    let (with, dataset, p) = identified_model(&described(&drive), &records(&own, None, 0.0, 34));
+    let (nominal, dataset) = late();
+    let (with, dataset, p) = identified_model(&nominal, &dataset);
     assert_eq!(with.unread, [1]);
     let e = &dataset.experiments[3];
     let force = missing_force(with.model.as_ref(), &p, &dataset, e, &with.unread);

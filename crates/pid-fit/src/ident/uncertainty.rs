@@ -361,13 +361,17 @@ mod tests {
         }
     }
 
+    /// White residuals of unit size, so that the factor for correlation is one.
+    fn alternating() -> Vec<f64> {
+        (0..2000)
+            .map(|k| if k % 2 == 0 { 1.0 } else { -1.0 })
+            .collect()
+    }
+
     /// y = p x + e at x = 1 … n with known variance and a prior on p.
     #[test]
     fn a_prior_adds_its_precision() {
-        // White residuals of unit size, so that the factor for correlation is one.
-        let e: Vec<f64> = (0..2000)
-            .map(|k| if k % 2 == 0 { 1.0 } else { -1.0 })
-            .collect();
+        let e = alternating();
         let n = e.len() as f64;
         let xx = 40.0;
         let share = 1.0 / n;
@@ -391,9 +395,7 @@ mod tests {
     /// Of y = a x + b z a fit with b at a bound has the a that goes with it: it moves by −Σxz/Σxx of b.
     #[test]
     fn what_a_prior_knows_at_a_bound_moves_the_others() {
-        let e: Vec<f64> = (0..2000)
-            .map(|k| if k % 2 == 0 { 1.0 } else { -1.0 })
-            .collect();
+        let e = alternating();
         let n = e.len() as f64;
         let (xx, xz, share) = (40.0, 30.0, 1.0 / n);
         let scaled: Vec<f64> = e.iter().map(|e| e * share.sqrt()).collect();
@@ -414,9 +416,7 @@ mod tests {
     fn a_prior_as_wide_as_the_range_is_knowledge() {
         // The data say nothing of the second parameter; its posterior is its prior, uniform ±1 as a
         // normal distribution.
-        let e: Vec<f64> = (0..2000)
-            .map(|k| if k % 2 == 0 { 1.0 } else { -1.0 })
-            .collect();
+        let e = alternating();
         let share = 1.0 / e.len() as f64;
         let scaled: Vec<f64> = e.iter().map(|e| e * share.sqrt()).collect();
         let prior = [Prior {

@@ -1,8 +1,8 @@
 //! The loop of one drive over [`Smooth`]: its input of the motor and the growth of its states.
 //!
-//! A reading that is late by τ is that behind an all-pass, (1 − τs/2) / (1 + τs/2), which has the same gain and a phase
-//! within (ωτ)³/12 of it (the Padé approximation of first order: G. A. Baker, Essentials of Padé Approximants, 1975). With
-//! what its position lags, ξ̇ = v − 2ξ/τ, the loop reads q − 2ξ and its velocity 4ξ/τ − v.
+//! A reading that is late by τ is that behind an all-pass, (1 − τs/2) / (1 + τs/2): the Padé approximation of first
+//! order, of the same gain and with a phase within (ωτ)³/12 (G. A. Baker, Essentials of Padé Approximants, 1975).
+//! With what its position lags, ξ̇ = v − 2ξ/τ, the loop reads q − 2ξ and its velocity 4ξ/τ − v.
 
 use pid_interpret::nominal::{Gain, Servo};
 use pid_runtime::dynamics::{At, Dims};

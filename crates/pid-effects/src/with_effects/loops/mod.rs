@@ -7,8 +7,8 @@
 //! The law, as in kp (r − q) − kd v with the growth ki (r − q), is that of [`drives`](crate::drives).
 //! Here it answers at once, whatever the rate of the drive; limits and bands are rounded as all of
 //! [`Smooth`](crate::smooth::Smooth). An integral w is one more coordinate s with w = ṡ, as other states are; it
-//! rests where the output is limited. The velocity behind a filter is another, and so is what a late position lags. Stages
-//! of a target act on the records.
+//! rests where the output is limited. The velocity behind a filter is another, and what a late position lags.
+//! Stages of a target act on the records.
 //! Effects that act between a drive and its motor act on u; the loop reads the coordinate of its joint.
 
 mod drive;
@@ -493,13 +493,13 @@ impl Jacobian for WithLoops<'_> {
                 for (state, slots) in self.states.iter().zip(self.jacobian.slots()) {
                     let own = &self.loops[state.own];
                     let here = own.at(at, &self.dims, fed);
+                    r[state.coordinate] = own.residual(state.memory, &here, None, None).0.re;
                     for (&a, &slot) in state.active.iter().zip(slots) {
                         values[slot] += own.residual(state.memory, &here, Some(a), None).0.eps1;
                     }
                 }
             });
         }
-        self.put_states(at, 1.0, r);
     }
 }
 

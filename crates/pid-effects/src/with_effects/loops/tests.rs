@@ -4,6 +4,7 @@ use pid_data::{Dataset, InputHold, InputQuantity};
 use pid_interpret::nominal::{self as description, Servo, ServoGain, ServoLaw};
 
 use super::*;
+use crate::described::in_loops;
 use crate::with_effects::tests::{ARM, assert_derivatives, at, model, point, records};
 
 /// The loop of a law with its gains in the order of the law.
@@ -53,13 +54,34 @@ fn derivatives_behind_loops_are_those_of_differences() {
     }
 }
 
+/// The residual of the arm itself under inputs of its motors, where the arm behind loops is at `here`.
+fn arm_under(here: &At<'_>, u: &[f64]) -> Vec<f64> {
+    let (arm, mut r) = (model(), vec![0.0; 2]);
+    let inside = At {
+        q: &here.q[..2],
+        v: &here.v[..2],
+        a: &here.a[..2],
+        u,
+        p: &here.p[..arm.dims().np],
+    };
+    arm.residual(&inside, &mut r);
+    r
+}
+
+/// Gains of the arm's motors.
+fn motor_gains(here: &At<'_>) -> [f64; 2] {
+    ["gain_shoulder", "gain_elbow"].map(|name| {
+        let k = model().params().iter().position(|p| p.name == name);
+        here.p[k.expect("a gain")]
+    })
+}
+
 /// The equations are those of the arm under the inputs of the drives' own laws, here by hand.
 #[test]
 fn loops_are_the_laws_of_the_drives() {
     for law in [ServoLaw::Pid, ServoLaw::Cascade] {
         let (with, _) = behind_loops(law, None);
-        let (d, arm) = (with.dims(), model());
-        let own = arm.dims();
+        let (d, own) = (with.dims(), model().dims());
         assert_eq!((d.nq, d.nu, d.np), (own.nq + 1, own.nu + 1, own.np + 5));
         let z = point(&with, 1.0);
         let here = at(&z, &d);
@@ -71,15 +93,7 @@ fn loops_are_the_laws_of_the_drives() {
             _ => (3.0 * error[0] - 0.4 * here.v[0], 1.5 * error[0]),
         };
         let u = [first + here.v[2], 2.0 * error[1] - 0.3 * here.v[1]];
-        let mut expected = vec![0.0; 2];
-        let inside = At {
-            q: &here.q[..2],
-            v: &here.v[..2],
-            a: &here.a[..2],
-            u: &u,
-            p: &here.p[..own.np],
-        };
-        arm.residual(&inside, &mut expected);
+        let expected = arm_under(&here, &u);
         let mut r = vec![0.0; 3];
         with.residual(&here, &mut r);
         for j in 0..2 {
@@ -198,16 +212,8 @@ fn stages_are_those_of_the_drives() {
         3.0 * beyond - 0.4 * (filtered[j] - 0.6 * rates[j])
     };
     let u = [input(0), input(1)];
-    let inside = At {
-        q: &here.q[..2],
-        v: &here.v[..2],
-        a: &here.a[..2],
-        u: &u,
-        p: &here.p[..own.np],
-    };
-    let (mut r, mut expected) = (vec![0.0; 4], vec![0.0; 2]);
+    let (mut r, expected) = (vec![0.0; 4], arm_under(&here, &u));
     with.residual(&here, &mut r);
-    model().residual(&inside, &mut expected);
     for j in 0..2 {
         // The band's corners are rounded by half a percent of its width.
         let rounded = 3.0 * 0.4 * 5e-3;
@@ -234,22 +240,11 @@ fn drives_make_up_for_gravity() {
         ..here
     };
     model().residual(&rest, &mut held);
-    let gain = |joint: &str| {
-        let name = format!("gain_{joint}");
-        let k = model().params().iter().position(|p| p.name == name);
-        here.p[k.expect("a gain")]
-    };
-    let gains = [gain("shoulder"), gain("elbow")];
+    let gains = motor_gains(&here);
     let u =
         [0, 1].map(|j| 3.0 * (here.u[j] - here.q[j]) - 0.4 * here.v[j] + 0.8 * held[j] / gains[j]);
-    let inside = At {
-        u: &u,
-        p: &here.p[..own.np],
-        ..here
-    };
-    let (mut r, mut expected) = (vec![0.0; 2], vec![0.0; 2]);
+    let (mut r, expected) = (vec![0.0; 2], arm_under(&here, &u));
     with.residual(&here, &mut r);
-    model().residual(&inside, &mut expected);
     for j in 0..2 {
         assert!(held[j].abs() > 0.1, "{held:?}");
         assert!((r[j] - expected[j]).abs() < 1e-9, "{r:?} {expected:?}");
@@ -304,7 +299,7 @@ fn targets_become_what_loops_follow() {
     close(straight[5], end, 4e-3);
 }
 
-/// A late reading is that behind an all-pass: the loop sees q − 2ξ and 4ξ/τ − v, also its filter of the velocity.
+/// A late reading is that behind an all-pass: the loop and its filter see q − 2ξ and 4ξ/τ − v.
 #[test]
 fn late_readings_are_those_behind_an_all_pass() {
     let late = "feedback_delay_s = { value = 0.02, tolerance = 0.01 }\n";
@@ -319,16 +314,8 @@ fn late_readings_are_those_behind_an_all_pass() {
         (here.q[j] - 2.0 * lag, 4.0 * lag / 0.02 - here.v[j])
     };
     let u = [0, 1].map(|j| 3.0 * (here.u[j] - read(j).0) - 0.4 * read(j).1);
-    let inside = At {
-        q: &here.q[..2],
-        v: &here.v[..2],
-        a: &here.a[..2],
-        u: &u,
-        p: &here.p[..own.np],
-    };
-    let (mut r, mut expected) = (vec![0.0; 4], vec![0.0; 2]);
+    let (mut r, expected) = (vec![0.0; 4], arm_under(&here, &u));
     with.residual(&here, &mut r);
-    model().residual(&inside, &mut expected);
     for j in 0..2 {
         assert!((r[j] - expected[j]).abs() < 1e-9, "{r:?} {expected:?}");
         let growth = here.v[j] - 2.0 * here.v[2 + j] / 0.02;
@@ -401,28 +388,15 @@ fn drives_feed_inertia_forward() {
         r
     };
     let (moved, held) = (forces(&here.u[4..]), forces(&still));
-    let gain = |joint: &str| {
-        let name = format!("gain_{joint}");
-        let k = model().params().iter().position(|p| p.name == name);
-        here.p[k.expect("a gain")]
-    };
-    let gains = [gain("shoulder"), gain("elbow")];
+    let gains = motor_gains(&here);
     let u = [0, 1].map(|j| {
         let velocity = 4.0 * here.v[2 + j] / 0.02 - here.v[j];
         let fed = 0.7 * (moved[j] - held[j]) / gains[j];
         assert!(fed.abs() > 1e-3, "{fed}");
         3.0 * (here.u[j] - read[j]) - 0.4 * velocity + fed
     });
-    let inside = At {
-        q: &here.q[..2],
-        v: &here.v[..2],
-        a: &here.a[..2],
-        u: &u,
-        p: &here.p[..own.np],
-    };
-    let (mut r, mut expected) = (vec![0.0; 4], vec![0.0; 2]);
+    let (mut r, expected) = (vec![0.0; 4], arm_under(&here, &u));
     with.residual(&here, &mut r);
-    model().residual(&inside, &mut expected);
     for j in 0..2 {
         assert!((r[j] - expected[j]).abs() < 1e-9, "{r:?} {expected:?}");
     }
@@ -462,4 +436,25 @@ fn accelerations_of_targets_are_those_of_their_profile() {
             assert!(off.abs() < 1e-6, "{sample}: {own:?}");
         }
     }
+}
+
+/// Effects that are stages of a loop become its numbers, one of no size becomes none, others stay.
+#[test]
+fn stages_that_a_diagnosis_named_are_numbers_of_the_loop() {
+    let named = |delay: f64| {
+        let effects = format!(
+            "[[effect]]\nid = \"feedback_delay\"\njoint = \"elbow\"\n[effect.parameters]\ndelay_s = {{ value = {delay:?} }}\n\
+             [[effect]]\nid = \"quadratic_drag\"\njoint = \"elbow\"\n[effect.parameters]\ndrag = {{ value = 0.1 }}\n"
+        );
+        let own = in_loops(&described(&format!("{PD}{effects}"))).expect("effects");
+        let ids: Vec<&str> = own.effects().iter().map(|e| &*e.id.value).collect();
+        assert_eq!(ids, ["quadratic_drag"]);
+        [0, 1].map(|j| {
+            let servo = own.servo(j).expect("a loop");
+            let delay = servo.gain(Gain::FeedbackDelay);
+            (servo.has(Gain::FeedbackDelay)).then_some((delay.value, delay.half_width))
+        })
+    };
+    assert_eq!(named(0.02), [None, Some((Some(0.02), 0.02))]);
+    assert_eq!(named(0.0), [None, None]);
 }

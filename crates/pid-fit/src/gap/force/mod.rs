@@ -37,8 +37,9 @@ const SETTLED: f64 = 0.02;
 /// A velocity channel counts where it is a measurement of its own
 /// ([`Measured`](pid_data::VelocityKind::Measured)). Missing samples of q and v count as not
 /// measured; missing inputs are bridged by straight lines. Inputs that are held from sample to
-/// sample act as they are on each interval, others with their mean. Coordinates that are `unread` are states whose
-/// equations are definitions, as that of a filter: nothing is read of them, and no force is missing there.
+/// sample act as they are on each interval, others with their mean. Of coordinates that are `unread` nothing is
+/// read, and no force is missing there: their equations are definitions, as that of a filter, or a force there is one
+/// at the coordinate that is read beside them, as of a rotor.
 ///
 /// # Errors
 /// [`MissingForceError`] for records too short or empty, and where the model cannot be evaluated.
