@@ -207,7 +207,6 @@ fn drive(s: &Subject<'_>) -> Option<View> {
             begin: 0.0,
             t: 0.0,
             dt: 1e-3,
-            others: 0.0,
         };
         let mut memory = vec![0.0; s.effect.memory()];
         law.start(&s.e, 0.0, 0.0, u, &mut memory);
@@ -247,7 +246,6 @@ fn pulse(s: &Subject<'_>) -> Option<(Points, Points)> {
             begin: 0.0,
             t,
             dt: h,
-            others: 0.0,
         };
         real.push((t, law.input(&s.e, u[i], &at, &mut memory)));
     }

@@ -27,7 +27,7 @@ use crate::case::{Case, Record};
 use pid_interpret::links;
 
 use crate::constants::{Constant, Constants};
-use crate::effect::{Commands, tell_others};
+use crate::effect::Commands;
 use crate::fit::{Direction, Fit, all_gains, gram, linearise, value};
 use crate::predict::Runner;
 use crate::simulate::{Machine, State};
@@ -347,7 +347,7 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
             machine.rest(&q, &v, &command)
         });
         for i in 0..steps.number() {
-            let mut commands: Vec<Commands<'_>> = (0..n)
+            let commands: Vec<Commands<'_>> = (0..n)
                 .map(|j| Commands {
                     u: &u[j][..=k],
                     h,
@@ -355,10 +355,8 @@ fn run(case: &Case, fit: &Fit, waves: &[Wave], limits: &[Limits]) -> Option<Reco
                     begin: 0.0,
                     t: k as f64 * h + i as f64 * dt,
                     dt,
-                    others: 0.0,
                 })
                 .collect();
-            tell_others(&mut commands);
             machine.step(s, &commands, steps.links(h, i));
         }
         if s.q.iter().chain(&s.v).any(|x| x.is_nan() || x.abs() > 1e6) {

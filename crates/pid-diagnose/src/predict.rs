@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 use crate::case::{Case, Record, Velocity};
 use crate::constants::{Constant, Constants};
 use crate::drives::{Gains, falls, slopes};
-use crate::effect::{Commands, Pick, tell_others};
+use crate::effect::{Commands, Pick};
 use crate::hypothesis::Hypothesis;
 use crate::nominal::EncoderSide;
 use crate::observer::{Design, Gain, INTEGRAL, Integral, LAGGING, gain};
@@ -293,11 +293,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
                     begin: self.record.begin,
                     t: k as f64 * self.record.h + s as f64 * dt,
                     dt,
-                    others: 0.0,
                 });
-            }
-            if self.machine.listens {
-                tell_others(commands);
             }
             let links = self.substeps.links(self.record.h, s);
             self.machine.step(state, commands, links);

@@ -82,8 +82,7 @@ pub fn candidates(
         if effect.needs_bodies() && !case.nominal.has_bodies() {
             continue;
         }
-        // Behind a loop the records hold targets, not inputs.
-        if effect.needs_inputs() && (case.n() < 2 || case.nominal.description.has_servos()) {
+        if effect.needs_inputs() && case.n() < 2 {
             continue;
         }
         let joints = if info.has_joint { case.n() } else { 1 };

@@ -76,7 +76,6 @@ fn answers<D: Pick>(law: &dyn Law<D>, e: &[D], memory: usize, joint: usize, v: f
         begin: 0.0,
         t: 0.042,
         dt: 0.004,
-        others: 0.0,
     };
     let mut p = constants::<D>();
     law.constants(e, joint, &mut p);
@@ -348,7 +347,6 @@ fn drive_effects_follow_their_equations() {
         begin: 0.0,
         t: 0.03,
         dt: 0.01,
-        others: 0.0,
     };
     let input = |id: &str, e: &[f64], x: f64, memory: &mut [f64]| {
         effects::by_id(id)

@@ -17,16 +17,6 @@ pub struct Commands<'a> {
     pub t: f64,
     /// Its length, s.
     pub dt: f64,
-    /// Sum of the sizes of the commands of all other joints over the substep, each a mean.
-    pub others: f64,
-}
-
-/// Tells each of the joints' commands over one substep what the others are.
-pub fn tell_others(commands: &mut [Commands<'_>]) {
-    let all: f64 = commands.iter().map(|c| c.now().abs()).sum();
-    for c in commands {
-        c.others = (all - c.now().abs()).max(0.0);
-    }
 }
 
 impl Commands<'_> {

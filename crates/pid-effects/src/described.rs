@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use pid_interpret::nominal::{
-    self as description, Effect as Stated, EffectParameter, Fault, NominalError, ServoGain, Written,
+    self as description, Effect as Stated, EffectParameter, Fault, Gain, NominalError, ServoGain,
+    Written,
 };
 use pid_toml::{Place, nearest};
 
@@ -94,32 +95,58 @@ fn term(
         ));
     }
     if let (Some(stage), true) = (effect.stage(), info.has_joint) {
-        let place = &stated
-            .joint
-            .as_ref()
-            .map_or(&id.place, |joint| &joint.place)
-            .clone();
-        let refuse = |found: &str, mend: String| Err(fault(place, "joint", found.to_owned(), mend));
-        match nominal.servo(joint) {
-            None => {
-                let mend = "it is a stage of a position loop: state the loop in [joint.drive], or leave the effect out";
-                return refuse("without a position loop", mend.to_owned());
-            }
-            Some(servo) if servo.has(stage) => {
-                let mend = format!(
-                    "its loop states `{}`: change that in place of it",
-                    stage.key()
-                );
-                return refuse("a joint whose loop has it", mend);
-            }
-            Some(servo) if !servo.lacks(stage) => {
-                let mend = "the law \"p\" does not use the velocity: leave it out";
-                return refuse("a loop without velocity", mend.to_owned());
-            }
-            Some(_) => {}
-        }
+        belongs(nominal, stated, (stage, joint), &fault)?;
     }
-    let names: Vec<&str> = info.parameters.iter().map(|p| p.name).collect();
+    let e = values(nominal, stated, (info.parameters, joint), &fault)?;
+    let effect = effect.clone();
+    Ok((Term { effect, joint }, e))
+}
+
+/// Makes the error at an effect: place, key, what was found, mend.
+type AtEffect<'a> = dyn Fn(&Option<Place>, &'static str, String, String) -> Fault + 'a;
+
+/// Whether a stage belongs to the loop of its joint, which must be there and lack it.
+fn belongs(
+    nominal: &description::Nominal,
+    stated: &Stated,
+    (stage, joint): (Gain, usize),
+    fault: &AtEffect<'_>,
+) -> Result<(), Fault> {
+    let place = &stated
+        .joint
+        .as_ref()
+        .map_or(&stated.id.place, |joint| &joint.place)
+        .clone();
+    let refuse = |found: &str, mend: String| Err(fault(place, "joint", found.to_owned(), mend));
+    match nominal.servo(joint) {
+        None => {
+            let mend = "it is a stage of a position loop: state the loop in [joint.drive], or leave the effect out";
+            return refuse("without a position loop", mend.to_owned());
+        }
+        Some(servo) if servo.has(stage) => {
+            let mend = format!(
+                "its loop states `{}`: change that in place of it",
+                stage.key()
+            );
+            return refuse("a joint whose loop has it", mend);
+        }
+        Some(servo) if !servo.lacks(stage) => {
+            let mend = "the law \"p\" does not use the velocity: leave it out";
+            return refuse("a loop without velocity", mend.to_owned());
+        }
+        Some(_) => {}
+    }
+    Ok(())
+}
+
+/// The values of all parameters of an effect at a joint, in their order.
+fn values(
+    nominal: &description::Nominal,
+    stated: &Stated,
+    (parameters, joint): (&[Parameter], usize),
+    fault: &AtEffect<'_>,
+) -> Result<Vec<f64>, Fault> {
+    let names: Vec<&str> = parameters.iter().map(|p| p.name).collect();
     for own in &stated.parameters {
         if !names.contains(&own.name.as_str()) {
             let like = nearest(&own.name, names.iter().copied());
@@ -134,20 +161,16 @@ fn term(
         }
     }
     let mut e = Vec::with_capacity(names.len());
-    for p in info.parameters {
+    for p in parameters {
         let Some(own) = stated.parameters.iter().find(|own| own.name == p.name) else {
             let mend = format!("add `{} = {{ value = … }}`", p.name);
             let found = format!("without `{}`", p.name);
-            return Err(fault(&id.place, "parameters", found, mend));
+            return Err(fault(&stated.id.place, "parameters", found, mend));
         };
-        e.push(value(nominal, joint, p, own, &fault)?);
+        e.push(value(nominal, joint, p, own, fault)?);
     }
-    let effect = effect.clone();
-    Ok((Term { effect, joint }, e))
+    Ok(e)
 }
-
-/// Makes the error at an effect: place, key, what was found, mend.
-type AtEffect<'a> = dyn Fn(&Option<Place>, &'static str, String, String) -> Fault + 'a;
 
 /// The value of a parameter, its unit and range checked.
 fn value(

@@ -18,7 +18,7 @@ use pid_interpret::nominal::Gain;
 use pid_symbolic::program::Element;
 
 pub use crate::class::Class;
-pub use crate::commands::{Commands, tell_others};
+pub use crate::commands::Commands;
 use crate::constants::Constants;
 pub use crate::equal_when::EqualWhen;
 pub use crate::parameter::{Parameter, Quantity, Unit, parameter, quantity};
@@ -217,6 +217,11 @@ pub trait Law<D: Scalar>: Send + Sync {
     fn input(&self, _e: &[D], u: D, _at: &Commands<'_>, _memory: &mut [D]) -> D {
         u
     }
+    /// Applied input from that of the joint and the sum of the sizes of those of all other joints, each before its
+    /// effects: what was commanded, or the output of a position loop.
+    fn shared(&self, _e: &[D], u: D, _others: D) -> D {
+        u
+    }
     /// Changes the friction of the joint.
     fn friction(&self, _e: &[D], _at: &Site<'_, D>, _memory: &[D], _f: &mut Friction<D>) {}
     /// Adds forces.
@@ -282,7 +287,7 @@ pub trait Effect: Send + Sync {
     fn essential(&self) -> &'static [usize];
     /// Whether it acts on the bodies of a robot: there are none where a robot is declared by its Lagrangian.
     fn needs_bodies(&self) -> bool;
-    /// Whether it acts on the inputs of all joints together: it needs several, without position loops.
+    /// Whether it acts on the inputs of all joints together ([`Law::shared`]): it needs several.
     fn needs_inputs(&self) -> bool;
     /// Parameters that are times at which the effect goes on and off, in pairs; its amplitudes act
     /// between them.
@@ -340,7 +345,7 @@ pub trait Model: Send + Sync {
     fn needs_bodies(&self) -> bool {
         false
     }
-    /// Whether it acts on the inputs of all joints together: it needs several, without position loops.
+    /// Whether it acts on the inputs of all joints together ([`Law::shared`]): it needs several.
     fn needs_inputs(&self) -> bool {
         false
     }

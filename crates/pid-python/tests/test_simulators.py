@@ -35,15 +35,16 @@ def test_position_loops_are_those_of_the_library() -> None:
 
 
 @pytest.fixture
-def leg(tmp_path: Path, command: Callable[..., Any]) -> Callable[[str], Path]:
-    """Exports the leg with known gains and further lines of its loops."""
+def leg(tmp_path: Path, command: Callable[..., Any]) -> Callable[..., Path]:
+    """Exports the leg with known gains, further lines of its loops and effects."""
 
-    def export(lines: str) -> Path:
+    def export(lines: str, effects: str = "") -> Path:
         text = LEG.read_text(encoding="utf-8")
         for gain, value in (("kp", 40.0), ("kd", 1.0)):
             text = text.replace(f"{gain} = {{ unknown = true }}", f"{gain} = {value}")
         robot = tmp_path / "leg.toml"
-        robot.write_text(text.replace("rate_hz = 1000.0", f"rate_hz = 1000.0\n{lines}", 1), encoding="utf-8")
+        text = text.replace("rate_hz = 1000.0", f"rate_hz = 1000.0\n{lines}", 1) + effects
+        robot.write_text(text, encoding="utf-8")
         done = command("export", robot, "--to", "mujoco", "--out", tmp_path / "sim")
         assert done.returncode == 0, done.stderr
         return tmp_path / "sim"
@@ -51,7 +52,7 @@ def leg(tmp_path: Path, command: Callable[..., Any]) -> Callable[[str], Path]:
     return export
 
 
-def test_a_leg_goes_to_its_targets(leg: Callable[[str], Path]) -> None:
+def test_a_leg_goes_to_its_targets(leg: Callable[..., Path]) -> None:
     """With gravity made up for, friction alone holds it off: 0.3 N m over 40 N m/rad. Without that the weight does
     too, in the file alone as in the wrapper."""
     mujoco = pytest.importorskip("mujoco")
@@ -77,7 +78,7 @@ def test_a_leg_goes_to_its_targets(leg: Callable[[str], Path]) -> None:
     assert np.abs(data.qpos - own).max() < 2.0 * within
 
 
-def test_a_drive_at_its_no_load_speed_brings_nothing(leg: Callable[[str], Path]) -> None:
+def test_a_drive_at_its_no_load_speed_brings_nothing(leg: Callable[..., Path]) -> None:
     """A target far away: the joint comes to the speed at which the motor has as much left as friction takes."""
     pytest.importorskip("mujoco")
     robot = load(leg("no_load_speed = 6.0") / "robot_effects.py").Robot()
@@ -90,3 +91,21 @@ def test_a_drive_at_its_no_load_speed_brings_nothing(leg: Callable[[str], Path])
     # stall (1 - v/6) = 0.3 + 0.05 v with a stall of 23.
     expected = (23.0 - 0.3) / (23.0 / 6.0 + 0.05)
     assert speed == pytest.approx(expected, rel=0.02)
+
+
+def test_a_supply_sags_under_the_outputs_of_all_loops(leg: Callable[..., Path]) -> None:
+    """Targets far away: without friction and weight all velocities grow by what the supply leaves of the limits."""
+    pytest.importorskip("mujoco")
+
+    def speeds(loss: float) -> Any:
+        sag = f'[[effect]]\nid = "supply_sag"\n[effect.parameters]\nloss_per_input = {{ value = {loss} }}\n'
+        robot = load(leg("", sag) / "robot_effects.py").Robot()
+        robot.model.opt.gravity[:] = 0.0
+        robot.coulomb[:] = 0.0
+        robot.reset(np.zeros(3), np.zeros(3), u=np.zeros(3))
+        robot.step(robot.data, np.full(3, 1e3), 0.002)
+        return robot.readings(robot.data)[1]
+
+    # Three limits of 23 N m.
+    left = 1.0 - 0.004 * 3.0 * 23.0
+    assert speeds(0.004) / speeds(0.0) == pytest.approx(np.full(3, left), rel=0.01)

@@ -168,7 +168,6 @@ fn answers(law: &ClassLaw, case: &Case, x: [f64; 4], seed: f64) -> Vec<Dual64> {
         begin: 0.0,
         t: 1.3,
         dt: 1e-3,
-        others: 0.0,
     };
     law.force(&e, &site, &memory, &mut forces, &constants);
     law.friction(&e, &site, &memory, &mut friction);

@@ -172,7 +172,6 @@ mod tests {
             begin: 0.0,
             t: 5.0 * H,
             dt: 1e-6,
-            others: 0.0,
         };
         let commands: Vec<Commands<'_>> = targets.iter().map(|u| of(u)).collect();
         machine.step(&mut state, &commands, Some(1e-6));

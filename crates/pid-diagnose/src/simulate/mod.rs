@@ -20,7 +20,7 @@ use crate::hypothesis::Hypothesis;
 use crate::known::Known;
 use feed_forward::Model;
 use past::Past;
-use servo::Loop;
+use servo::{Answer, Loop};
 
 pub(crate) use servo::{Memory, whole};
 
@@ -88,10 +88,13 @@ pub(crate) struct Machine<'h, D: Pick> {
     rotors: Vec<usize>,
     /// Whether an effect accelerates the base.
     shaken: bool,
-    /// Whether an effect depends on the inputs of other joints.
-    pub(crate) listens: bool,
+    /// Whether an effect depends on the inputs of other joints, and the sum of the sizes of all.
+    listens: bool,
+    taken: D,
     /// Position loops of the drives.
     loops: Vec<Option<Loop<'h, D>>>,
+    /// What they answer over the substep.
+    answers: Vec<Option<Answer<D>>>,
     /// What their feed-forward knows of the robot.
     model: Option<Model<D>>,
     links: links::Work<D>,
@@ -179,7 +182,9 @@ impl<'h, D: Pick> Machine<'h, D> {
             rotors,
             shaken,
             listens,
+            taken: zero,
             loops,
+            answers: vec![None; n],
             model,
             links,
             mass: vec![zero; n * n],

@@ -13,6 +13,8 @@ use crate::nominal::EncoderSide;
 
 /// The loop of a joint with its gains.
 pub(super) type Loop<'h, D> = (&'h Servo, Gains<D>);
+/// Its output, and how far into the substep the state lies that it answers to, s.
+pub(super) type Answer<D> = (Output<D>, f64);
 
 /// What a loop remembers.
 #[derive(Debug, Clone, Copy)]
@@ -257,9 +259,9 @@ impl<D: Pick> Machine<'_, D> {
     pub(super) fn slow(
         &self,
         (j, (servo, _)): (usize, Loop<'_, D>),
-        own: (Output<D>, f64),
+        own: Answer<D>,
         dt: f64,
-    ) -> (Output<D>, f64) {
+    ) -> Answer<D> {
         if servo.falling.is_none() {
             return own;
         }
@@ -269,6 +271,37 @@ impl<D: Pick> Machine<'_, D> {
             out.damping = out.damping * sign;
             (out, 0.5 * dt)
         })
+    }
+
+    /// Answers of all loops over the substep from `t`, and the sum of the sizes of all inputs where an effect asks for it.
+    #[inline(always)]
+    pub(super) fn answer_all(
+        &mut self,
+        state: &mut State<D>,
+        commands: &[Commands<'_>],
+        (t, dt): (f64, f64),
+    ) {
+        for j in 0..commands.len() {
+            self.answers[j] = self.loops[j].map(|own| {
+                let answered = self.answer(state, (j, own), (t, dt));
+                self.slow((j, own), answered, dt)
+            });
+        }
+        if self.listens {
+            self.taken = D::nil();
+            for (j, own) in commands.iter().enumerate() {
+                self.taken += self.before_effects(own, j).magnitude();
+            }
+        }
+    }
+
+    /// Input of a joint over the substep before its effects: the output of its loop, or what is commanded.
+    #[inline(always)]
+    pub(super) fn before_effects(&self, commands: &Commands<'_>, j: usize) -> D {
+        match &self.answers[j] {
+            Some((out, _)) => out.u,
+            None => D::constant(commands.now()),
+        }
     }
 
     /// What the loops follow over the substep from `t`, those that read in it.
@@ -355,7 +388,7 @@ impl<D: Pick> Machine<'_, D> {
         state: &mut State<D>,
         (j, own): (usize, Loop<'_, D>),
         (t, dt): (f64, f64),
-    ) -> (Output<D>, f64) {
+    ) -> Answer<D> {
         let (servo, k) = own;
         let fed = self.fed(j);
         let memory = state.loops[j];

@@ -39,6 +39,7 @@ impl<D: Pick> Machine<'_, D> {
         self.remember(state, t);
         self.follow(state, commands, (t, dt));
         self.feed_forward(state, (t, dt));
+        self.answer_all(state, commands, (t, dt));
         self.add_forces(state, t, dt);
         let mut rotor = 0;
         for j in 0..n {
@@ -132,15 +133,9 @@ impl<D: Pick> Machine<'_, D> {
         let m = self.n() + self.rotors.len();
         let dt = commands.dt;
         let half = 0.5 * dt;
-        let mut u = D::constant(commands.now());
-        let mut answer = None;
-        if let Some(own) = self.loops[j] {
-            let answered = self.answer(state, (j, own), (t, dt));
-            let (out, ahead) = self.slow((j, own), answered, dt);
-            u = out.u;
-            answer = Some((out, ahead.max(0.0)));
-        }
-        u = self.through(state, commands, (j, false), u);
+        let answer = self.answers[j];
+        let own = self.before_effects(commands, j);
+        let u = self.through(state, commands, (j, false), own);
         let mut friction = Friction {
             forward: self.constants.get(Constant::Coulomb(j)),
             backward: self.constants.get(Constant::Coulomb(j)),
@@ -177,6 +172,7 @@ impl<D: Pick> Machine<'_, D> {
             + (self.constants.get(Constant::Gain(j)) * u + self.force[j]) * dt
             - damping * v;
         if let Some((out, ahead)) = answer {
+            let ahead = ahead.max(0.0);
             // In place of the velocity and position that the loop saw those that the step leads to there.
             let gain = self.constants.get(Constant::Gain(j));
             let (give, damping) = (
@@ -208,6 +204,7 @@ impl<D: Pick> Machine<'_, D> {
         mut u: D,
     ) -> D {
         let looped = self.loops[j].is_some();
+        let own = u;
         // What acts before the drive reads the commands and not what others made of them, so it comes first.
         for first in [true, false] {
             if looped && first != before {
@@ -222,6 +219,9 @@ impl<D: Pick> Machine<'_, D> {
                 let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
                 let law = D::of(&*term.effect);
                 u = law.input(self.own(i), u, commands, &mut state.memory[a..b]);
+                if self.listens && term.effect.needs_inputs() {
+                    u = law.shared(self.own(i), u, self.taken - own.magnitude());
+                }
             }
         }
         u

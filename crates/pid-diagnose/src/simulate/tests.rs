@@ -1,5 +1,7 @@
+use num_dual::Dual64;
+
 use super::*;
-use crate::effect::{Commands, Term, tell_others};
+use crate::effect::{Commands, Term};
 use crate::nominal::Nominal;
 use crate::substeps::Substeps;
 
@@ -33,7 +35,7 @@ fn under(u: &[Vec<f64>], effects: &[&str], e: &[f64], refined: usize, held: bool
     let mut state = machine.rest(&[0.3, -0.8, 0.9, 0.2, 0.4, 0.1], &[0.0; 6], &[0.0; 6]);
     for k in 0..SAMPLES {
         for i in 0..steps.number() {
-            let mut commands: Vec<Commands<'_>> = u
+            let commands: Vec<Commands<'_>> = u
                 .iter()
                 .map(|u| Commands {
                     u,
@@ -42,10 +44,8 @@ fn under(u: &[Vec<f64>], effects: &[&str], e: &[f64], refined: usize, held: bool
                     begin: 0.0,
                     t: k as f64 * H + i as f64 * dt,
                     dt,
-                    others: 0.0,
                 })
                 .collect();
-            tell_others(&mut commands);
             let links = if held { steps.links(H, i) } else { Some(dt) };
             machine.step(&mut state, &commands, links);
         }
@@ -178,7 +178,6 @@ fn behind(drive: &str, seconds: f64, finer: usize) -> (f64, f64) {
                 begin: 0.0,
                 t: k as f64 * H + i as f64 * dt,
                 dt,
-                others: 0.0,
             }];
             machine.step(&mut state, &commands, steps.links(H, i));
         }
@@ -245,4 +244,82 @@ fn a_slow_loop_holds_its_output_between_its_readings() {
     }
     let (found, _) = behind(drive, 0.4, 1);
     assert!((found - q).abs() < 1e-5, "{found} {q}");
+}
+
+/// Gains of two loops, loads of their drives and targets of a slide along the vertical that carries a bar.
+const LIFT: ([f64; 2], [f64; 2], [f64; 2]) = ([400.0, 20.0], [2.0, 1.8], [0.05, 0.8]);
+
+/// Its positions after `seconds` from rest at zero on a supply that sags so much per input.
+fn lifted<D: Pick>(loss: D, seconds: f64) -> Vec<D> {
+    let ([kp, kp_bar], [gain, gain_bar], targets) = LIFT;
+    let text = format!(
+        "[robot]\nname = \"lift\"\ngravity = [0.0, 0.0, -9.81]\ntool = [0.0, 0.0, -0.3]\ninput_noise = 0.001\n\
+         [tolerance]\nmass_rel = 0.05\ncom_abs_m = 0.003\ninertia_rel = 0.05\nrotor_inertia_rel = 0.05\n\
+         motor_gain_rel = 0.01\nfriction_rel = 0.4\n\
+         [[joint]]\nname = \"slide\"\ntype = \"prismatic\"\naxis = [0.0, 0.0, 1.0]\norigin = [0.0, 0.0, 0.0]\nmass = 2.0\n\
+         com = [0.0, 0.0, 0.0]\ninertia = [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]\nrotor_inertia = 0.5\ncoulomb = 0.0\n\
+         viscous = 60.0\nmotor_gain = {gain}\ninput = \"current\"\ntorque_peak = 60.0\nvelocity = \"absent\"\n\
+         q_noise_std = 1e-4\n[joint.drive]\nlaw = \"p\"\nkp = {kp:?}\n\
+         [[joint]]\nname = \"bar\"\ntype = \"revolute\"\naxis = [0.0, 1.0, 0.0]\norigin = [0.0, 0.0, 0.0]\nmass = 1.5\n\
+         com = [0.0, 0.0, -0.2]\ninertia = [0.02, 0.02, 0.001, 0.0, 0.0, 0.0]\nrotor_inertia = 0.02\ncoulomb = 0.0\n\
+         viscous = 0.8\nmotor_gain = {gain_bar}\ninput = \"current\"\ntorque_peak = 4.5\nvelocity = \"absent\"\n\
+         q_noise_std = 1e-4\n[joint.drive]\nlaw = \"p\"\nkp = {kp_bar:?}\n"
+    );
+    let nominal = Nominal::parse(&text, "nominal.toml".as_ref()).unwrap();
+    let sag = Hypothesis::new(vec![Term {
+        effect: crate::effects::by_id("supply_sag").unwrap(),
+        joint: 0,
+    }]);
+    let theta = vec![D::nil(); nominal.size()];
+    let mut machine = Machine::new(Constants::new(&nominal, &theta), &sag, vec![loss]);
+    let steps = Substeps::of(&nominal, H, false, 1);
+    let dt = H / steps.number() as f64;
+    let samples = (seconds / H).round() as usize;
+    let u = targets.map(|r| vec![r; samples]);
+    let mut state = machine.rest(&[0.0; 2], &[0.0; 2], &targets);
+    for k in 0..samples {
+        for i in 0..steps.number() {
+            let commands = u.each_ref().map(|u| Commands {
+                u,
+                h: H,
+                linear: false,
+                begin: 0.0,
+                t: k as f64 * H + i as f64 * dt,
+                dt,
+            });
+            machine.step(&mut state, &commands, steps.links(H, i));
+        }
+    }
+    state.q
+}
+
+/// At rest each drive holds its weight with what the supply leaves of its loop's output.
+#[test]
+fn a_supply_that_sags_takes_from_the_outputs_of_loops() {
+    let (kp, gain, targets) = LIFT;
+    let loss = 0.006;
+    let q = lifted(loss, 12.0);
+    let u = [0, 1].map(|j| kp[j] * (targets[j] - q[j]));
+    let left = 1.0 - loss * (u[0].abs() + u[1].abs());
+    let weights = [3.5 * 9.81, 1.5 * 9.81 * 0.2 * q[1].sin()];
+    for j in 0..2 {
+        let brought = gain[j] * u[j] * left;
+        assert!(
+            (brought / weights[j] - 1.0).abs() < 1e-6,
+            "{brought} {weights:?}"
+        );
+    }
+    assert!(left < 0.9, "{left}");
+    // On the way there slopes are those of differences.
+    let slopes = lifted(Dual64::new(loss, 1.0), 0.2);
+    let [up, down] = [1e-6, -1e-6].map(|step| lifted(loss + step, 0.2));
+    for j in 0..2 {
+        let difference = (up[j] - down[j]) / 2e-6;
+        let apart = (slopes[j].eps - difference).abs();
+        assert!(
+            apart < 1e-6 * difference.abs(),
+            "{} {difference}",
+            slopes[j].eps
+        );
+    }
 }

@@ -116,7 +116,6 @@ mod tests {
                 begin: 0.0,
                 t: 0.05,
                 dt: 0.01,
-                others: 0.0,
             };
             let base = term.plain().base_acceleration(&e, 0.8);
             assert!(base.is_none_or(|a| a == [0.0; 3]), "{}", info.id);

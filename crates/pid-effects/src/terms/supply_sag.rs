@@ -1,12 +1,13 @@
 //! A supply that gives less the more all drives take: u_a = u (1 − c Σ|u_k|) on every joint.
 //!
 //! The voltage of a supply falls by its inner resistance in proportion to the current, and that of
-//! drives with the size of their inputs. The sum is over the recorded inputs in their own units.
+//! drives with the size of their inputs. The sum is over the recorded inputs in their own units, and over
+//! the outputs of position loops where targets are recorded.
 //!
 //! Source: battery with inner resistance: T. Reddy, Linden's Handbook of Batteries, 4th ed. 2010,
 //! section 3.2.
 
-use crate::effect::{Class, Commands, Info, Kind, Law, Model, Unit, parameter};
+use crate::effect::{Class, Info, Kind, Law, Model, Unit, parameter};
 use crate::scalar::Scalar;
 
 /// A supply that all drives load.
@@ -48,7 +49,7 @@ impl Model for SupplySag {
 }
 
 impl<D: Scalar> Law<D> for SupplySag {
-    fn input(&self, e: &[D], u: D, at: &Commands<'_>, _memory: &mut [D]) -> D {
-        u * (-(e[0] * (u.magnitude() + at.others)) + 1.0)
+    fn shared(&self, e: &[D], u: D, others: D) -> D {
+        u * (-(e[0] * (u.magnitude() + others)) + 1.0)
     }
 }

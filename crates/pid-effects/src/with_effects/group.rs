@@ -70,7 +70,6 @@ fn nothing<'a>(u: &'a [f64]) -> Commands<'a> {
         begin: 0.0,
         t: 1.5,
         dt: 0.5,
-        others: 0.0,
     }
 }
 

@@ -367,7 +367,6 @@ fn a_flow_is_the_limit_of_substeps() {
         begin: 0.0,
         t: 0.0,
         dt,
-        others: 0.0,
     };
     let mut memory = [w];
     lag.plain().input(&e, u, &commands, &mut memory);

@@ -191,7 +191,6 @@ impl Library {
                     begin: 0.0,
                     t: 0.0,
                     dt: 1.0,
-                    others: 0.0,
                 };
                 u = term.effect.plain().input(e, u, &commands, &mut []);
             }

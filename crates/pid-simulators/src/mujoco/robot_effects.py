@@ -239,7 +239,11 @@ class Robot:
         reading = self._encoders(d)
         self.falls = np.zeros(self.n)
         fed = self._follow(reading, d.time, h) if any(self.loops) else (np.zeros(self.n), np.zeros(self.n))
-        applied = np.array([self._input(j, d, reading, fed, h) for j in range(self.n)])
+        asked = [self._asked(j, d, reading, fed, h) for j in range(self.n)]
+        # What all drives take from the supply: the outputs of their loops, or what is commanded.
+        sizes = [abs(self.commands[-1][1][j] if self.loops[j] is None else asked[j]) for j in range(self.n)]
+        taken = sum(sizes)
+        applied = np.array([self._applied(j, asked[j], taken - sizes[j], d.time, h) for j in range(self.n)])
         forward, backward = self.coulomb.copy(), self.coulomb.copy()
         damping = self.viscous.copy()
         for e in self.effects:
@@ -330,21 +334,25 @@ class Robot:
         q, v = reading[0][j], reading[1][j]
         return self._sense(j, q + v * ahead, v + self.acceleration[j] * ahead)
 
-    def _input(self, j, d, reading, fed, h):
-        """Applied input of joint `j`, averaged over the step of length `h`."""
+    def _asked(self, j, d, reading, fed, h):
+        """Input of joint `j` before the effects of its drive, averaged over the step of length `h`."""
         t = d.time
         u = self._command(j, t, h)
         loop = self.loops[j]
-        if loop is not None:
-            read = lambda ahead: self._read(j, reading, t, ahead)
-            asked, falls = loop.answer(read, fed[0][j], fed[1][j], t, h)
-            side = math.copysign(1.0, self.gain[j])
-            u = loop.slowed(asked, side * d.qvel[self.dof[j]])
-            # Behind a gear that gives way the encoder may move by itself.
-            self.falls[j] = falls if u == asked and not (self.on_link and j in self.twist) else 0.0
+        if loop is None:
+            return u
+        read = lambda ahead: self._read(j, reading, t, ahead)
+        asked, falls = loop.answer(read, fed[0][j], fed[1][j], t, h)
+        side = math.copysign(1.0, self.gain[j])
+        u = loop.slowed(asked, side * d.qvel[self.dof[j]])
+        # Behind a gear that gives way the encoder may move by itself.
+        self.falls[j] = falls if u == asked and not (self.on_link and j in self.twist) else 0.0
+        return u
+
+    def _applied(self, j, u, others, t, h):
+        """Applied input of joint `j` behind the effects of its drive; `others`: sizes of the inputs of all others."""
         for e in self.effects:
             if e.id == "supply_sag":
-                others = sum(abs(x) for k, x in enumerate(self.commands[-1][1]) if k != j)
                 u = u * (1.0 - e.p["loss_per_input"] * (abs(u) + others))
             if e.joint != j:
                 continue

@@ -268,7 +268,6 @@ impl<'a> Samples<'a> {
                 begin: t,
                 t: 0.0,
                 dt: 0.0,
-                others: 0.0,
             };
             let drive = law.input(e, load[own], &commands, &mut []) - load[own];
             for (out, &j) in out.iter_mut().zip(joints) {

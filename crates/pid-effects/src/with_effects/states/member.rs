@@ -180,7 +180,6 @@ impl Member {
                     begin: 0.0,
                     t: n as f64 * self.h,
                     dt: self.h,
-                    others: 0.0,
                 };
                 let later = law.input(e, x[U], &at, &mut []);
                 // The law is linear in the inputs. That of now is a variable; those before are data.
