@@ -14,7 +14,6 @@ mod oracle;
 mod practice;
 mod readings;
 mod ready;
-mod real;
 mod servo;
 mod simulated;
 mod start;
