@@ -273,7 +273,8 @@ impl<D: Pick> Machine<'_, D> {
         })
     }
 
-    /// Answers of all loops over the substep from `t`, and the sum of the sizes of all inputs where an effect asks for it.
+    /// Answers of all loops over the substep from `t`, and the sum of the sizes of all inputs where an effect
+    /// asks for it.
     #[inline(always)]
     pub(super) fn answer_all(
         &mut self,
