@@ -2,12 +2,12 @@
 //! sizes by an NLP.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 
 use pid_data::{
     Dataset, Experiment, Horizon, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
 };
 use pid_diagnose::case::Case;
-use pid_diagnose::diagnosis::Diagnosis;
 use pid_diagnose::effect::Term;
 use pid_diagnose::effects::by_id;
 use pid_diagnose::extended::free_run_gap;
@@ -244,12 +244,7 @@ fn an_elastic_joint_goes_round() {
 
 /// Diagnosis, extended model, its gap and its identification on records of others: effect, joint,
 /// and the parameters whose intervals must overlap.
-fn goes_round(
-    (nominal, dataset): (Nominal, &Dataset),
-    (id, joint, parameters): (&str, &str, &[&str]),
-    settings: &Settings,
-) -> Diagnosis {
-    let report = Report::new(nominal, dataset, settings, false).expect("a diagnosis");
+fn goes_round(report: &Report, dataset: &Dataset, (id, joint, parameters): (&str, &str, &[&str])) {
     let d = report.diagnosis();
     assert_eq!(d.verdict.word(), id, "{d:?}");
     let text = report.extended.to_toml().expect("a tree");
@@ -287,7 +282,6 @@ fn goes_round(
             "{name} {x} ± {own}: {low} … {high}"
         );
     }
-    report.diagnosis
 }
 
 /// A case of another simulator.
@@ -297,7 +291,8 @@ fn practice(case: &str, effect: (&str, &str, &[&str])) {
     };
     let nominal = Nominal::read(&folder).expect("a robot");
     let dataset = Dataset::read(&folder).expect("records");
-    goes_round((nominal, &dataset), effect, &among(&A_THIRD));
+    let report = Report::new(nominal, &dataset, &among(&A_THIRD), false).expect("a diagnosis");
+    goes_round(&report, &dataset, effect);
 }
 
 /// Its damping is left out: the drive's noise, which the identification does not know, disturbs the
@@ -324,11 +319,13 @@ fn a_real_axis_goes_round() {
     let Some(folder) = pid_records::shared("data/emps") else {
         return;
     };
-    let nominal = Nominal::parse(include_str!("../robots/emps.toml"), "emps.toml".as_ref());
+    let nominal = Path::new(env!("CARGO_MANIFEST_DIR")).join("robots/emps.toml");
+    let report = Report::of_files(&folder, &nominal, &Settings::default(), false);
+    let report = report.expect("records and a description that fit each other");
     let dataset = Dataset::read(&folder).expect("records");
     let effect = ("coulomb_asymmetry", "x", &["asymmetry"][..]);
-    let records = (nominal.expect("a robot"), &dataset);
-    let d = goes_round(records, effect, &Settings::default());
+    goes_round(&report, &dataset, effect);
+    let d = report.diagnosis;
     assert!(d.gap_after < 0.5 * d.gap_before, "{}", d.gap_after);
     // Nothing explains a machine down to its encoder: that is said too.
     let left = d.remainder.expect("something is left");

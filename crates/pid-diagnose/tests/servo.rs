@@ -13,7 +13,9 @@ use pid_diagnose::loop_gain::{LoopGain, Told};
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::predict::Runner;
 use pid_diagnose::report::Report;
+use pid_diagnose::screen::candidates;
 use pid_diagnose::search::Settings;
+use pid_diagnose::terms;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -382,4 +384,18 @@ fn what_of_a_loop_cannot_be_is_told() {
         "{:?}",
         case.loop_warnings
     );
+}
+
+/// A supply that sags is asked for where several drives load it, behind their loops too.
+#[test]
+fn a_common_supply_is_asked_for_behind_loops() {
+    let loops = [[40.0, 1.2], [35.0, 1.0], [25.0, 0.5]];
+    let asked = |joints: usize| {
+        let own = &loops[..joints];
+        let case = Case::new(real(own), &records(own, None, 31)).expect("a case");
+        let found = candidates(&case, &terms::all(), &Hypothesis::default());
+        let mut ids = found.iter().map(|(term, _)| term.effect.info().id);
+        ids.any(|id| id == "supply_sag")
+    };
+    assert_eq!([1, 3].map(asked), [false, true]);
 }

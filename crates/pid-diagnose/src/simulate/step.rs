@@ -133,7 +133,6 @@ impl<D: Pick> Machine<'_, D> {
         let m = self.n() + self.rotors.len();
         let dt = commands.dt;
         let half = 0.5 * dt;
-        let answer = self.answers[j];
         let own = self.before_effects(commands, j);
         let u = self.through(state, commands, (j, false), own);
         let mut friction = Friction {
@@ -171,7 +170,7 @@ impl<D: Pick> Machine<'_, D> {
         self.rhs[c] += inertia * v
             + (self.constants.get(Constant::Gain(j)) * u + self.force[j]) * dt
             - damping * v;
-        if let Some((out, ahead)) = answer {
+        if let Some((out, ahead)) = self.answers[j] {
             let ahead = ahead.max(0.0);
             // In place of the velocity and position that the loop saw those that the step leads to there.
             let gain = self.constants.get(Constant::Gain(j));

@@ -9,6 +9,35 @@ use crate::substeps::Substeps;
 const H: f64 = 4e-3;
 const SAMPLES: usize = 100;
 
+/// Moves a machine on under inputs or targets of each joint at the samples; the links are evaluated at every substep, or
+/// held.
+fn driven<D: Pick>(
+    machine: &mut Machine<'_, D>,
+    state: &mut State<D>,
+    u: &[Vec<f64>],
+    steps: Substeps,
+    held: bool,
+) {
+    let dt = H / steps.number() as f64;
+    for k in 0..u[0].len() {
+        for i in 0..steps.number() {
+            let commands: Vec<Commands<'_>> = u
+                .iter()
+                .map(|u| Commands {
+                    u,
+                    h: H,
+                    linear: false,
+                    begin: 0.0,
+                    t: k as f64 * H + i as f64 * dt,
+                    dt,
+                })
+                .collect();
+            let links = if held { steps.links(H, i) } else { Some(dt) };
+            machine.step(state, &commands, links);
+        }
+    }
+}
+
 /// Link positions of a six-joint arm whose second joint has a gear, after a motion under
 /// current; the links are evaluated at every fine substep, or held.
 fn run(effect: &str, e: &[f64], refined: usize, held: bool) -> Vec<f64> {
@@ -31,25 +60,8 @@ fn under(u: &[Vec<f64>], effects: &[&str], e: &[f64], refined: usize, held: bool
     let constants = Constants::new(&nominal, &vec![0.0; nominal.size()]);
     let mut machine = Machine::<f64>::new(constants, &hypothesis, e.to_vec());
     let steps = Substeps::of(&nominal, H, true, refined);
-    let dt = H / steps.number() as f64;
     let mut state = machine.rest(&[0.3, -0.8, 0.9, 0.2, 0.4, 0.1], &[0.0; 6], &[0.0; 6]);
-    for k in 0..SAMPLES {
-        for i in 0..steps.number() {
-            let commands: Vec<Commands<'_>> = u
-                .iter()
-                .map(|u| Commands {
-                    u,
-                    h: H,
-                    linear: false,
-                    begin: 0.0,
-                    t: k as f64 * H + i as f64 * dt,
-                    dt,
-                })
-                .collect();
-            let links = if held { steps.links(H, i) } else { Some(dt) };
-            machine.step(&mut state, &commands, links);
-        }
-    }
+    driven(&mut machine, &mut state, u, steps, held);
     state.q
 }
 
@@ -165,23 +177,9 @@ fn behind(drive: &str, seconds: f64, finer: usize) -> (f64, f64) {
     let constants = Constants::new(&nominal, &vec![0.0; nominal.size()]);
     let mut machine = Machine::<f64>::new(constants, &nothing, Vec::new());
     let steps = Substeps::of(&nominal, H, false, finer);
-    let dt = H / steps.number() as f64;
     let samples = (seconds / H).round() as usize;
-    let u = vec![0.4; samples];
     let mut state = machine.rest(&[0.0], &[0.0], &[0.4]);
-    for k in 0..samples {
-        for i in 0..steps.number() {
-            let commands = [Commands {
-                u: &u,
-                h: H,
-                linear: false,
-                begin: 0.0,
-                t: k as f64 * H + i as f64 * dt,
-                dt,
-            }];
-            machine.step(&mut state, &commands, steps.links(H, i));
-        }
-    }
+    driven(&mut machine, &mut state, &[vec![0.4; samples]], steps, true);
     (state.q[0], state.v[0])
 }
 
@@ -246,7 +244,7 @@ fn a_slow_loop_holds_its_output_between_its_readings() {
     assert!((found - q).abs() < 1e-5, "{found} {q}");
 }
 
-/// Gains of two loops, loads of their drives and targets of a slide along the vertical that carries a bar.
+/// Gains of the loops and of the motors, and targets, of a slide along the vertical that carries a bar.
 const LIFT: ([f64; 2], [f64; 2], [f64; 2]) = ([400.0, 20.0], [2.0, 1.8], [0.05, 0.8]);
 
 /// Its positions after `seconds` from rest at zero on a supply that sags so much per input.
@@ -273,23 +271,10 @@ fn lifted<D: Pick>(loss: D, seconds: f64) -> Vec<D> {
     let theta = vec![D::nil(); nominal.size()];
     let mut machine = Machine::new(Constants::new(&nominal, &theta), &sag, vec![loss]);
     let steps = Substeps::of(&nominal, H, false, 1);
-    let dt = H / steps.number() as f64;
     let samples = (seconds / H).round() as usize;
     let u = targets.map(|r| vec![r; samples]);
     let mut state = machine.rest(&[0.0; 2], &[0.0; 2], &targets);
-    for k in 0..samples {
-        for i in 0..steps.number() {
-            let commands = u.each_ref().map(|u| Commands {
-                u,
-                h: H,
-                linear: false,
-                begin: 0.0,
-                t: k as f64 * H + i as f64 * dt,
-                dt,
-            });
-            machine.step(&mut state, &commands, steps.links(H, i));
-        }
-    }
+    driven(&mut machine, &mut state, &u, steps, true);
     state.q
 }
 
