@@ -333,7 +333,12 @@ fn frozen_velocity(e: &Experiment, j: usize, criteria: &Criteria) -> Vec<Finding
             && (off > criteria.frozen_velocity * fast
                 || (v[a] != 0.0 && chance < criteria.frozen_chance))
         {
-            let finding = frozen(e, j, Channel::Velocity, (a, b), Severity::Wrong);
+            let short = (b - a) as f64 <= criteria.frozen_share * v.len() as f64;
+            let severity = match short {
+                true => Severity::Doubtful,
+                false => Severity::Wrong,
+            };
+            let finding = frozen(e, j, Channel::Velocity, (a, b), severity);
             out.push(finding.with(
                 "slope of the position less the velocity",
                 off,

@@ -18,6 +18,9 @@ pub struct Criteria {
     /// Difference between a velocity that stands still and the slope of the position, over the 95 %
     /// quantile of the speed.
     pub frozen_velocity: f64,
+    /// Share of a record up to which a velocity that stands still is doubtful and not wrong: as many lost readings
+    /// change no result, and hobby servos of sound logs hold their velocity for 1.7 %.
+    pub frozen_share: f64,
     /// Expected number of runs of equal readings by chance, below which a run is none of chance.
     pub frozen_chance: f64,
     /// Rows in a row at a bound that count as saturation.
@@ -113,6 +116,7 @@ impl Default for Criteria {
             frozen_speed: 0.15,
             frozen_jump: 3.0,
             frozen_velocity: 0.3,
+            frozen_share: 0.02,
             frozen_chance: 1e-6,
             saturated_rows: 4,
             saturated_share: 0.01,
