@@ -135,6 +135,17 @@ pub struct Friction<D> {
     pub viscous: D,
 }
 
+impl<D: Copy> Friction<D> {
+    /// None; `zero` is that number.
+    pub(crate) fn none(zero: D) -> Self {
+        Friction {
+            forward: zero,
+            backward: zero,
+            viscous: zero,
+        }
+    }
+}
+
 /// Generalised forces to add, per joint: `value − rate · (v + v⁺)/2`.
 #[derive(Debug)]
 pub struct Forces<'a, D> {
@@ -224,6 +235,11 @@ pub trait Law<D: Scalar>: Send + Sync {
     }
     /// Changes the friction of the joint.
     fn friction(&self, _e: &[D], _at: &Site<'_, D>, _memory: &[D], _f: &mut Friction<D>) {}
+    /// By how much the friction that it adds grows with the torque through the gear, in the smooth form: nothing but a
+    /// term of its own may depend on that torque.
+    fn load_slope(&self, _e: &[D], _at: &Site<'_, D>) -> Option<D> {
+        None
+    }
     /// Adds forces.
     fn force(
         &self,

@@ -17,6 +17,9 @@ pub struct Smooth(pub HyperDual64);
 pub(crate) const ROUND: f64 = 1e-3;
 /// Rounding of a limit, share of the distance between the two: the corner is left by 0.25 % of that.
 pub(crate) const CORNER: f64 = 5e-3;
+/// Rounding at zero of one and the slope of a friction that grows with the load: there a gear locks itself. It changes
+/// the friction of a gear that is far from it by 1e-4.
+pub(crate) const JAM: f64 = 0.02;
 /// Beyond this tanh is ±1 to rounding, and its exponentials would overflow.
 const SATURATED: f64 = 20.0;
 

@@ -37,7 +37,7 @@ impl Model for LoadDependentFriction {
     }
     fn source(&self) -> Option<Source> {
         Some(Source {
-            own: "-{load_coefficient}*sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2)*{sign}",
+            own: "-{load_coefficient}*sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2)*{sign}/(0.5*((1 + {sign}*{load_coefficient}*({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})/sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2)) + sqrt((1 + {sign}*{load_coefficient}*({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})/sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2))^2 + {jam}^2)))",
             before: None,
         })
     }
@@ -48,5 +48,9 @@ impl<D: Scalar> Law<D> for LoadDependentFriction {
         let extra = e[0] * at.load[at.joint].magnitude();
         f.forward += extra;
         f.backward += extra;
+    }
+    fn load_slope(&self, e: &[D], at: &Site<'_, D>) -> Option<D> {
+        let load = at.load[at.joint];
+        Some(e[0] * load / load.magnitude())
     }
 }

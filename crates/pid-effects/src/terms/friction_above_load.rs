@@ -46,7 +46,7 @@ impl Model for FrictionAboveLoad {
     }
     fn source(&self) -> Option<Source> {
         Some(Source {
-            own: "-{coefficient}*0.5*(sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2) - {from} + sqrt((sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2) - {from})^2 + ({round})^2))*{sign}",
+            own: "-{coefficient}*0.5*((sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2) - {from}) + sqrt((sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2) - {from})^2 + ({round})^2))*{sign}/(0.5*((1 + {sign}*{coefficient}*0.5*(1 + (sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2) - {from})/sqrt((sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2) - {from})^2 + ({round})^2))*({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})/sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2)) + sqrt((1 + {sign}*{coefficient}*0.5*(1 + (sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2) - {from})/sqrt((sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2) - {from})^2 + ({round})^2))*({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})/sqrt(({gain}*{input} - {coulomb}*{sign} - {viscous}*{v})^2 + ({round})^2))^2 + {jam}^2)))",
             before: None,
         })
     }
@@ -57,5 +57,10 @@ impl<D: Scalar> Law<D> for FrictionAboveLoad {
         let extra = e[0] * positive(at.load[at.joint].magnitude() - e[1]);
         f.forward += extra;
         f.backward += extra;
+    }
+    fn load_slope(&self, e: &[D], at: &Site<'_, D>) -> Option<D> {
+        let load = at.load[at.joint];
+        let size = load.magnitude();
+        Some(e[0] * crate::terms::rises(size - e[1]) * load / size)
     }
 }

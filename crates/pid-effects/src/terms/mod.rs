@@ -57,6 +57,11 @@ fn positive<D: Scalar>(x: D) -> D {
     (x + x.magnitude()) * 0.5
 }
 
+/// Its slope, in the smooth form.
+fn rises<D: Scalar>(x: D) -> D {
+    (x / x.magnitude() + 1.0) * 0.5
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -11,7 +11,7 @@ use crate::constants::{Constant, Constants};
 use crate::effect::{Commands, Effect, Forces, Friction, Law, Site};
 use crate::nominal::Nominal;
 use crate::scalar::Scalar;
-use crate::smooth::Smooth;
+use crate::smooth::{JAM, Smooth};
 
 /// Places of the arguments: own and partner's position and velocity, input, acceleration, friction,
 /// gain; effects' parameters follow.
@@ -320,6 +320,7 @@ impl Group {
             backward: x[COULOMB],
             viscous: x[VISCOUS],
         };
+        let (mut loaded, mut slope) = (Friction::none(zero), zero);
         let (mut value, mut rate) = ([zero; 2], [zero; 2]);
         let mut input = x[INPUT];
         let mut rotor = zero;
@@ -341,7 +342,13 @@ impl Group {
                 rate: &mut rate,
             };
             law.force(e, &site, &[], &mut forces, &constants);
-            law.friction(e, &site, &[], &mut friction);
+            match law.load_slope(e, &site) {
+                Some(own) => {
+                    law.friction(e, &site, &[], &mut loaded);
+                    slope += own;
+                }
+                None => law.friction(e, &site, &[], &mut friction),
+            }
             input = law.input(e, input, &nothing(&[0.0; 3]), &mut []);
             if m.hooks.rotor != 0.0 {
                 rotor += e[0] * m.hooks.rotor;
@@ -349,6 +356,11 @@ impl Group {
         }
         let (up, down) = ((sign + 1.0) * 0.5, (-sign + 1.0) * 0.5);
         let now = up * friction.forward - down * friction.backward + friction.viscous * v[1];
+        // What friction takes does not reach the gear: τ = τ_d − f(τ), by a step of Newton's method from τ_d, which is
+        // exact where f is linear in |τ|.
+        let reach = sign * slope + 1.0;
+        let eased = (reach + (reach * reach + JAM * JAM).root()) * 0.5;
+        let now = now + (up * loaded.forward - down * loaded.backward) / eased;
         [
             rate[0] * v[0] - value[0],
             now - dry + rate[1] * v[1] - value[1] - x[GAIN] * (input - x[INPUT])

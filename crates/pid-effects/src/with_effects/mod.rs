@@ -9,7 +9,8 @@
 //!
 //! The torque through the gear, on which
 //! [`LoadDependentFriction`](crate::effects::LoadDependentFriction) depends, is taken as that of
-//! the drive less the friction that the model has: without the part that accelerates the rotor.
+//! the drive less the friction that the model has and that which grows with it: the part that accelerates the rotor
+//! counts as load, and other effects at the joint do not change it.
 
 mod arguments;
 mod assembled;

@@ -143,6 +143,7 @@ impl Words<'_> {
                 Ok(format!("tanh(v.{}/({rest:?} {unit}))", joint.name))
             }
             "round" => Ok(format!("{:?} {}", smooth::ROUND, joint.force_unit())),
+            "jam" => Ok(format!("{:?}", smooth::JAM)),
             "round_q" => Ok(format!("{:?} {}", smooth::ROUND, joint.unit())),
             "round_v" => Ok(format!("{:?} {}", smooth::ROUND, joint.velocity_unit())),
             other => Ok(parameter(other).unwrap_or_else(|| other.to_owned())),
