@@ -1,9 +1,11 @@
 //! `simtrue simulate`: a model with given parameters against the records.
 
+use std::fmt::Write as _;
 use std::time::Instant;
 
 use pid_diagnose::extended::free_run_gap;
 use pid_diagnose::nominal::Nominal;
+use pid_diagnose::whole::whole_runs;
 use pid_page::number::short;
 use pid_report::{Fit, Setting, Verdict, judge};
 
@@ -23,16 +25,6 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<u8, CliError> {
         Some(opened) => gap_with_effects(opened)?,
         None => None,
     };
-    if let (Some(opened), Some(text)) = (&described, &extended)
-        && opened.nominal.has_servos()
-    {
-        drop(progress);
-        output::print(text);
-        output::print(
-            "no report on equations of motion: they do not hold the position loops of the drives\n",
-        );
-        return Ok(0);
-    }
     let loaded = match described {
         Some(opened) => source::load_described(opened, &args.source),
         None => source::load(&args.source),
@@ -110,8 +102,26 @@ fn gap_with_effects(opened: &Opened) -> Result<Option<String>, CliError> {
         format!("  joint {}: position {}{velocity}\n", j + 1, short(*q))
     });
     Ok(Some(format!(
-        "free-run gap by the simulator of the diagnosis, with {with}: {}\n{}",
+        "free-run gap by the simulator of the diagnosis, with {with}: {}\n{}{}",
         short(gap.total),
-        joints.collect::<String>()
+        joints.collect::<String>(),
+        strayed(opened)?
     )))
+}
+
+/// Errors of its free runs over whole records, in words.
+fn strayed(opened: &Opened) -> Result<String, CliError> {
+    let nominal = Nominal::new(opened.nominal.clone());
+    let joints = &opened.records.dataset.joints;
+    let mut out = "whole records, positions: root mean square and mean of the error\n".to_owned();
+    for run in whole_runs(nominal, &opened.records.dataset)? {
+        let own = run.joints.iter().zip(joints).map(|(own, joint)| {
+            let (rms, mae, unit) = (short(own.rms), short(own.mae), joint.unit());
+            format!("{} {rms}, {mae} {unit}", joint.name)
+        });
+        let own: Vec<String> = own.collect();
+        let role = run.role.to_string();
+        let _ = writeln!(out, "  {role:<5} {:<16}  {}", run.record, own.join("; "));
+    }
+    Ok(out)
 }

@@ -97,6 +97,7 @@ pub mod servo;
 mod simulate;
 mod substeps;
 pub mod timing;
+pub mod whole;
 mod windows;
 pub mod words;
 pub mod write;
