@@ -317,6 +317,7 @@ pub fn record(
             tau: None,
             qref: None,
             missing: 0,
+            gain_factors: Default::default(),
         }],
         warnings: Vec::new(),
     })

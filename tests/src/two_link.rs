@@ -139,6 +139,7 @@ pub fn simulated(p: &[f64], samples: usize) -> Result<Dataset, SimulateError> {
             tau: None,
             qref: None,
             missing: 0,
+            gain_factors: Default::default(),
         }],
         warnings: Vec::new(),
     })

@@ -285,6 +285,11 @@ fn with_inputs(mut records: Found, args: &OpenArgs) -> Result<Found, CliError> {
     if !args.gain.is_empty() {
         records.dataset = records.dataset.with_input_gains(&args.gain)?;
     }
+    if args.targets {
+        records.dataset = records.dataset.with_targets()?;
+        records.targets_alone = true;
+    }
+    records.dataset = records.dataset.with_gain_factors(&args.gain_factor)?;
     Ok(records)
 }
 

@@ -6,6 +6,7 @@ use pid_data::Dataset;
 use pid_diagnose::described::in_loops;
 use pid_diagnose::servo;
 use pid_diagnose::with_effects::Assembled;
+use pid_fit::gap::force::States;
 use pid_fit::wrap::controllers::{ControlError, Controllers};
 use pid_fit::wrap::lag::Lagging;
 use pid_fit::wrap::private::PerRecord;
@@ -98,7 +99,9 @@ impl Subject {
             source: &self.source,
             model: self.model(),
             judged: self.judged(dataset, values),
-            unread: self.nominal().map_or(&[], |(_, with)| &with.unread),
+            states: self
+                .nominal()
+                .map_or(States::NONE, |(_, with)| &with.states),
         }
     }
 
@@ -234,6 +237,7 @@ pub(crate) fn load_described(
         false => as_stated(opened.records.dataset, source)?,
     };
     let dataset = dataset.merged(also(source)?)?;
+    let dataset = dataset.with_gain_factors(&source.open.gain_factor)?;
     let (nominal, mut dataset) = behind_loops(opened.nominal, dataset)?;
     let mut subject = Subject::of_description(nominal, &mut dataset)?;
     if logs {
@@ -255,7 +259,7 @@ fn behind_loops(nominal: Nominal, dataset: Dataset) -> Result<(Nominal, Dataset)
     }
     if nominal.has_servos() {
         output::message(
-            "note: the recorded inputs of the motors act; the position loops of [drive] are left out",
+            "note: the recorded inputs of the motors act; the position loops of [drive] are left out (--targets: they act)",
         );
     }
     // Effects that are stages of these loops go with them.
@@ -309,6 +313,9 @@ fn checked(subject: Subject, dataset: Dataset) -> Result<(Subject, Dataset), Cli
     Ok((subject, dataset))
 }
 
+/// What is said of gains by record of a model without loops.
+const NO_LOOPS: &str = "note: gain_factors of the records act on loops of [drive] in a description, and a declared model has none: they are left out; --controller states gains by record";
+
 fn load_with(
     source: &Source,
     controller: Option<&Path>,
@@ -328,6 +335,13 @@ fn load_with(
         None => demo::dataset()?,
     };
     let dataset = as_stated(dataset, source)?;
+    if dataset
+        .experiments
+        .iter()
+        .any(|e| !e.gain_factors.are_one())
+    {
+        output::message(NO_LOOPS);
+    }
     let also = also(source)?;
     let (subject, mut dataset) = match controller {
         Some(file) => subject.closed(file, (dataset, also), &terms, &effects)?,
@@ -345,7 +359,9 @@ fn bare<'a>(
     source: &'a Source,
     terms: &[Request],
 ) -> Result<(Subject, Option<&'a Path>), CliError> {
-    if let Some(option) = source.open.stated_of_logs() {
+    let factor = (!source.open.gain_factor.is_empty()).then_some("--gain-factor");
+    let targets = source.open.targets.then_some("--targets");
+    if let Some(option) = source.open.stated_of_logs().or(factor).or(targets) {
         return Err(CliError::OptionOfLogs { option });
     }
     match (&source.urdf, source.paths.as_slice()) {
@@ -512,7 +528,10 @@ fn with_inputs(mut dataset: Dataset, source: &Source) -> Result<Dataset, CliErro
     if let Some(hold) = source.open.input_hold {
         dataset.input_hold = hold.into();
     }
-    Ok(dataset)
+    match source.open.targets {
+        true => Ok(dataset.with_targets()?),
+        false => Ok(dataset),
+    }
 }
 
 /// Writes fit.json and report.html and prints the summary, or the text of fit.json if that is asked for.

@@ -34,6 +34,24 @@ pub enum ChangeError {
         /// The one that differs from it.
         second: String,
     },
+    /// A record without commanded positions.
+    #[error(
+        "record `{record}` has no commanded positions (columns qref1 …)\n  help: leave --targets out"
+    )]
+    NoTargets {
+        /// Its name.
+        record: String,
+    },
+    /// Gains by record that no record has.
+    #[error("gain factors `{pattern}={gain}:…`: {why}")]
+    GainFactors {
+        /// Pattern of the records.
+        pattern: String,
+        /// The gain.
+        gain: &'static str,
+        /// What is wrong.
+        why: String,
+    },
     /// A training record that does not exist.
     #[error("--train: no training record named `{name}`; they are {records}")]
     NoSuchRecord {
@@ -87,6 +105,28 @@ impl Dataset {
         }
         self.inputs_are_forces();
         self.input_hold = InputHold::Linear;
+        Ok(self)
+    }
+
+    /// The data with the commanded positions as inputs, which position loops of the drives follow.
+    ///
+    /// # Errors
+    /// [`ChangeError::NoTargets`].
+    pub fn with_targets(mut self) -> Result<Self, ChangeError> {
+        for experiment in &mut self.experiments {
+            match experiment.qref.clone() {
+                Some(qref) => experiment.u = qref,
+                None => {
+                    return Err(ChangeError::NoTargets {
+                        record: experiment.name.clone(),
+                    });
+                }
+            }
+        }
+        for joint in &mut self.joints {
+            joint.input = InputQuantity::Position;
+            joint.input_unit = joint.unit().to_owned();
+        }
         Ok(self)
     }
 

@@ -41,6 +41,20 @@ pub enum DataError {
         /// What may stand there, and which of it is meant where that shows.
         known: String,
     },
+    /// Gains by record that no drive has.
+    #[error(
+        "{place}: {item}: gain_factors.{key}: {why}\n  help: as in gain_factors = {{ kp = 4.0 }}, how many times the gain of [drive] acts in this record"
+    )]
+    GainFactors {
+        /// Where they stand.
+        place: pid_toml::Place,
+        /// Which experiment.
+        item: String,
+        /// The key of the gain.
+        key: String,
+        /// What is wrong.
+        why: String,
+    },
     /// The unit of an input does not fit its quantity.
     #[error(
         "{place}: joint `{joint}`: a {quantity} is recorded in {expected}, not in `{unit}`\n  help: convert the column and write input_unit = \"{expected}\""

@@ -46,6 +46,7 @@ mod change;
 mod check;
 mod difference;
 mod error;
+mod gain_factors;
 mod manifest;
 mod read;
 pub mod signal;
@@ -54,6 +55,7 @@ mod windows;
 pub use change::ChangeError;
 pub use difference::Difference;
 pub use error::{DataError, DataWarning, ModelMismatch};
+pub use gain_factors::{GainFactors, GainRule, matches};
 pub use windows::{Horizon, ParseHorizonError, windows};
 
 use std::fmt;
@@ -258,6 +260,8 @@ pub struct Experiment {
     pub qref: Option<Vec<f64>>,
     /// Number of empty cells, all channels together.
     pub missing: usize,
+    /// By how many times gains of position loops are those of the description.
+    pub gain_factors: GainFactors,
 }
 
 impl Experiment {

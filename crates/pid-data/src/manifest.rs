@@ -1,9 +1,13 @@
 //! `dataset.toml`: parsed with its places, checked word by word.
 
+use std::collections::BTreeMap;
+
 use pid_toml::{Source, Spanned};
 use serde::Deserialize;
 
-use super::{DataError, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind};
+use super::{
+    DataError, GainFactors, InputHold, InputQuantity, JointChannels, Kind, Role, VelocityKind,
+};
 
 /// `dataset.toml` as written.
 #[derive(Debug, Deserialize)]
@@ -40,6 +44,16 @@ struct RawExperiment {
     samples: Option<usize>,
     #[serde(default)]
     note: String,
+    #[serde(default)]
+    gain_factors: BTreeMap<String, Spanned<RawFactors>>,
+}
+
+/// Factors of a gain as written.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+enum RawFactors {
+    All(f64),
+    Each(Vec<f64>),
 }
 
 /// `dataset.toml`, checked.
@@ -64,6 +78,7 @@ pub(super) struct Listed {
     pub(super) sample_time: Option<f64>,
     pub(super) samples: Option<usize>,
     pub(super) note: String,
+    pub(super) gain_factors: GainFactors,
 }
 
 /// Parses and checks the text of a `dataset.toml`; `file` is its name in messages.
@@ -102,6 +117,7 @@ pub(super) fn parse(file: &str, text: &str) -> Result<Manifest, DataError> {
         .map(|e| (stem(e.file.as_ref()), &e.file));
     twice(&source, "experiment", names)?;
 
+    let joints = raw.joint.len();
     Ok(Manifest {
         name: raw.name,
         title: raw.title,
@@ -117,7 +133,7 @@ pub(super) fn parse(file: &str, text: &str) -> Result<Manifest, DataError> {
         experiments: raw
             .experiment
             .into_iter()
-            .map(|experiment| check_experiment(&source, experiment))
+            .map(|experiment| check_experiment(&source, experiment, joints))
             .collect::<Result<_, _>>()?,
     })
 }
@@ -149,10 +165,15 @@ fn word<T: Copy>(
     }
 }
 
-fn check_experiment(source: &Source<'_>, e: RawExperiment) -> Result<Listed, DataError> {
+fn check_experiment(
+    source: &Source<'_>,
+    e: RawExperiment,
+    joints: usize,
+) -> Result<Listed, DataError> {
     let roles = [("train", Role::Train), ("test", Role::Test)];
     let item = format!("experiment `{}`", e.file.as_ref());
     let role = word(source, &e.role, &item, "role", &roles)?;
+    let gain_factors = factors(source, &item, &e.gain_factors, joints)?;
     let file = e.file.into_inner();
     Ok(Listed {
         name: stem(&file).to_owned(),
@@ -161,7 +182,37 @@ fn check_experiment(source: &Source<'_>, e: RawExperiment) -> Result<Listed, Dat
         sample_time: e.sample_time_s,
         samples: e.samples,
         note: e.note,
+        gain_factors,
     })
+}
+
+/// Factors of gains as they are stated.
+fn factors(
+    source: &Source<'_>,
+    item: &str,
+    raw: &BTreeMap<String, Spanned<RawFactors>>,
+    joints: usize,
+) -> Result<GainFactors, DataError> {
+    let mut out = GainFactors::default();
+    for (key, own) in raw {
+        let refuse = |why: String| DataError::GainFactors {
+            place: source.place_of(own),
+            item: item.to_owned(),
+            key: key.clone(),
+            why,
+        };
+        let keys = GainFactors::KEYS;
+        let Some(gain) = keys.iter().position(|known| known == key) else {
+            let known = keys.join(", ");
+            return Err(refuse(format!("no gain of a position loop: {known}")));
+        };
+        let set = match own.as_ref() {
+            RawFactors::All(x) => out.set(gain, &[*x], joints),
+            RawFactors::Each(all) => out.set(gain, all, joints),
+        };
+        set.map_err(refuse)?;
+    }
+    Ok(out)
 }
 
 /// Name of an experiment: its file without folder and ending.

@@ -132,6 +132,7 @@ mod tests {
             tau: None,
             qref: None,
             missing: 0,
+            gain_factors: Default::default(),
         }
     }
 

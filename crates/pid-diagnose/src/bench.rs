@@ -132,6 +132,7 @@ fn simulated(
                 smooth_q: vec![vec![0.0; samples]],
                 smooth_v: vec![vec![0.0; samples]],
                 first_v: vec![0.0],
+                gain_factors: Default::default(),
                 whole: None,
             }
         })

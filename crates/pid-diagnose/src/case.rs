@@ -1,6 +1,6 @@
 //! Records made ready, with noise levels and typical sizes. The module `prepare` makes them so.
 
-use pid_data::{Role, signal};
+use pid_data::{GainFactors, Role, signal};
 use pid_interpret::nominal::{Gain, Role as Part};
 
 pub use crate::case_error::CaseError;
@@ -61,6 +61,8 @@ pub struct Record {
     pub smooth_v: Vec<Vec<f64>>,
     /// Velocities at the first sample; zero where readings show none.
     pub first_v: Vec<f64>,
+    /// By how many times gains of position loops are those of the description.
+    pub gain_factors: GainFactors,
     /// Of a part of a record: standard deviations of the position and velocity readings of every joint of the
     /// whole.
     pub whole: Option<Vec<(f64, f64)>>,
@@ -187,16 +189,27 @@ impl Case {
         }
     }
 
-    /// Torque or force per unit of the recorded input of a joint: of its target where the drive has a
+    /// Torque or force per unit of the input of a joint in a record: of its target where the drive has a
     /// position loop.
-    pub fn force_per_input(&self, joint: usize) -> f64 {
+    pub fn force_per_input(&self, record: &Record, joint: usize) -> f64 {
         let servo = self.nominal.description.servo(joint);
         let per_input = servo.map_or(1.0, |servo| {
             let value = |i: usize| self.nominal.values[i].nominal;
             let place = |gain| self.nominal.place(joint, Part::Servo(gain));
-            slopes(servo.law, &Gains::of(|gain| place(gain).map(value)))[0]
+            let mut k = Gains::of(|gain| place(gain).map(value));
+            k.times(|gain| record.gain_factors.at(gain as usize, joint));
+            slopes(servo.law, &k)[0]
         });
         self.nominal.gain(joint) * per_input
+    }
+
+    /// Median over the records of the factor of a gain at a joint, those aside in which it is none.
+    pub(crate) fn usual_factor(&self, gain: Gain, joint: usize) -> f64 {
+        let own = self.records.iter();
+        let own = own.map(|r| r.gain_factors.at(gain as usize, joint));
+        let mut all: Vec<f64> = own.filter(|x| *x > 0.0).collect();
+        all.sort_by(f64::total_cmp);
+        all.get(all.len() / 2).copied().unwrap_or(1.0)
     }
 
     /// The starts of a term's parameters, SI.

@@ -44,6 +44,20 @@ pub enum CaseError {
         /// Its number, from 1.
         column: usize,
     },
+    /// A gain that differs from record to record and that the loop does not have.
+    #[error(
+        "record `{record}`: gain_factors.{gain} = {value} at joint `{joint}`, whose drive has no {gain}\n  help: name a gain of its law in [drive] of the description, or leave the factor out"
+    )]
+    NoGain {
+        /// The record.
+        record: String,
+        /// The gain.
+        gain: &'static str,
+        /// The factor.
+        value: f64,
+        /// The joint.
+        joint: String,
+    },
     /// Targets that the joint does not follow.
     #[error(
         "{place}: joint `{joint}`: no force pushes it towards its targets, so the records do not say where its unknown kp lies\n  help: check column and sign of the targets and the sign of `motor_gain`, or state kp with a tolerance"

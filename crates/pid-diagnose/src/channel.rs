@@ -288,7 +288,7 @@ fn drive(
     j: usize,
 ) -> Channels {
     // Beside the target of a position loop the position and velocity that it reads are free.
-    let gain = case.force_per_input(j);
+    let gain = case.force_per_input(r, j);
     // Under a hold, the mean of the inputs before and after a sample acts about it.
     let acts: Vec<f64> = (0..r.len())
         .map(|k| match case.linear_hold {

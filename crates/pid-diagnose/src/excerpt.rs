@@ -137,6 +137,7 @@ fn cut(record: &Record, from: usize, to: usize) -> Record {
             0 => record.first_v.clone(),
             _ => record.smooth_v.iter().map(|v| v[from]).collect(),
         },
+        gain_factors: record.gain_factors.clone(),
         // A joint that hardly moves in a part is not judged by that little motion.
         whole: Some(deviations(record, record.q.len())),
     }

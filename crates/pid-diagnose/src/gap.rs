@@ -63,7 +63,7 @@ pub(crate) fn windows(
         .map_or(last, |s| ((s / record.h).round() as usize).clamp(1, last));
     let count = last / length;
     let mut starts = Vec::with_capacity(count);
-    let mut g = gains(case, hypothesis, theta, e, record.h);
+    let mut g = gains((case, record), hypothesis, theta, e);
     let mut path = vec![(Vec::new(), Vec::new()); case.n()];
     let on_link = case.nominal.encoder_side == EncoderSide::Joint;
     let mut runner = Runner::<f64>::new(case, record, hypothesis, theta, e);
@@ -363,7 +363,7 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
             let mut squares = vec![[(0.0, 0.0); 2]; n];
             let mut noisy = record.clone();
             for j in 0..n {
-                let scale = case.noise[j].torque / case.force_per_input(j).abs();
+                let scale = case.noise[j].torque / case.force_per_input(record, j).abs();
                 for u in &mut noisy.u[j] {
                     *u += scale * random.sample::<f64, _>(StandardNormal);
                 }

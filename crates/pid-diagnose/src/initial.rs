@@ -241,7 +241,7 @@ mod tests {
         let case = pendulum(&elastic, &e, 2.0, &|state| state.v[0] = 0.8);
         let theta = vec![0.0; SIZE];
         let record = &case.records[0];
-        let mut g = gains(&case, &elastic, &theta, &e, record.h);
+        let mut g = gains((&case, record), &elastic, &theta, &e);
         let mut runner = Runner::<f64>::new(&case, record, &elastic, &theta, &e);
         assert_eq!(runner.start(0).v[0], 0.0, "at rest as far as readings tell");
         settle((&case, record), &elastic, (&theta, &e), &mut g, true);

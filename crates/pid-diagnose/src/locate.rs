@@ -18,7 +18,7 @@ use pid_fit::gap::correlation_ratio;
 use std::cell::RefCell;
 
 use pid_data::{Dataset, Role};
-use pid_fit::gap::force::{MissingForceError, missing_force};
+use pid_fit::gap::force::{MissingForceError, States, missing_force};
 use pid_interpret::Model;
 use serde::{Deserialize, Serialize};
 
@@ -194,7 +194,7 @@ pub fn locate(case: &Case, base: &Fit, dataset: &Dataset) -> Result<MissingForce
     let mut joints = vec![JointForce::default(); n];
     let (mut squares, mut count) = (vec![0.0; n], 0.0);
     for e in dataset.with_role(Role::Test) {
-        let force = missing_force(&model, &p, dataset, e, &[])?;
+        let force = missing_force(&model, &p, dataset, e, States::NONE)?;
         count += force.t.len() as f64;
         for (j, out) in joints.iter_mut().enumerate() {
             let column = |x: &[f64]| -> Vec<f64> { x.iter().skip(j).step_by(n).copied().collect() };
@@ -318,7 +318,7 @@ pub(crate) fn residuals(case: &Case, fit: &Fit, role: Role) -> Vec<Residual> {
     let case = crate::levels::with_bandwidth(case, REST_BANDWIDTH);
     let (theta, e) = (&fit.point.theta, &fit.point.e);
     let of = |record: &crate::case::Record| {
-        let gains = gains(&case, &fit.hypothesis, theta, e, record.h);
+        let gains = gains((&case, record), &fit.hypothesis, theta, e);
         let length = record.len();
         let motion = RefCell::new(vec![[0.0; 3]; length * n]);
         let mut errors = vec![[0.0; 2]; length * n];

@@ -17,7 +17,7 @@
 
 use std::f64::consts::TAU;
 
-use pid_data::Role;
+use pid_data::{GainFactors, Role};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -385,6 +385,7 @@ fn recorded(case: &Case, fit: &Fit, u: Vec<Vec<f64>>, first: &[f64]) -> Option<R
         smooth_q: constant(first),
         smooth_v: constant(&still),
         first_v: still.clone(),
+        gain_factors: GainFactors::default(),
         whole: None,
     };
     let plain = record.clone();

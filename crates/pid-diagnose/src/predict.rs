@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 use crate::case::{Case, Record, Velocity};
 use crate::constants::{Constant, Constants};
-use crate::drives::{Gains, falls, slopes};
+use crate::drives::{falls, slopes};
 use crate::effect::{Commands, Pick};
 use crate::hypothesis::Hypothesis;
 use crate::nominal::EncoderSide;
@@ -37,10 +37,17 @@ pub fn rows(record: &Record) -> usize {
     record.len() - ((SETTLING / record.h) as usize).min(record.len())
 }
 
-/// Gains of all joints under a hypothesis at its parameters.
-pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: f64) -> Vec<Gain> {
+/// Gains of all joints in a record under a hypothesis at its parameters.
+pub fn gains(
+    (case, record): (&Case, &Record),
+    hypothesis: &Hypothesis,
+    theta: &[f64],
+    e: &[f64],
+) -> Vec<Gain> {
+    let h = record.h;
     let constants = Constants::new(&case.nominal, theta);
-    let machine = Machine::<f64>::beside(&case.known, constants, hypothesis, e.to_vec());
+    let mut machine = Machine::<f64>::beside(&case.known, constants, hypothesis, e.to_vec());
+    machine.in_record(&record.gain_factors);
     let run = case.run(hypothesis);
     let number = Substeps::of(&case.nominal, h, run.short, run.finer).number();
     (0..case.n())
@@ -80,17 +87,16 @@ pub fn gains(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], h: 
 
 /// By how much the position loop of joint `j` lowers its torque, and its integral, which strays by so much in a sample.
 fn looped(machine: &Machine<'_, f64>, j: usize, strays: f64) -> ([f64; 2], Option<Integral>) {
-    let Some(servo) = machine.constants.nominal().description.servo(j) else {
+    let Some((servo, k)) = machine.servo(j) else {
         return ([0.0; 2], None);
     };
-    let constant = |which| machine.constants.get(which);
-    let k = Gains::of(|gain| Some(constant(Constant::Servo(gain, j))));
-    let in_torque = |slopes: [f64; 2]| slopes.map(|slope| constant(Constant::Gain(j)) * slope);
-    let integral = falls(servo.law, &k).map(|falls| Integral {
+    let motor = machine.constants.get(Constant::Gain(j));
+    let in_torque = |slopes: [f64; 2]| slopes.map(|slope| motor * slope);
+    let integral = falls(servo.law, k).map(|falls| Integral {
         falls: in_torque(falls),
         strays,
     });
-    (in_torque(slopes(servo.law, &k)), integral)
+    (in_torque(slopes(servo.law, k)), integral)
 }
 
 /// The gain of joint `j` for a design, with that shortly after its loop came to its limit or left it; substeps
@@ -187,6 +193,7 @@ impl<'a, 'h, D: Pick> Runner<'a, 'h, D> {
             e.to_vec(),
         );
         machine.begin = record.begin;
+        machine.in_record(&record.gain_factors);
         let run = case.run(hypothesis);
         let short = run.short || machine.gears.iter().any(Option::is_some);
         Runner {

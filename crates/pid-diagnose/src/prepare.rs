@@ -102,6 +102,7 @@ fn record(
         u,
         smooth_q,
         smooth_v,
+        gain_factors: e.gain_factors.clone(),
         whole: None,
     })
 }

@@ -84,6 +84,7 @@ fn records(id: &str, e: &[f64]) -> Dataset {
                 tau: None,
                 qref: None,
                 missing: 0,
+                gain_factors: Default::default(),
             }
         })
         .collect();

@@ -172,6 +172,7 @@ fn record(nominal: &Nominal, q: Vec<f64>, targets: Vec<f64>) -> Dataset {
         tau: None,
         qref: Some(targets.clone()),
         missing: 0,
+        gain_factors: Default::default(),
     };
     Dataset {
         name: "ready".to_owned(),

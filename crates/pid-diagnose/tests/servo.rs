@@ -148,6 +148,7 @@ fn records(loops: Loops<'_>, effect: Option<(&str, usize, &[f64])>, seed: u64) -
                 tau: None,
                 qref: Some(rows),
                 missing: 0,
+                gain_factors: Default::default(),
             }
         })
         .collect();
@@ -322,12 +323,66 @@ fn gains_are_identified_from_targets_and_positions() {
     }
 }
 
+/// Records of one servo with kp and of the same with twice as much, in both roles; `rules` say how the gains differ.
+fn at_two_gains(seed: u64, rules: &[&str]) -> Dataset {
+    let [[kp, kd]] = *ONE else {
+        unreachable!("one joint")
+    };
+    let mut dataset = records(ONE, None, seed);
+    let twice = records(&[[2.0 * kp, kd]], None, seed);
+    for i in [1, 2, 4] {
+        dataset.experiments[i] = twice.experiments[i].clone();
+    }
+    let rules: Vec<_> = rules.iter().map(|rule| rule.parse()).collect();
+    let rules: Result<Vec<_>, _> = rules.into_iter().collect();
+    let rules = rules.expect("rules");
+    dataset.with_gain_factors(&rules).expect("factors")
+}
+
+const TWICE: [&str; 3] = ["r1=kp:2", "r2=kp:2", "r4=kp:2"];
+
+/// The records were made without factors.
+#[test]
+fn gains_that_differ_by_record_are_one_gain() {
+    let dataset = at_two_gains(9, &TWICE);
+    let report = diagnosed(stated(ONE, 1.2), &dataset);
+    let d = report.diagnosis();
+    assert_eq!(found(d), ("none".to_owned(), None), "{d:?}");
+    gains_hold(d, ONE);
+    assert_eq!(kp(d, 1).told, Told::Determined, "{:?}", d.loop_gains);
+    let [[kp, kd]] = gains(&stated(ONE, 1.2), &dataset)[..] else {
+        panic!("one joint")
+    };
+    let [off, damping] = [kp / ONE[0][0] - 1.0, kd / ONE[0][1] - 1.0];
+    assert!(off.abs() < 0.05 && damping.abs() < 0.1, "{kp} {kd}");
+    let unknown = robot(1, &|_| pd("{ unknown = true }", "{ unknown = true }"));
+    let case = Case::new(unknown, &dataset).expect("a case");
+    for (i, times) in [(0, 1.0), (1, 2.0)] {
+        let start = case.force_per_input(&case.records[i], 0);
+        assert!((start / (times * ONE[0][0]) - 1.0).abs() < 0.3, "{start}");
+    }
+    // One gain for all of them leaves more than the noise.
+    let gap = |dataset: &Dataset| free_run_gap(real(ONE), dataset).expect("a gap").total;
+    let (right, one) = (gap(&dataset), gap(&at_two_gains(9, &[])));
+    assert!(one > 5.0 * right, "{one} {right}");
+}
+
+#[test]
+fn a_factor_of_a_gain_that_no_loop_has_is_refused() {
+    let dataset = at_two_gains(9, &["r1=ki:2"]);
+    let error = Case::new(real(ONE), &dataset).expect_err("pd has no ki");
+    let text = error.to_string();
+    for part in ["record `r1`", "gain_factors.ki = 2", "joint `j1`", "help:"] {
+        assert!(text.contains(part), "{text}");
+    }
+}
+
 #[test]
 fn unknown_gains_start_from_the_record() {
     let dataset = records(ONE, None, 6);
     let unknown = robot(1, &|_| pd("{ unknown = true }", "{ unknown = true }"));
     let case = Case::new(unknown, &dataset).expect("a case");
-    let kp = case.force_per_input(0);
+    let kp = case.force_per_input(&case.records[0], 0);
     assert!((kp / 30.0 - 1.0).abs() < 0.3, "{kp}");
 }
 

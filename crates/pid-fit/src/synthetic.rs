@@ -141,6 +141,7 @@ fn experiment(
         tau: None,
         qref: None,
         missing: 0,
+        gain_factors: Default::default(),
     })
 }
 

@@ -75,6 +75,7 @@ fn record(seed: u64) -> Dataset {
             tau: None,
             qref: Some(qref),
             missing: 0,
+            gain_factors: Default::default(),
         }],
         warnings: Vec::new(),
     }

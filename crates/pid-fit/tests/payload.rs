@@ -73,6 +73,7 @@ fn record(name: &str, role: Role, seed: f64, p: &[f64], outliers: bool) -> Exper
         tau: None,
         qref: None,
         missing: 0,
+        gain_factors: Default::default(),
     }
 }
 

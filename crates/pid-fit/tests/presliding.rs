@@ -55,6 +55,7 @@ fn record(name: &str, role: Role, fast: f64) -> Experiment {
         tau: None,
         qref: None,
         missing: 0,
+        gain_factors: Default::default(),
     }
 }
 

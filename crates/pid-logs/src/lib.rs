@@ -336,5 +336,6 @@ fn experiment(record: Record, role: Role) -> Experiment {
         qref: record.qref.as_deref().map(by_row),
         t: record.t,
         missing: 0,
+        gain_factors: Default::default(),
     }
 }

@@ -87,6 +87,12 @@ fn manifest(d: &Dataset, assumptions: &[Assumption], warnings: &[String]) -> Str
             e.len(),
             quoted(&e.note)
         );
+        let own: Vec<String> = (e.gain_factors.stated())
+            .map(|(key, factors)| format!("{key} = {factors:?}"))
+            .collect();
+        if !own.is_empty() {
+            let _ = writeln!(out, "gain_factors = {{ {} }}", own.join(", "));
+        }
     }
     out
 }

@@ -314,7 +314,9 @@ fn what_is_written_reads_back_to_the_last_digit() {
         ("lerobot", Settings::default()),
         ("table.parquet", Settings::default()),
     ] {
-        let found = found(name, &settings);
+        let mut found = found(name, &settings);
+        let rule = ["*=kp:4.5".parse().unwrap()];
+        found.dataset = found.dataset.with_gain_factors(&rule).unwrap();
         let out = folder.path().join(name);
         write_folder(&found, &out).unwrap();
         let again = Dataset::read(&out).unwrap();

@@ -80,6 +80,7 @@ pub(crate) fn swinging(amplitude: f64) -> Dataset {
         tau: None,
         qref: None,
         missing: 0,
+        gain_factors: Default::default(),
     };
     Dataset {
         name: "made".into(),

@@ -12,6 +12,7 @@ use simtrue::diagnosis::servo;
 use simtrue::diagnosis::with_effects::Assembled;
 use simtrue::diagnosis::write::write_whole;
 use simtrue::dynamics::Hessian;
+use simtrue::fit::gap::force::States;
 use simtrue::fit::ident::Settings;
 use simtrue::fit::identify::{News, Request, by_rule, identify as identified};
 use simtrue::interpret::nominal::Nominal;
@@ -152,7 +153,7 @@ fn fitted(
         source: "",
         model,
         judged: (model, dataset, &best.parameters),
-        unread: nominal.map_or(&[], |(_, with)| &with.unread),
+        states: nominal.map_or(States::NONE, |(_, with)| &with.states),
     };
     simtrue::report::report(&subject, dataset, &found, &|what| watch.step(&what))
         .map_err(|e| e.to_string())

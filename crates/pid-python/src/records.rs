@@ -6,7 +6,7 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use simtrue::cli::open::{self, HoldArg, InputArg, OpenArgs};
-use simtrue::data::{Experiment, InputQuantity, Role};
+use simtrue::data::{Experiment, GainRule, InputQuantity, Role};
 use simtrue::logs::{Channel, Clock, Entry, Found, Joint, Kind, Log};
 
 use crate::arrays::{array, integers, reals};
@@ -179,7 +179,7 @@ fn table(name: &str, columns: Columns) -> Log {
 
 /// Reads sources as records of a robot.
 #[pyfunction]
-#[pyo3(signature = (robot, sources, *, map=None, map_file=None, input=None, gain=None, input_hold=None, passive=false, test=None, sample_time=None))]
+#[pyo3(signature = (robot, sources, *, map=None, map_file=None, input=None, gain=None, input_hold=None, targets=false, gain_factor=None, passive=false, test=None, sample_time=None))]
 #[allow(clippy::too_many_arguments)] // keyword arguments of Python
 pub(crate) fn read(
     py: Python<'_>,
@@ -190,6 +190,8 @@ pub(crate) fn read(
     input: Option<&str>,
     gain: Option<Vec<f64>>,
     input_hold: Option<&str>,
+    targets: bool,
+    gain_factor: Option<Vec<String>>,
     passive: bool,
     test: Option<Vec<String>>,
     sample_time: Option<f64>,
@@ -213,6 +215,8 @@ pub(crate) fn read(
         input,
         gain: finite("gain", gain.unwrap_or_default())?,
         input_hold: input_hold.map(hold).transpose()?,
+        targets,
+        gain_factor: rules(gain_factor.unwrap_or_default())?,
         passive,
         test: test.unwrap_or_default(),
         sample_time: positive("sample_time", sample_time)?,
@@ -234,6 +238,15 @@ fn open_all(robot: &open::Robot, logs: Logs, args: &OpenArgs) -> Result<Found, S
     }
     let logs = logs.read().map_err(|e| e.to_string())?;
     robot.records(&logs, args).map_err(|e| e.to_string())
+}
+
+/// Factors of gains by record.
+fn rules(texts: Vec<String>) -> PyResult<Vec<GainRule>> {
+    let rule = |text: &String| {
+        text.parse()
+            .map_err(|why| raised(format!("gain_factor: {why}")))
+    };
+    texts.iter().map(rule).collect()
 }
 
 fn quantity(word: &str) -> PyResult<InputArg> {

@@ -129,6 +129,7 @@ fn as_record(robot: &open::Robot, asked: &Asked) -> Dataset {
             tau: None,
             qref: None,
             missing: 0,
+            gain_factors: Default::default(),
         }],
         warnings: Vec::new(),
     }

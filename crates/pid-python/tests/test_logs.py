@@ -77,6 +77,15 @@ def test_what_inputs_do_between_samples(arm: simtrue.Robot, swing: Swing, tmp_pa
         assert f'input_hold = "{held}"' in (folder / "dataset.toml").read_text()
 
 
+def test_gains_by_record(arm: simtrue.Robot, swing: Swing, tmp_path: Path) -> None:
+    """They are written to the folder that repeats the run."""
+    frames = {name: pd.DataFrame(swing.columns()) for name in ("slow_kp100", "slow_kp400")}
+    records = simtrue.read(arm, frames, gain_factor="*_kp400=kp:4")
+    assert records.save(arm, tmp_path / "data")
+    text = (tmp_path / "data" / "dataset.toml").read_text()
+    assert text.count("gain_factors") == 1 and "gain_factors = { kp = [4.0] }" in text
+
+
 def test_files_frames_and_arrays_together(
     arm: simtrue.Robot, swing: Swing, tmp_path: Path
 ) -> None:
@@ -145,6 +154,8 @@ def test_logs_that_do_not_fit(arm: simtrue.Robot, swing: Swing, tmp_path: Path) 
     effort = {("effort" if "torque" in k else k): v for k, v in columns.items()}
     assert "input torque" in told(pd.DataFrame(effort))
     assert "input_hold: `cubic`" in told(pd.DataFrame(columns), input_hold="cubic")
+    assert "gain_factor: `a=kq:4`" in told(pd.DataFrame(columns), gain_factor="a=kq:4")
+    assert "no commanded positions" in told(pd.DataFrame(columns), targets=True)
     assert "input: `power`" in told(pd.DataFrame(effort), input="power")
     late = pd.DataFrame(columns)
     late.loc[4, "time_ms"] = np.nan

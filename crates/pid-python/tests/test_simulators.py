@@ -109,3 +109,21 @@ def test_a_supply_sags_under_the_outputs_of_all_loops(leg: Callable[..., Path]) 
     # Three limits of 23 N m.
     left = 1.0 - 0.004 * 3.0 * 23.0
     assert speeds(0.004) / speeds(0.0) == pytest.approx(np.full(3, left), rel=0.01)
+
+
+def test_gains_of_a_record_are_factors_of_the_described_ones(leg: Callable[..., Path]) -> None:
+    """Near its targets a leg with twice the gains is one whose torques are twice as large."""
+    pytest.importorskip("mujoco")
+
+    def speeds(error: float, **factors: float) -> Any:
+        robot = load(leg("") / "robot_effects.py").Robot()
+        robot.model.opt.gravity[:] = 0.0
+        robot.coulomb[:] = 0.0
+        robot.gain_factors(**factors)
+        robot.reset(np.zeros(3), np.zeros(3), u=np.zeros(3))
+        robot.step(robot.data, np.full(3, error), 0.0005)
+        return robot.readings(robot.data)[1]
+
+    assert speeds(0.01, kp=2.0) == pytest.approx(speeds(0.02), rel=0.01)
+    with pytest.raises(ValueError, match="pd has no gain ki"):
+        speeds(0.01, ki=2.0)

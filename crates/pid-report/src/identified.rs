@@ -1,6 +1,7 @@
 //! The report on an identification: its parameters judged, its settings and intervals in words.
 
 use pid_data::{Dataset, Horizon, Role};
+use pid_fit::gap::force::States;
 use pid_fit::ident::bootstrap::Bootstrap;
 use pid_fit::ident::{
     CandidateScore, ForceError, Identification, InitialState, Method, Profile, Run, Settings,
@@ -69,7 +70,7 @@ pub fn report(
         identification,
         settings,
         dataset,
-        subject.unread,
+        subject.states,
     ));
     more.extend(found.consistency.iter().map(consistency_finding));
     let drawn = found.bootstrap.iter();
@@ -318,7 +319,7 @@ fn noise_finding(
     found: &Identification,
     settings: &Settings,
     data: &Dataset,
-    unread: &[usize],
+    states: &States,
 ) -> Option<String> {
     settings.likelihood.as_ref()?;
     let nq = data.nq();
@@ -326,7 +327,9 @@ fn noise_finding(
         .noise
         .iter()
         .enumerate()
-        .filter(|(c, _)| !unread.contains(&(c % nq)))
+        .filter(|(c, _)| !states.unread.contains(&(c % nq)))
+        // The position behind a velocity that lags is read nowhere.
+        .filter(|(c, _)| !states.readings.contains(c))
         .filter_map(|(c, level)| {
             let letter = if c < nq { "q" } else { "dq" };
             Some(format!(

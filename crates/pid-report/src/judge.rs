@@ -2,7 +2,7 @@
 //! sentences.
 
 use pid_data::{Dataset, Experiment, Horizon, Kind, Role};
-use pid_fit::gap::force::{MissingForceError, MissingForceEstimate, missing_force};
+use pid_fit::gap::force::{MissingForceError, MissingForceEstimate, States, missing_force};
 use pid_fit::gap::metrics::{
     ChannelError, FreeRunError, FreeRunScore, FreeRunSettings, JointError, StartVelocity, free_run,
     free_run_table,
@@ -31,16 +31,26 @@ pub struct Subject<'a> {
     /// The model that is simulated, its records and its parameters: those without what is wrong
     /// with the readings.
     pub judged: (&'a dyn Hessian, &'a Dataset, &'a [f64]),
-    /// Coordinates of it that no sensor reads: there is nothing to compare their motion with.
-    pub unread: &'a [usize],
+    /// Coordinates of it that are no joints. Where no sensor reads, there is nothing to compare a motion with.
+    pub states: &'a States,
 }
 
 impl Subject<'_> {
     /// Keeps what belongs to coordinates that sensors read, by their names.
     pub(crate) fn keep_read<T>(&self, all: &mut Vec<T>, name: impl Fn(&T) -> &str) {
+        self.keep(all, &self.states.unread, name);
+    }
+
+    /// Keeps what belongs to joints, by their names.
+    pub(crate) fn keep_joints<T>(&self, all: &mut Vec<T>, name: impl Fn(&T) -> &str) {
+        self.keep(all, &self.states.unread, &name);
+        self.keep(all, &self.states.readings, &name);
+    }
+
+    fn keep<T>(&self, all: &mut Vec<T>, without: &[usize], name: impl Fn(&T) -> &str) {
         let joints = &self.judged.1.joints;
-        let unread: Vec<&str> = self.unread.iter().map(|&j| &*joints[j].name).collect();
-        all.retain(|own| !unread.contains(&name(own)));
+        let without: Vec<&str> = without.iter().map(|&j| &*joints[j].name).collect();
+        all.retain(|own| !without.contains(&name(own)));
     }
 }
 
@@ -156,11 +166,11 @@ pub fn judge(subject: &Subject<'_>, fit: Fit, step: &dyn Fn(String)) -> Result<R
         let mut motion = motion(dataset, experiment, &run, &how, budget);
         subject.keep_read(&mut motion.joints, |own| &own.joint);
         motions.push(motion);
-        let force = missing_force(model, p, dataset, experiment, subject.unread)?;
+        let force = missing_force(model, p, dataset, experiment, subject.states)?;
         forces.push((experiment, force));
     }
     let mut missing = condense(dataset, &records(&forces), budget);
-    subject.keep_read(&mut missing, |own| &own.joint);
+    subject.keep_joints(&mut missing, |own| &own.joint);
     notes.push(force_note(subject, &forces));
     let mut data = DataSection::of(dataset);
     subject.keep_read(&mut data.joints, |own| &own.name);
@@ -228,7 +238,7 @@ fn free_runs(
             scores.extend(unseen);
         }
     }
-    if !subject.unread.is_empty() {
+    if !subject.states.unread.is_empty() {
         for score in &mut scores {
             subject.keep_read(&mut score.joints, |own| &own.joint);
             score.objective = objective(&score.joints);
@@ -317,7 +327,7 @@ fn force_note(subject: &Subject<'_>, forces: &Forces<'_>) -> String {
 fn noise_in_words(subject: &Subject<'_>, experiment: &str, force: &MissingForceEstimate) -> String {
     let noise = force.noise.position.iter().zip(&force.noise.velocity);
     let mut all: Vec<_> = subject.judged.1.joints.iter().zip(noise).collect();
-    subject.keep_read(&mut all, |(joint, _)| &joint.name);
+    subject.keep_joints(&mut all, |(joint, _)| &joint.name);
     let joints: Vec<String> = (all.into_iter())
         .map(|(joint, (q, v))| {
             let velocity = match v.is_finite() {

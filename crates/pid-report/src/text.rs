@@ -163,8 +163,10 @@ fn free_runs(r: &Report, out: &mut String) -> std::fmt::Result {
             s.horizon.to_string()
         )?;
         for (joint, channel) in s.joints.iter().zip(&r.data.joints) {
-            let q = joint.q.map_or_else(|| "–".into(), |e| short(e.rms));
-            write!(out, "  {} {} {}", joint.joint, q, channel.unit())?;
+            // The position behind a velocity that lags is read nowhere.
+            if let Some(q) = joint.q {
+                write!(out, "  {} {} {}", joint.joint, short(q.rms), channel.unit())?;
+            }
         }
         if s.diverged + s.skipped > 0 {
             write!(out, "  ({} diverged, {} skipped)", s.diverged, s.skipped)?;

@@ -189,6 +189,8 @@ def main(export, description, data):
         if e["role"] != "test" or name in fitted:
             continue
         rows = list(csv.DictReader((data / e["file"]).open()))
+        if any(loop is not None for loop in robot.loops):
+            robot.gain_factors(**e.get("gain_factors", {}))
         t = column(rows, "t")
         h = (t[-1] - t[0]) / (len(t) - 1)
         pick = lambda what, k: column(rows, f"{what}_{names[k]}", f"{what}{k + 1}", f"{what}_{k + 1}", what)

@@ -176,7 +176,8 @@ pub use pid_preflight as preflight;
 /// ```
 /// use std::ops::ControlFlow;
 /// use simtrue::report::{Subject, report};
-/// use simtrue::{Request, cli, fit::identify::identify};
+/// use simtrue::fit::{gap::force::States, identify::identify};
+/// use simtrue::{Request, cli};
 ///
 /// let data = cli::demo::dataset()?;
 /// let entry = cli::by_name("two_link")?;
@@ -187,7 +188,7 @@ pub use pid_preflight as preflight;
 ///     source: entry.source,
 ///     model: entry.model,
 ///     judged: (entry.model, &data, &found.identification.best().parameters),
-///     unread: &[],
+///     states: States::NONE,
 /// };
 /// let report = report(&subject, &data, &found, &|_step| {})?;
 /// assert!(report.to_html().contains("two_link identified on demo"));

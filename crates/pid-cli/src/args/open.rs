@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use pid_data::InputHold;
+use pid_data::{GainRule, InputHold};
 use pid_interpret::nominal::{Provenance, ServoLaw};
 use pid_logs::Entry;
 
@@ -30,6 +30,14 @@ pub struct OpenArgs {
     /// keep their value (zero-order). By default measured inputs run straight and all others keep theirs.
     #[arg(long, value_enum, value_name = "HOLD")]
     pub input_hold: Option<HoldArg>,
+    /// The commanded positions are the inputs, behind the position loops of the drives: recorded inputs of the motors
+    /// are left out. `simtrue diagnose` does so wherever a drive has a loop.
+    #[arg(long)]
+    pub targets: bool,
+    /// How many times a gain of the position loops acts in some records: `RECORD=GAIN:FACTOR`, such as
+    /// `*_kp400=kp:4`; `*` stands for any characters, several factors are one per joint. May be repeated.
+    #[arg(long, value_name = "RULE")]
+    pub gain_factor: Vec<GainRule>,
     /// No joint is driven: the inputs are zero.
     #[arg(long)]
     pub passive: bool,
@@ -66,10 +74,14 @@ impl OpenArgs {
     pub(crate) fn stated(&self) -> Option<&'static str> {
         let gain = (!self.gain.is_empty()).then_some("--gain");
         let hold = self.input_hold.is_some().then_some("--input-hold");
-        self.stated_of_logs().or(gain).or(hold)
+        let factor = (!self.gain_factor.is_empty()).then_some("--gain-factor");
+        let targets = self.targets.then_some("--targets");
+        (self.stated_of_logs().or(gain).or(hold))
+            .or(factor)
+            .or(targets)
     }
 
-    /// The same without what inputs of data folders have too: gains, and what they do between samples.
+    /// The same without what data folders have too: gains of inputs, what they do between samples, targets in their place, and gains of loops.
     pub(crate) fn stated_of_logs(&self) -> Option<&'static str> {
         let all = [
             ("--map", !self.map.is_empty()),

@@ -80,6 +80,7 @@ fn blank(listed: &Listed, nq: usize, columns: &Columns) -> Experiment {
         tau: columns.tau.is_some().then(Vec::new),
         qref: columns.qref.is_some().then(Vec::new),
         missing: 0,
+        gain_factors: listed.gain_factors.clone(),
     }
 }
 

@@ -125,6 +125,52 @@ fn bad_records_name_file_line_column_value_and_mend() {
 }
 
 #[test]
+fn gains_by_record_are_read_or_refused_with_their_place() {
+    let with = |own: &str| {
+        let note = "note = \"short\"";
+        read(
+            &TOML.replacen(note, &format!("{note}\ngain_factors = {own}"), 1),
+            CSV,
+        )
+    };
+    let d = with("{ kp = 4, kd = [1.0, 0.5] }").unwrap();
+    let own = &d.experiments[0].gain_factors;
+    assert_eq!(
+        [own.at(0, 0), own.at(0, 1), own.at(1, 1), own.at(3, 0)],
+        [4.0, 4.0, 0.5, 1.0]
+    );
+    assert!(d.experiments[1].gain_factors.are_one());
+    for (own, piece) in [
+        (
+            "{ kq = 4 }",
+            "gain_factors.kq: no gain of a position loop: kp, kd",
+        ),
+        (
+            "{ kp = -1.0 }",
+            "gain_factors.kp: -1: a factor is a number of at least zero",
+        ),
+        (
+            "{ kp = [1.0, 2.0, 3.0] }",
+            "gain_factors.kp: 3 factors for 2 joints",
+        ),
+    ] {
+        check(
+            with(own),
+            &["dataset.toml:29:", "experiment `a.csv`", piece],
+        );
+    }
+    let rules = |text: &str| d.clone().with_gain_factors(&[text.parse().unwrap()]);
+    assert_eq!(
+        rules("*=kp:2").unwrap().experiments[1]
+            .gain_factors
+            .at(0, 0),
+        2.0
+    );
+    let text = rules("c*=kp:2").unwrap_err().to_string();
+    assert!(text.contains("they are a, b"), "{text}");
+}
+
+#[test]
 fn bad_manifests_name_the_key_and_its_values() {
     let toml = |from: &str, to: &str| {
         assert!(TOML.contains(from));

@@ -265,6 +265,7 @@ mod tests {
             tau: None,
             qref: None,
             missing: 0,
+            gain_factors: Default::default(),
         }
     }
 

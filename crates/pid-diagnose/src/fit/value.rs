@@ -83,7 +83,7 @@ pub(super) fn gains_from(
     let (theta, e) = (&at.theta[..], &at.e[..]);
     (case.records.par_iter().zip(before))
         .map(|(record, before)| {
-            let mut own = gains(case, hypothesis, theta, e, record.h);
+            let mut own = gains((case, record), hypothesis, theta, e);
             for (own, before) in own.iter_mut().zip(before) {
                 own.hidden = before.hidden;
             }

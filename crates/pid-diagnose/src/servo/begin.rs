@@ -143,7 +143,13 @@ impl Start<'_> {
             (Some(kp), Some(kv), true) => (kp * kv).abs(),
             _ => stiffness,
         };
-        let critical = 2.0 * (kp.max(0.0) * gain.abs() * case.scale[j].inertia).sqrt() / gain.abs();
+        let factor = |g: Gain| case.usual_factor(g, j);
+        let stiff = match cascade {
+            true => kp * factor(Gain::Kp) * factor(Gain::Kv),
+            false => kp * factor(Gain::Kp),
+        };
+        let critical =
+            2.0 * (stiff.max(0.0) * gain.abs() * case.scale[j].inertia).sqrt() / gain.abs();
         let one = |g: Gain, found: Option<&Followed>| {
             let value = found.map_or(f64::NAN, |f| f.gains[g as usize]);
             let sign = if g.follows_motor(servo.law) {
@@ -152,12 +158,13 @@ impl Start<'_> {
                 1.0
             };
             let least = match g {
-                Gain::Kp if cascade => SLOW,
+                Gain::Kp if cascade => SLOW / factor(g),
                 Gain::Kp | Gain::Gravity | Gain::InertiaAhead | Gain::VelocityAhead => 0.0,
                 Gain::TargetSpeed => SLOWED * fastest(case, j),
                 Gain::TargetAcceleration => EASED * hardest(case, j),
-                Gain::Kd | Gain::Kv => DAMPED * critical,
-                Gain::Ki => SLOW * if cascade { DAMPED * critical } else { kp },
+                Gain::Kd | Gain::Kv => DAMPED * critical / factor(g),
+                Gain::Ki if cascade => SLOW * DAMPED * critical / factor(g),
+                Gain::Ki => SLOW * stiff / factor(g),
                 _ => self.shortest(),
             };
             let value = (value * sign).max(least);

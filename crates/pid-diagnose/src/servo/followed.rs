@@ -77,7 +77,10 @@ fn row(case: &Case, (j, servo): (usize, &Servo), gain: Gain, step: f64) -> Vec<f
         all.take_while(|x| *x <= most).collect()
     };
     let mut out = match gain {
-        Gain::Kp if servo.law == ServoLaw::Cascade => between(CASCADES.0, CASCADES.1),
+        Gain::Kp if servo.law == ServoLaw::Cascade => {
+            let factor = case.usual_factor(gain, j);
+            between(CASCADES.0 / factor, CASCADES.1 / factor)
+        }
         Gain::TargetSpeed => {
             let fastest = fastest(case, j);
             between(SLOWED * fastest, fastest)
@@ -129,9 +132,13 @@ pub(super) fn followed(
     best.map(|(fit, _)| fit)
 }
 
-/// What a law multiplies its gains with, sample by sample: errors, velocities and integrals of errors, of a cascade the
+/// What a law multiplies its gains with, sample by sample, by the factors of the record: errors, velocities and integrals of errors, of a cascade the
 /// velocity that lacks and its integral; and the acceleration of the target.
 fn seen(servo: &Servo, k: &Gains<f64>, (r, j): (&Record, usize)) -> Vec<([f64; 3], f64)> {
+    let factor = |gain: Gain| r.gain_factors.at(gain as usize, j);
+    let mut k = *k;
+    k.times(factor);
+    let k = &k;
     let (q, v, h) = (&r.smooth_q[j], &r.smooth_v[j], r.h);
     let mut memory = Shaped::at_rest(r.u[j][0]);
     let (mut velocity, mut integral) = (v[0], 0.0);
@@ -166,8 +173,12 @@ fn seen(servo: &Servo, k: &Gains<f64>, (r, j): (&Record, usize)) -> Vec<([f64; 3
         };
         integral += lacks * h;
         let row = match servo.law {
-            ServoLaw::Cascade => [lacks, integral, 0.0],
-            _ => [error, rate - velocity, integral],
+            ServoLaw::Cascade => [factor(Gain::Kv) * lacks, factor(Gain::Ki) * integral, 0.0],
+            _ => [
+                factor(Gain::Kp) * error,
+                factor(Gain::Kd) * (rate - velocity),
+                factor(Gain::Ki) * integral,
+            ],
         };
         (row, target.acceleration)
     };

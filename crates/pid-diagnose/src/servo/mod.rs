@@ -41,6 +41,7 @@ pub(crate) fn targets(
             });
         }
     }
+    factors_of_gains(nominal, dataset)?;
     if !nominal.description.has_servos() {
         return Ok(None);
     }
@@ -80,6 +81,28 @@ pub(crate) fn targets(
         recorded.push(own);
     }
     Ok(Some((out, recorded)))
+}
+
+/// Refuses factors of gains that no loop has.
+fn factors_of_gains(nominal: &Nominal, dataset: &Dataset) -> Result<(), CaseError> {
+    for e in &dataset.experiments {
+        for (key, factors) in e.gain_factors.stated() {
+            let has = |j: usize| {
+                let servo = nominal.description.servo(j);
+                servo.is_some_and(|servo| servo.gains().any(|gain| gain.key() == key))
+            };
+            let odd = |(j, factor): (usize, f64)| (factor != 1.0 && !has(j)).then_some((j, factor));
+            if let Some((j, value)) = factors.iter().copied().enumerate().find_map(odd) {
+                return Err(CaseError::NoGain {
+                    record: e.name.clone(),
+                    gain: key,
+                    value,
+                    joint: nominal.joints[j].name.clone(),
+                });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Whether the records hold targets of a position loop and no input of its motor.

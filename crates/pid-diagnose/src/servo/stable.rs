@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use pid_interpret::nominal::{Role as Part, Servo};
 
 use super::at;
-use crate::case::{Case, CaseError};
+use crate::case::{Case, CaseError, Record};
 use crate::drives::{Gains, Seen, filter, growth, slopes, unlimited};
 
 /// Samples that a period of a loop needs: its gains and its damping show as motion between samples.
@@ -13,56 +13,55 @@ const SAMPLES: f64 = 4.0;
 /// Growth per radian of a swing that counts as rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Gains of a joint at deviations of its tolerances, all the same.
-fn gains(case: &Case, j: usize, deviation: f64) -> Gains<f64> {
-    Gains::of(|gain| {
+/// Gains of a joint in a record at deviations of its tolerances, all the same.
+fn gains((case, record): (&Case, &Record), j: usize, deviation: f64) -> Gains<f64> {
+    let mut out = Gains::of(|gain| {
         let place = case.nominal.place(j, Part::Servo(gain));
         place.map(|i| {
             let own = &case.nominal.values[i];
             own.nominal - deviation * own.half_width * own.nominal.signum()
         })
-    })
+    });
+    out.times(|gain| record.gain_factors.at(gain as usize, j));
+    out
+}
+
+/// Records of which no two have the same gains.
+fn different(case: &Case) -> Vec<&Record> {
+    let mut out: Vec<&Record> = Vec::new();
+    for record in &case.records {
+        if out
+            .iter()
+            .all(|own| own.gain_factors != record.gain_factors)
+        {
+            out.push(record);
+        }
+    }
+    out
 }
 
 /// Refuses a loop that is unstable at its stated rate, or by its integral; warns where only the nominal
 /// gains are, and where the records are too slow for a loop.
 pub(crate) fn checked(case: &Case) -> Result<Vec<String>, CaseError> {
     let mut warnings = Vec::new();
+    let different = different(case);
     for j in 0..case.n() {
         let Some(servo) = case.nominal.description.servo(j) else {
             continue;
         };
-        let name = &case.nominal.joints[j].name;
-        let stated = value(case, j, Part::Viscous, 0.0);
-        if let Some(why) = unstable(case, j, &gains(case, j, 0.0), stated) {
-            // The least gains of the tolerance are the most stable ones.
-            let least = gains(case, j, 1.0);
-            let braked = value(case, j, Part::Viscous, 1.0) + dry(case, j);
-            if unstable(case, j, &least, braked).is_some() {
-                return Err(CaseError::Unstable {
-                    joint: name.clone(),
-                    place: at(&servo.place),
-                    why,
-                });
-            }
-            let by_gains = unstable(case, j, &least, stated).is_none();
-            let holds = match by_gains {
-                true => "only smaller ones within the tolerance hold the joint",
-                false => "dry friction alone holds the joint",
-            };
-            warnings.push(format!(
-                "joint `{name}`: {why} with the stated gains, {holds}"
-            ));
+        for record in &different {
+            warnings.extend(judged((case, record), (j, servo))?);
         }
-        let [stiffness, _] = slopes(servo.law, &gains(case, j, 0.0));
-        let hertz = (case.nominal.gain(j) * stiffness / case.scale[j].inertia).sqrt()
-            / std::f64::consts::TAU;
-        let rate = case
-            .records
-            .iter()
-            .map(|r| 1.0 / r.h)
-            .fold(f64::INFINITY, f64::min);
+        let frequency = |r: &&Record| {
+            let [stiffness, _] = slopes(servo.law, &gains((case, r), j, 0.0));
+            (case.nominal.gain(j) * stiffness / case.scale[j].inertia).sqrt()
+                / std::f64::consts::TAU
+        };
+        let hertz = different.iter().map(frequency).fold(0.0, f64::max);
+        let rates = case.records.iter().map(|r| 1.0 / r.h);
+        let rate = rates.fold(f64::INFINITY, f64::min);
         if rate < SAMPLES * hertz {
+            let name = &case.nominal.joints[j].name;
             warnings.push(format!(
                 "joint `{name}`: its position loop answers at {hertz:.0} Hz, and the records have {rate:.0} samples a second: its gains show between samples only; record at {:.0} Hz or more",
                 SAMPLES * hertz
@@ -70,6 +69,39 @@ pub(crate) fn checked(case: &Case) -> Result<Vec<String>, CaseError> {
         }
     }
     Ok(warnings)
+}
+
+/// Refuses the loop of a joint that is unstable with its gains in a record; warns where only the nominal gains are.
+fn judged(
+    (case, record): (&Case, &Record),
+    (j, servo): (usize, &Servo),
+) -> Result<Option<String>, CaseError> {
+    let stated = value(case, j, Part::Viscous, 0.0);
+    let Some(why) = unstable(case, j, &gains((case, record), j, 0.0), stated) else {
+        return Ok(None);
+    };
+    let name = &case.nominal.joints[j].name;
+    let why = match record.gain_factors.are_one() {
+        true => why,
+        false => format!("{why} in record `{}`", record.name),
+    };
+    // The least gains of the tolerance are the most stable ones.
+    let least = gains((case, record), j, 1.0);
+    let braked = value(case, j, Part::Viscous, 1.0) + dry(case, j);
+    if unstable(case, j, &least, braked).is_some() {
+        return Err(CaseError::Unstable {
+            joint: name.clone(),
+            place: at(&servo.place),
+            why,
+        });
+    }
+    let holds = match unstable(case, j, &least, stated).is_none() {
+        true => "only smaller ones within the tolerance hold the joint",
+        false => "dry friction alone holds the joint",
+    };
+    Ok(Some(format!(
+        "joint `{name}`: {why} with the stated gains, {holds}"
+    )))
 }
 
 /// Viscous friction that brakes a swing at the largest speed V of the records as dry friction does, 4 f/(π V)

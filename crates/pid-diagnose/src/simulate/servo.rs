@@ -1,6 +1,7 @@
 //! Position loops of drives within a substep: from the target to the input of the motor, before
 //! effects between them.
 
+use pid_data::GainFactors;
 use pid_interpret::nominal::{Role as Part, Servo, ServoLaw};
 
 use super::{Machine, State};
@@ -138,6 +139,20 @@ impl<D: Pick> Machine<'_, D> {
         let get = |gain| constants.get(Constant::Servo(gain, j));
         let gains = Gains::of(|gain| (servo.has(gain) || added(gain)).then(|| get(gain)));
         Some((servo, gains))
+    }
+
+    /// Gains of the loops as they are in a record.
+    pub(crate) fn in_record(&mut self, factors: &GainFactors) {
+        for (j, own) in self.loops.iter_mut().enumerate() {
+            if let Some((_, k)) = own {
+                k.times(|gain| factors.at(gain as usize, j));
+            }
+        }
+    }
+
+    /// The loop of a joint with its gains.
+    pub(crate) fn servo(&self, j: usize) -> Option<(&Servo, &Gains<D>)> {
+        self.loops[j].as_ref().map(|(servo, k)| (*servo, k))
     }
 
     /// Joints whose loop has an integral.

@@ -119,9 +119,9 @@ fn a_late_reading_has_its_time() {
 fn no_force_is_missing_at_states_of_loops() {
     let (nominal, dataset) = late();
     let (with, dataset, p) = identified_model(&nominal, &dataset);
-    assert_eq!(with.unread, [1]);
+    assert_eq!(with.states.unread, [1]);
     let e = &dataset.experiments[3];
-    let force = missing_force(with.model.as_ref(), &p, &dataset, e, &with.unread);
+    let force = missing_force(with.model.as_ref(), &p, &dataset, e, &with.states);
     let force = force.expect("a force");
     let rms = |x: &[f64], j: usize| {
         let own = x.iter().skip(j).step_by(2);

@@ -298,6 +298,7 @@ fn read_with(
             tau: None,
             qref: Some(r),
             missing: 0,
+            gain_factors: Default::default(),
         }
     };
     Dataset {

@@ -83,6 +83,19 @@ impl<D: Scalar> Gains<D> {
         }
     }
 
+    /// Multiplies the gains of the law, as those of a record that differ from what is described.
+    pub fn times(&mut self, factor: impl Fn(Gain) -> f64) {
+        let law = [
+            (Gain::Kp, &mut self.kp),
+            (Gain::Kd, &mut self.kd),
+            (Gain::Ki, &mut self.ki),
+            (Gain::Kv, &mut self.kv),
+        ];
+        for (gain, own) in law {
+            *own = *own * factor(gain);
+        }
+    }
+
     /// Whether something becomes of the target before the loop follows it.
     pub(crate) fn shapes(&self, servo: &Servo) -> bool {
         let stages = [

@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use pid_data::{Dataset, InputQuantity};
+use pid_fit::gap::force::States;
 use pid_fit::transcribe::Prior;
 use pid_fit::wrap::lag::{Lag, LagError, Lagging};
 use pid_interpret::Model;
@@ -46,8 +47,8 @@ pub struct Assembled {
     pub noise: Vec<Option<f64>>,
     /// The records as they were read, where they have got columns since.
     pub read: Option<Dataset>,
-    /// Coordinates of which no sensor reads position or velocity.
-    pub unread: Vec<usize>,
+    /// Coordinates that are no joints.
+    pub states: States,
 }
 
 impl Assembled {
@@ -158,7 +159,7 @@ impl Assembled {
             model: Box::new(Model::new(nominal.robot())?),
             noise: stated_noise(nominal),
             read: None,
-            unread: Vec::new(),
+            states: States::default(),
         })
     }
 
@@ -213,12 +214,13 @@ impl Assembled {
             model,
             noise,
             read,
-            unread: Vec::new(),
+            states: States::default(),
         };
         let mut with = lagging(nominal, with, &lags, dataset)?;
         let nq = with.model.dims().nq;
         let none = |c: usize| with.noise.get(c) == Some(&Some(f64::INFINITY));
-        with.unread = (0..nq).filter(|&j| none(j) && none(nq + j)).collect();
+        let unread = |j: &usize| none(*j) && none(nq + j);
+        with.states.unread = (0..nq).filter(unread).collect();
         Ok(with)
     }
 }
@@ -263,6 +265,7 @@ fn lagging(
         ..
     } = with;
     let h = states::step(dataset);
+    let mut readings = Vec::new();
     for own in lags {
         let joint = own.term.joint;
         let mut name = model.joints()[joint].name.to_string();
@@ -303,6 +306,7 @@ fn lagging(
             let velocity = noise[n + at].replace(f64::INFINITY);
             noise.insert(n, Some(f64::INFINITY));
             noise.push(velocity);
+            readings.push(n);
             at = n;
             name = lagging.joints()[at].name.to_string();
             model = Box::new(lagging);
@@ -312,6 +316,9 @@ fn lagging(
         model,
         noise,
         read,
-        unread: Vec::new(),
+        states: States {
+            readings,
+            ..States::default()
+        },
     })
 }

@@ -181,6 +181,45 @@ fn derivatives_are_those_of_differences() {
     }
 }
 
+/// What the drive brings is the load, the friction that the model has and μ |load|, driving and driven.
+#[test]
+fn load_dependent_friction_takes_what_the_load_makes_it() {
+    let model =
+        WithEffects::new(model(), &[placed("load_dependent_friction", 1)]).expect("an effect");
+    let d = model.dims();
+    let place = |name: &str| {
+        let mut all = model.params().iter();
+        d.p() + all.position(|p| p.name == name).expect(name)
+    };
+    let input = model.inputs().iter().position(|i| i.joint == Some(1));
+    let input = d.u() + input.expect("an input");
+    for (mu, load, speed) in [
+        (0.1, 2.0, 0.8),
+        (0.5, 2.0, 0.8),
+        (0.5, 2.0, -0.8),
+        (0.7, -3.0, 0.6),
+    ] {
+        let mut z = point(&model, 0.3);
+        z[d.v() + 1] = speed;
+        z[place("load_dependent_friction_load_coefficient_elbow")] = mu;
+        // What moves the model without effects is the load and its friction: the input makes up for both.
+        let inner = self::model();
+        let few = inner.dims();
+        let dry = z[place("coulomb_elbow")] * speed.signum() + z[place("viscous_elbow")] * speed;
+        let gain = z[place("gain_elbow")];
+        let (mut without, mut with) = (vec![0.0; 2], vec![0.0; 2]);
+        z[input] = (load + dry) / gain;
+        inner.residual(&at(&z[..few.nz()], &few), &mut without);
+        z[input] += mu * f64::abs(load) * speed.signum() / gain;
+        model.residual(&at(&z, &d), &mut with);
+        let off = with[1] - without[1];
+        assert!(
+            off.abs() < 5e-3 * f64::abs(load),
+            "{mu} {load} {speed}: {off}"
+        );
+    }
+}
+
 /// In motion the smooth form is the library's equation over dual numbers.
 #[test]
 fn stribeck_is_the_librarys() {
@@ -300,6 +339,7 @@ pub(super) fn records() -> Dataset {
             tau: None,
             qref: None,
             missing: 0,
+            gain_factors: Default::default(),
         }],
         warnings: Vec::new(),
     }

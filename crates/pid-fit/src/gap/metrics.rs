@@ -479,6 +479,7 @@ mod tests {
                 tau: None,
                 qref: None,
                 missing: 0,
+                gain_factors: Default::default(),
             }
         };
         Dataset {

@@ -505,6 +505,7 @@ mod tests {
             tau: None,
             qref: None,
             missing: 0,
+            gain_factors: Default::default(),
         };
         let filtering = Filtering {
             cutoff: Some(60.0),

@@ -9,13 +9,13 @@ use std::borrow::Cow;
 use std::str::FromStr;
 
 use nalgebra::DVector;
+use pid_data::matches;
 use pid_runtime::dynamics::ParamInfo;
 
 use crate::inertia::consistent;
 use crate::inertia::pseudo_inertia::{BODY, SUFFIXES};
 use crate::regress::columns::LinearModel;
 use crate::regress::normal::Placement;
-use crate::wrap::controllers::matches;
 
 /// Name of the payload's link among the unknowns.
 pub const PAYLOAD: &str = "payload";

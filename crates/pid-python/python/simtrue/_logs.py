@@ -91,6 +91,8 @@ def read(
     input: Optional[str] = None,
     gain: Optional[Sequence[float]] = None,
     input_hold: Optional[str] = None,
+    targets: bool = False,
+    gain_factor: Union[str, Iterable[str], None] = None,
     passive: bool = False,
     test: Union[str, Iterable[str], None] = None,
     sample_time: Optional[float] = None,
@@ -114,6 +116,10 @@ def read(
         gain: factors from the inputs to the torque or force at the joints, one per joint.
         input_hold: what the inputs do between samples: ``linear`` (readings run straight) or
             ``zero-order`` (commands keep their value). By default measured inputs run straight.
+        targets: the commanded positions are the inputs, behind the position loops of the drives;
+            recorded inputs of the motors are left out.
+        gain_factor: how many times a gain of the position loops acts in some records,
+            ``RECORD=GAIN:FACTOR`` such as ``*_kp400=kp:4``.
         passive: no joint is driven, the inputs are zero.
         test: names of the records to judge with; by default the last quarter of several, or the
             last third of a single one.
@@ -131,6 +137,8 @@ def read(
         "input": input,
         "gain": None if gain is None else [float(k) for k in gain],
         "input_hold": input_hold,
+        "targets": targets,
+        "gain_factor": _words(gain_factor),
         "passive": passive,
         "test": _words(test),
         "sample_time": sample_time,

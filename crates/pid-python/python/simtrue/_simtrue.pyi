@@ -140,6 +140,8 @@ def read(
     input: Optional[str] = None,
     gain: Optional[list[float]] = None,
     input_hold: Optional[str] = None,
+    targets: bool = False,
+    gain_factor: Optional[list[str]] = None,
     passive: bool = False,
     test: Optional[list[str]] = None,
     sample_time: Optional[float] = None,

@@ -25,7 +25,7 @@ class Loop:
     """The loop of one drive with what it remembers."""
 
     def __init__(self, numbers):
-        self.p = dict(numbers)
+        self.p, self.stated = dict(numbers), dict(numbers)
         self.law = self.p["law"]
         self.delay = self.p.get("feedback_delay_s", 0.0)
         self.needs_rate = any(key in self.p for key in ("velocity_feed_forward", "inertia_feed_forward"))
@@ -44,6 +44,13 @@ class Loop:
         if self._integrates() and needed is not None:
             self.integral = self._clipped(needed - self._free(at, 0.0))
         return self._limited(self._free(at, self.integral))
+
+    def times(self, factors):
+        """Gains are so many times those of the description, as pairs of key and factor; others are as described."""
+        missing = [key for key in factors if key not in self.stated]
+        if missing:
+            raise ValueError(f"the law {self.law} has no gain {missing[0]}")
+        self.p = self.stated | {key: factor * self.stated[key] for key, factor in factors.items()}
 
     # What is followed.
 

@@ -138,6 +138,14 @@ class Robot:
 
     # Start.
 
+    def gain_factors(self, **factors):
+        """Gains of the position loops are so many times those of the description from now on: `kp=4.0` for all
+        joints, `kp=[4.0, 1.0]` for each; without arguments they are as described."""
+        for j, loop in enumerate(self.loops):
+            own = {key: float(x[j] if np.ndim(x) else x) for key, x in factors.items()}
+            if loop is not None:
+                loop.times(own)
+
     def reset(self, q, v, u=None, time=0.0, earlier=(), data=None):
         """Starts `data` anew, with the robot where its encoders read `q`, `v` (without delay) and
         its drives at the inputs `u`; a loop without a target starts at the position that it reads.

@@ -105,6 +105,7 @@ pub(super) fn records() -> Result<Dataset, SimulateError> {
             tau: None,
             qref: None,
             missing: 0,
+            gain_factors: Default::default(),
         });
     }
     let joint = |name: &str| JointChannels {

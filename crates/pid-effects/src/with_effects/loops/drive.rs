@@ -4,6 +4,7 @@
 //! order, of the same gain and with a phase within (ωτ)³/12 (G. A. Baker, Essentials of Padé Approximants, 1975).
 //! With what its position lags, ξ̇ = v − 2ξ/τ, the loop reads q − 2ξ and its velocity 4ξ/τ − v.
 
+use pid_data::GainFactors;
 use pid_interpret::nominal::{Gain, Servo};
 use pid_runtime::dynamics::{At, Dims};
 
@@ -17,7 +18,7 @@ use super::feed_forward::{Fed, Read};
 /// Places of the arguments: position, velocity, target, gains, the integral and how fast it grows, the share of the
 /// target's velocity and that velocity, the velocity behind a filter, how fast that grows, and the filter's time; the
 /// share of gravity; what a late position lags, how fast that grows, and by how much it is late; the share of inertia.
-/// The inputs that make up for all of gravity and inertia are no variables of their own.
+/// The inputs that make up for all of gravity and inertia are no variables of their own. Factors of gains are inputs.
 pub(super) const Q: usize = 0;
 pub(super) const V: usize = 1;
 pub(super) const R: usize = 2;
@@ -39,8 +40,10 @@ const LAG_DOT: usize = 17;
 const LATE: usize = 18;
 const INERTIA_SHARE: usize = 19;
 const INERTIA: usize = 20;
+/// Inputs by which a record multiplies kp, kd, ki and kv.
+const TIMES: usize = 21;
 /// Number of these. [`Loop::further`] follow where a drive has a feed-forward.
-pub(super) const MOST: usize = 21;
+pub(super) const MOST: usize = TIMES + GainFactors::KEYS.len();
 
 /// By how much the position that a loop reads moves with what it lags.
 pub(super) const LAGS: f64 = -2.0;
@@ -61,6 +64,12 @@ pub(super) fn argument(gain: Gain) -> Option<usize> {
         Gain::InertiaAhead => Some(INERTIA_SHARE),
         _ => None,
     }
+}
+
+/// Place of the factor of a gain that differs from record to record; `None` of one that is the same in all.
+pub(super) fn factor(gain: Gain) -> Option<usize> {
+    let gain = gain as usize;
+    (gain < GainFactors::KEYS.len()).then_some(TIMES + gain)
 }
 
 /// Numbers of a loop that are parameters of the equations, those of its law first.
@@ -211,7 +220,11 @@ impl Loop {
     /// Gains, and what the law sees.
     fn seen(&self, x: &[Smooth; MOST]) -> (Gains<Smooth>, Seen<Smooth>) {
         let own = |gain| argument(gain).filter(|_| self.servo.has(gain));
-        let k = Gains::of(|gain| own(gain).map(|a| x[a]));
+        let times = |gain| factor(gain).filter(|&a| self.places[a].is_some());
+        let k = Gains::of(|gain| {
+            let value = x[own(gain)?];
+            Some(times(gain).map_or(value, |a| value * x[a]))
+        });
         let (q, v) = self.readings(x);
         let at = Seen {
             r: x[R],
@@ -274,6 +287,9 @@ impl Loop {
             LAG,
             LATE,
             INERTIA_SHARE,
+            TIMES + Gain::Kp as usize,
+            TIMES + Gain::Kd as usize,
+            TIMES + Gain::Kv as usize,
         ];
         let used = all.into_iter().filter(move |&a| reads(a));
         let all = used.chain(MOST..self.places.len());
@@ -311,13 +327,13 @@ impl Loop {
     /// Arguments on which the residual of a memory depends, ascending.
     pub(super) fn active(&self, memory: Memory) -> Vec<usize> {
         let mut all = match memory {
-            Memory::Integral => vec![Q, R, KI, W, W_DOT, LAG],
+            Memory::Integral => vec![Q, R, KI, TIMES + Gain::Ki as usize, W, W_DOT, LAG],
             Memory::Filter => vec![V, F, F_DOT, TIME, LAG, LATE],
             Memory::Lag => vec![V, LAG, LAG_DOT, LATE],
         };
         if memory == Memory::Integral && self.servo.has(Gain::Kv) {
             all.extend(self.velocity());
-            all.extend([KP, AHEAD, R_DOT]);
+            all.extend([KP, TIMES + Gain::Kp as usize, AHEAD, R_DOT]);
         }
         if memory == Memory::Integral && self.servo.limit.is_some() {
             all.extend(self.acting());

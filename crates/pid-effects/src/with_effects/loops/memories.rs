@@ -23,7 +23,7 @@ pub(super) fn along(
         let value = match memory {
             Memory::Integral => {
                 let r = kept(&e.u, e.nu(), joint);
-                replayed(e, servo, (&r, &q), rates.map(|all| all[i]))
+                replayed(e, (joint, servo), (&r, &q), rates.map(|all| all[i]))
             }
             Memory::Lag => lag(e, servo, &q),
             Memory::Filter => filtered(e, servo, &q),
@@ -62,11 +62,12 @@ fn filtered(e: &Experiment, servo: &Servo, q: &[f64]) -> Vec<f64> {
 /// that it feeds forward aside.
 fn replayed(
     e: &Experiment,
-    servo: &Servo,
+    (joint, servo): (usize, &Servo),
     (r, q): (&[f64], &[f64]),
     rate: Option<&[f64]>,
 ) -> Vec<f64> {
-    let k = Gains::of(|gain| servo.has(gain).then(|| servo.gain(gain).value).flatten());
+    let mut k = Gains::of(|gain| servo.has(gain).then(|| servo.gain(gain).value).flatten());
+    k.times(|gain| e.gain_factors.at(gain as usize, joint));
     let mut integral = 0.0;
     let mut out = Vec::with_capacity(q.len());
     for i in 0..q.len() {

@@ -21,14 +21,14 @@ mod tests;
 use std::borrow::Cow;
 use std::cell::RefCell;
 
-use pid_data::{Dataset, InputQuantity};
+use pid_data::{Dataset, Experiment, InputQuantity};
 use pid_interpret::nominal::{self as description, Gain, Servo};
 use pid_runtime::chain::{self, Chain, Substituted};
 use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
 };
 
-use self::drive::{LAGS, Loop, MOST, Memory, Q, R, R_DOT, V, argument, parameters};
+use self::drive::{LAGS, Loop, MOST, Memory, Q, R, R_DOT, V, argument, factor, parameters};
 use self::feed_forward::{Fed, Known, Order, Read};
 use super::DECADE;
 use super::arguments::{self, narrowed, widened};
@@ -119,6 +119,17 @@ struct Driven<'a> {
     sign: f64,
 }
 
+/// Gains of a loop that a record has otherwise than the description.
+fn differing(own: &Driven<'_>, dataset: &Dataset) -> Vec<Gain> {
+    let differs = |gain: &Gain| {
+        let mut records = dataset.experiments.iter();
+        records.any(|e| e.gain_factors.at(*gain as usize, own.joint) != 1.0)
+    };
+    let all = own.servo.law.gains().iter().copied();
+    all.filter(|gain| factor(*gain).is_some() && differs(gain))
+        .collect()
+}
+
 impl<'m> WithLoops<'m> {
     /// Puts loops around a model where the records have targets as inputs, and adds columns of their
     /// states to the records. `servos` are the loops by coordinate; every gain of theirs has a value. What drives
@@ -151,9 +162,10 @@ impl<'m> WithLoops<'m> {
         let inertia = has(Gain::InertiaAhead);
         let fed = inertia || has(Gain::Gravity);
         let accelerations = if inertia { driven.len() } else { 0 };
+        let factors: usize = driven.iter().map(|d| differing(d, dataset).len()).sum();
         let dims = Dims {
             nq: before.nq + states,
-            nu: before.nu + states + rates + accelerations,
+            nu: before.nu + states + rates + accelerations + factors,
             np: before.np + gains,
         };
         let mut out = Self {
@@ -227,15 +239,28 @@ impl<'m> WithLoops<'m> {
                 active: Vec::new(),
             });
         }
+        let unit = |per: &str| format!("{}/{per}", info.unit());
         if let Some(followed) = &followed {
             if let (Some(rates), true) = (rates, ahead) {
-                let place = self.input("rate", &info, "s", dataset, rates.into_iter());
+                let name = format!("target_rate_{}", info.name);
+                let place = self.input((name, unit("s")), dataset, rates.into_iter());
                 places[R_DOT] = Some(place);
             }
             if acceleration {
                 let all = followed.iter().map(|own| own.acceleration.as_slice());
-                let place = self.input("acceleration", &info, "s^2", dataset, all);
+                let name = format!("target_acceleration_{}", info.name);
+                let place = self.input((name, unit("s^2")), dataset, all);
                 self.accelerations[own.joint] = Some(place);
+            }
+        }
+        for gain in differing(own, dataset) {
+            let of = |e: &Experiment| vec![e.gain_factors.at(gain as usize, own.joint); e.len()];
+            let columns: Vec<Vec<f64>> = dataset.experiments.iter().map(of).collect();
+            let name = format!("factor_{}", gain_name(gain, &info.name));
+            let columns = columns.iter().map(Vec::as_slice);
+            let place = self.input((name, "1".to_owned()), dataset, columns);
+            if let Some(argument) = factor(gain) {
+                places[argument] = Some(place);
             }
         }
         self.loops.push(Loop {
@@ -247,12 +272,10 @@ impl<'m> WithLoops<'m> {
         });
     }
 
-    /// Adds what moves a target as an input behind all others, with its column in each record. Its place in z.
+    /// Adds an input with its name and unit behind all others, with its column in each record. Its place in z.
     fn input<'r>(
         &mut self,
-        word: &str,
-        joint: &JointInfo,
-        per: &str,
+        (name, unit): (String, String),
         dataset: &mut Dataset,
         columns: impl Iterator<Item = &'r [f64]>,
     ) -> usize {
@@ -260,8 +283,8 @@ impl<'m> WithLoops<'m> {
         // Idle inputs of states to come go before it.
         let states = self.dims.nq - self.joints.len();
         self.inputs.push(InputInfo {
-            name: Cow::Owned(format!("target_{word}_{}", joint.name)),
-            unit: Cow::Owned(format!("{}/{per}", joint.unit())),
+            name: Cow::Owned(name),
+            unit: Cow::Owned(unit),
             joint: None,
         });
         self.dims.u() + states + self.inputs.len() - 1

@@ -195,6 +195,59 @@ fn derivatives_behind_stages_are_those_of_differences() {
     }
 }
 
+/// Gains of a record that are four and a half and three times the described ones are those of a drive that has them.
+#[test]
+fn gains_by_record_are_factors_of_the_described_ones() {
+    let rules = ["*=kp:4", "*=kd:0.5", "*=ki:3", "*=kv:0.5"].map(|rule| rule.parse());
+    let rules: Vec<_> = rules
+        .into_iter()
+        .map(|rule| rule.expect("a rule"))
+        .collect();
+    for (law, other) in [
+        (
+            PD,
+            "law = \"pd\"\nkp = { value = 12.0, tolerance = 1.0 }\nkd = { value = 0.2, tolerance = 0.1 }\n",
+        ),
+        (PID, "law = \"pid\"\nkp = 12.0\nkd = 0.2\nki = 4.5\n"),
+        (
+            CASCADE,
+            "law = \"cascade\"\nkp = 12.0\nkv = 0.2\nki = 4.5\n",
+        ),
+    ] {
+        let nominal = described(law);
+        let mut dataset = targets().with_gain_factors(&rules).expect("factors");
+        let servos = [nominal.servo(0), None];
+        let with = WithLoops::new(model(), &servos, &nominal, &mut dataset);
+        let d = with.dims();
+        let factors = &[4.0, 0.5, 3.0][..nominal.servo(0).expect("a loop").law.gains().len()];
+        let last = d.nu - factors.len();
+        assert_eq!(dataset.experiments[0].u[last..d.nu], *factors);
+        let mut z = point(&with, 1.0);
+        let free: Vec<usize> = (0..d.nz()).collect();
+        assert_derivatives(law, &with, &z, &free);
+        z[d.u() + last..d.u() + d.nu].copy_from_slice(factors);
+        let (stated, mut plain) = (described(other), targets());
+        let servos = [stated.servo(0), None];
+        let multiplied = WithLoops::new(model(), &servos, &stated, &mut plain);
+        let few = multiplied.dims();
+        assert_eq!(few.nu, last);
+        let mut y: Vec<f64> = z[..d.u() + last].to_vec();
+        y.extend(&z[d.p()..]);
+        for gain in stated.servo(0).expect("a loop").law.gains() {
+            let name = gain_name(*gain, "shoulder");
+            let place = multiplied.params().iter().position(|p| p.name == name);
+            let place = few.p() + place.expect("a gain");
+            y[place] *= dataset.experiments[0].gain_factors.at(*gain as usize, 0);
+        }
+        let (mut r, mut expected) = (vec![0.0; d.nq], vec![0.0; few.nq]);
+        with.residual(&at(&z, &d), &mut r);
+        multiplied.residual(&at(&y, &few), &mut expected);
+        for (r, expected) in r.iter().zip(&expected) {
+            assert!((r - expected).abs() < 1e-12, "{law}: {r} {expected}");
+        }
+    }
+}
+
 /// The law damps what its filter lets through, less the share of the target's velocity; a band of the error counts as
 /// none.
 #[test]

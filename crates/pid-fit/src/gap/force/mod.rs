@@ -32,14 +32,35 @@ const STEPS: usize = 40;
 /// The noise levels have settled when none changes by more than this share in one round.
 const SETTLED: f64 = 0.02;
 
+/// Coordinates at which no force is missing: their equations are definitions, as that of a filter, or a force there is
+/// one at the coordinate that is read beside them, as of a rotor.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct States {
+    /// Those of which no sensor reads position or velocity.
+    pub unread: Vec<usize>,
+    /// Those whose velocities are readings that lag.
+    pub readings: Vec<usize>,
+}
+
+impl States {
+    /// A model whose coordinates are joints.
+    pub const NONE: &'static States = &States {
+        unread: Vec::new(),
+        readings: Vec::new(),
+    };
+
+    /// Whether a coordinate is one of them.
+    pub fn has(&self, coordinate: usize) -> bool {
+        self.unread.contains(&coordinate) || self.readings.contains(&coordinate)
+    }
+}
+
 /// Estimates w on one experiment.
 ///
 /// A velocity channel counts where it is a measurement of its own
 /// ([`Measured`](pid_data::VelocityKind::Measured)). Missing samples of q and v count as not
 /// measured; missing inputs are bridged by straight lines. Inputs that are held from sample to
-/// sample act as they are on each interval, others with their mean. Of coordinates that are `unread` nothing is
-/// read, and no force is missing there: their equations are definitions, as that of a filter, or a force there is one
-/// at the coordinate that is read beside them, as of a rotor.
+/// sample act as they are on each interval, others with their mean. No force is missing at `states`.
 ///
 /// # Errors
 /// [`MissingForceError`] for records too short or empty, and where the model cannot be evaluated.
@@ -48,11 +69,11 @@ pub fn missing_force(
     p: &[f64],
     dataset: &Dataset,
     experiment: &Experiment,
-    unread: &[usize],
+    states: &States,
 ) -> Result<MissingForceEstimate, MissingForceError> {
     let start = state_from_data(experiment, None)?;
     let (n, nq) = (experiment.len(), experiment.nq);
-    let mut problem = Problem::new(model, p, dataset, (experiment, unread));
+    let mut problem = Problem::new(model, p, dataset, (experiment, states));
 
     // The filtered record is no trajectory of the chain; the first step makes one of it.
     let mut path = Path {

@@ -3,6 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::States;
 use super::estimate::{MissingForceError, MissingForceEstimate, NoiseLevels, Values};
 use super::smoother::{Prior, Smoothed, Step, Variances};
 use pid_data::signal::{column, fill_missing, noise_level_without_jumps};
@@ -43,8 +44,8 @@ pub(super) struct Problem<'a> {
     pub(super) y: Vec<f64>,
     /// Smallest admitted variances of q, v and drift; 3 nq.
     pub(super) floor: Vec<f64>,
-    /// Whether a coordinate is a state that nothing reads and no force acts on.
-    unread: Vec<bool>,
+    /// Coordinates that nothing reads or on which no force acts.
+    states: &'a States,
     values: Vec<f64>,
     q: Vec<f64>,
     v: Vec<f64>,
@@ -55,14 +56,14 @@ impl<'a> Problem<'a> {
         model: &'a dyn Jacobian,
         p: &'a [f64],
         dataset: &Dataset,
-        (experiment, unread): (&'a Experiment, &[usize]),
+        (experiment, states): (&'a Experiment, &'a States),
     ) -> Self {
         let (n, nq) = (experiment.len(), experiment.nq);
         let u = inputs_on_intervals(experiment, dataset.input_hold);
         let mut y = vec![f64::NAN; n * 2 * nq];
         let mut floor = vec![f64::MIN_POSITIVE.sqrt(); 3 * nq];
         let read = dataset.joints.iter().enumerate();
-        for (j, joint) in read.filter(|(j, _)| !unread.contains(j)) {
+        for (j, joint) in read.filter(|(j, _)| !states.unread.contains(j)) {
             let velocity = experiment
                 .v
                 .as_ref()
@@ -88,7 +89,7 @@ impl<'a> Problem<'a> {
             u,
             y,
             floor,
-            unread: (0..nq).map(|j| unread.contains(&j)).collect(),
+            states,
             values: vec![0.0; model.jacobian_pattern().nnz()],
             q: vec![0.0; nq],
             v: vec![0.0; nq],
@@ -355,7 +356,7 @@ impl<'a> Problem<'a> {
                 let w: Vec<f64> = path.w.iter().skip(j).step_by(nq).copied().collect();
                 let sum: f64 = w.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum();
                 let least = self.floor[2 * nq + j];
-                match self.unread[j] {
+                match self.states.has(j) {
                     true => least,
                     false => (sum / duration).max(least),
                 }
@@ -391,7 +392,7 @@ impl<'a> Problem<'a> {
                 match k / nq {
                     0 => 100.0 * noise.position[j] + 1e-4 * wide,
                     1 => wide + 1e-6,
-                    _ if self.unread[j] => noise.drift[j] * self.h(0),
+                    _ if self.states.has(j) => noise.drift[j] * self.h(0),
                     _ => 10.0 * wide + noise.drift[j] * self.h(0),
                 }
             }),
@@ -473,7 +474,11 @@ impl Pace {
     ) -> f64 {
         let nq = noise.drift.len();
         let mut most: f64 = 0.0;
-        for k in (0..3 * nq).filter(|k| !problem.unread[k % nq]) {
+        let settled = |k: usize| match k / nq {
+            2 => problem.states.has(k % nq),
+            _ => problem.states.unread.contains(&(k % nq)),
+        };
+        for k in (0..3 * nq).filter(|k| !settled(*k)) {
             let (old, new) = match k / nq {
                 0 => (&mut noise.position, &moments.position),
                 1 => (&mut noise.velocity, &moments.velocity),

@@ -41,6 +41,7 @@ fn record(noise: f64) -> (Dataset, Experiment) {
         tau: None,
         qref: None,
         missing: 0,
+        gain_factors: Default::default(),
     };
     let dataset = Dataset {
         name: "d".into(),
@@ -74,7 +75,7 @@ fn share_inside(error: impl Iterator<Item = f64>, band: &[f64]) -> f64 {
 #[test]
 fn a_term_taken_from_the_model_comes_back_as_missing_force() {
     let (dataset, e) = record(0.0);
-    let whole = missing_force(&Pendulum, &PENDULUM, &dataset, &e, &[]).unwrap();
+    let whole = missing_force(&Pendulum, &PENDULUM, &dataset, &e, States::NONE).unwrap();
     assert!(
         rms(&whole.w) < 1e-3 * rms(&whole.total),
         "{}",
@@ -83,7 +84,7 @@ fn a_term_taken_from_the_model_comes_back_as_missing_force() {
     // Without viscous friction the missing force is −d v (as part of f_L).
     let mut p = PENDULUM;
     p[2] = 0.0;
-    let part = missing_force(&Pendulum, &p, &dataset, &e, &[]).unwrap();
+    let part = missing_force(&Pendulum, &p, &dataset, &e, States::NONE).unwrap();
     // The ends know one neighbour only.
     for (i, w) in part.w.iter().enumerate().skip(20).take(part.w.len() - 40) {
         let expected = -PENDULUM[2] * part.v[i];
@@ -94,7 +95,7 @@ fn a_term_taken_from_the_model_comes_back_as_missing_force() {
 #[test]
 fn a_record_of_the_model_leaves_no_force_and_tells_its_noise() {
     let (dataset, e) = record(1e-4);
-    let m = missing_force(&Pendulum, &PENDULUM, &dataset, &e, &[]).unwrap();
+    let m = missing_force(&Pendulum, &PENDULUM, &dataset, &e, States::NONE).unwrap();
     assert!(m.settled);
     assert!(
         (m.noise.position[0] / 1e-4 - 1.0).abs() < 0.05,
@@ -117,8 +118,9 @@ fn the_band_holds_the_missing_force() {
     let (dataset, e) = record(1e-4);
     let mut p = PENDULUM;
     p[2] = 0.0;
-    let m = missing_force(&Pendulum, &p, &dataset, &e, &[]).unwrap();
-    let exact = missing_force(&Pendulum, &PENDULUM, &dataset, &record(0.0).1, &[]).unwrap();
+    let m = missing_force(&Pendulum, &p, &dataset, &e, States::NONE).unwrap();
+    let exact =
+        missing_force(&Pendulum, &PENDULUM, &dataset, &record(0.0).1, States::NONE).unwrap();
     let error = m.w.iter().zip(&exact.v).map(|(w, v)| w + PENDULUM[2] * v);
     let inside = share_inside(error, &m.band);
     assert!(
@@ -134,7 +136,7 @@ fn a_gap_in_the_record_widens_the_band_there() {
     let mut p = PENDULUM;
     p[2] = 0.0;
     e.q[1800..2200].fill(f64::NAN);
-    let m = missing_force(&Pendulum, &p, &dataset, &e, &[]).unwrap();
+    let m = missing_force(&Pendulum, &p, &dataset, &e, States::NONE).unwrap();
     assert!(
         m.band[2000] > 2.0 * m.band[1500],
         "{} {}",
@@ -147,7 +149,7 @@ fn a_gap_in_the_record_widens_the_band_there() {
 #[test]
 fn a_model_without_mass_is_named() {
     let (dataset, e) = record(0.0);
-    let message = missing_force(&Pendulum, &[0.0; 5], &dataset, &e, &[])
+    let message = missing_force(&Pendulum, &[0.0; 5], &dataset, &e, States::NONE)
         .unwrap_err()
         .to_string();
     assert!(

@@ -186,6 +186,7 @@ fn record(
         tau: None,
         qref: None,
         missing: 0,
+        gain_factors: Default::default(),
     };
     let mut recorded_v = Vec::with_capacity(MOVED * SAMPLES);
     let mut u = [0.0; 2 * AXES];
