@@ -43,7 +43,9 @@ pub enum ChangeError {
         record: String,
     },
     /// Gains by record that no record has.
-    #[error("gain factors `{pattern}={gain}:…`: {why}")]
+    #[error(
+        "gain factors `{pattern}={gain}:…`: {why}\n  help: RECORD=GAIN:FACTOR, such as `*_kp400=kp:4`, where `*` stands for any characters"
+    )]
     GainFactors {
         /// Pattern of the records.
         pattern: String,

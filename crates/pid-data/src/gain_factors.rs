@@ -2,14 +2,12 @@
 
 use std::str::FromStr;
 
-use serde::{Deserialize, Serialize};
-
 use crate::{ChangeError, Dataset};
 
 /// By how many times the gains of the drives' position loops in a record are those of the description. A servo whose
 /// register for kp holds 100 in one record and 400 in another has one gain per unit of the register, and factors of 100
 /// and 400.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct GainFactors {
     /// In the order of [`GainFactors::KEYS`], one per joint; empty where all are 1.
     all: [Vec<f64>; GainFactors::KEYS.len()],
@@ -54,8 +52,9 @@ impl GainFactors {
             [one] => vec![*one; joints],
             all if all.len() == joints => all.to_vec(),
             all => {
+                let plural = if joints == 1 { "" } else { "s" };
                 return Err(format!(
-                    "{} factors for {joints} joints: give one for all or one per joint",
+                    "{} factors for {joints} joint{plural}: give one for all or one per joint",
                     all.len()
                 ));
             }
@@ -97,7 +96,7 @@ impl FromStr for GainRule {
 }
 
 impl Dataset {
-    /// The data with gains by record as the rules say, the last that fits first.
+    /// The data with gains by record as the rules say; the last that fits a record counts.
     ///
     /// # Errors
     /// [`ChangeError::GainFactors`]: a rule that fits no record, or with factors that no gain has.

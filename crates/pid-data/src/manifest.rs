@@ -50,7 +50,7 @@ struct RawExperiment {
 
 /// Factors of a gain as written.
 #[derive(Debug, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "a number, or a list of one per joint")]
 enum RawFactors {
     All(f64),
     Each(Vec<f64>),

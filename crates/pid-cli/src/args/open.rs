@@ -81,7 +81,8 @@ impl OpenArgs {
             .or(targets)
     }
 
-    /// The same without what data folders have too: gains of inputs, what they do between samples, targets in their place, and gains of loops.
+    /// The same without what data folders have too: gains of inputs, what they do between samples, targets in their
+    /// place, and gains of loops.
     pub(crate) fn stated_of_logs(&self) -> Option<&'static str> {
         let all = [
             ("--map", !self.map.is_empty()),

@@ -159,6 +159,11 @@ fn gains_by_record_are_read_or_refused_with_their_place() {
             &["dataset.toml:29:", "experiment `a.csv`", piece],
         );
     }
+    let text = with("{ kp = \"4\" }").expect_err("a word").to_string();
+    assert!(
+        text.contains("a number, or a list of one per joint"),
+        "{text}"
+    );
     let rules = |text: &str| d.clone().with_gain_factors(&[text.parse().unwrap()]);
     assert_eq!(
         rules("*=kp:2").unwrap().experiments[1]
