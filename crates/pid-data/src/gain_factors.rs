@@ -77,7 +77,7 @@ impl FromStr for GainRule {
     fn from_str(text: &str) -> Result<Self, String> {
         let form = || {
             format!(
-                "`{text}` is not RECORD=GAIN:FACTOR, such as `*_kp400=kp:4`; gains: {}",
+                "`{text}` is not RECORD=GAIN:FACTOR\n  help: as in `*_kp400=kp:4`; gains are {}",
                 GainFactors::KEYS.join(", ")
             )
         };
