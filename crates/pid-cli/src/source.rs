@@ -359,9 +359,7 @@ fn bare<'a>(
     source: &'a Source,
     terms: &[Request],
 ) -> Result<(Subject, Option<&'a Path>), CliError> {
-    let factor = (!source.open.gain_factor.is_empty()).then_some("--gain-factor");
-    let targets = source.open.targets.then_some("--targets");
-    if let Some(option) = source.open.stated_of_logs().or(factor).or(targets) {
+    if let Some(option) = source.open.stated_of_logs() {
         return Err(CliError::OptionOfLogs { option });
     }
     match (&source.urdf, source.paths.as_slice()) {

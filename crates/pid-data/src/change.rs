@@ -95,16 +95,8 @@ impl Dataset {
     /// # Errors
     /// [`ChangeError::NoTorque`].
     pub fn with_measured_torques(mut self) -> Result<Self, ChangeError> {
-        for experiment in &mut self.experiments {
-            match experiment.tau.clone() {
-                Some(tau) => experiment.u = tau,
-                None => {
-                    return Err(ChangeError::NoTorque {
-                        record: experiment.name.clone(),
-                    });
-                }
-            }
-        }
+        self.take_inputs(|e| e.tau.clone())
+            .map_err(|record| ChangeError::NoTorque { record })?;
         self.inputs_are_forces();
         self.input_hold = InputHold::Linear;
         Ok(self)
@@ -115,16 +107,8 @@ impl Dataset {
     /// # Errors
     /// [`ChangeError::NoTargets`].
     pub fn with_targets(mut self) -> Result<Self, ChangeError> {
-        for experiment in &mut self.experiments {
-            match experiment.qref.clone() {
-                Some(qref) => experiment.u = qref,
-                None => {
-                    return Err(ChangeError::NoTargets {
-                        record: experiment.name.clone(),
-                    });
-                }
-            }
-        }
+        self.take_inputs(|e| e.qref.clone())
+            .map_err(|record| ChangeError::NoTargets { record })?;
         for joint in &mut self.joints {
             joint.input = InputQuantity::Position;
             joint.input_unit = joint.unit().to_owned();
@@ -174,6 +158,17 @@ impl Dataset {
                 .retain(|e| !known(e) || names.contains(&e.name));
         }
         Ok(self)
+    }
+
+    /// Puts another channel in place of the inputs; the name of the first record that has none.
+    fn take_inputs(
+        &mut self,
+        channel: impl Fn(&Experiment) -> Option<Vec<f64>>,
+    ) -> Result<(), String> {
+        for experiment in &mut self.experiments {
+            experiment.u = channel(experiment).ok_or_else(|| experiment.name.clone())?;
+        }
+        Ok(())
     }
 
     fn inputs_are_forces(&mut self) {

@@ -74,15 +74,10 @@ impl OpenArgs {
     pub(crate) fn stated(&self) -> Option<&'static str> {
         let gain = (!self.gain.is_empty()).then_some("--gain");
         let hold = self.input_hold.is_some().then_some("--input-hold");
-        let factor = (!self.gain_factor.is_empty()).then_some("--gain-factor");
-        let targets = self.targets.then_some("--targets");
-        (self.stated_of_logs().or(gain).or(hold))
-            .or(factor)
-            .or(targets)
+        self.stated_of_logs().or(gain).or(hold)
     }
 
-    /// The same without what data folders have too: gains of inputs, what they do between samples, targets in their
-    /// place, and gains of loops.
+    /// The same without what inputs of declared models have too: gains, and what they do between samples.
     pub(crate) fn stated_of_logs(&self) -> Option<&'static str> {
         let all = [
             ("--map", !self.map.is_empty()),
@@ -90,6 +85,8 @@ impl OpenArgs {
             ("--input", self.input.is_some()),
             ("--passive", self.passive),
             ("--drive", self.drive.is_some()),
+            ("--targets", self.targets),
+            ("--gain-factor", !self.gain_factor.is_empty()),
             ("--test", !self.test.is_empty()),
             ("--sample-time", self.sample_time.is_some()),
             ("--class", self.class != ClassArg::default()),

@@ -132,8 +132,8 @@ pub(super) fn followed(
     best.map(|(fit, _)| fit)
 }
 
-/// What a law multiplies its gains with, sample by sample, by the factors of the record: errors, velocities and integrals of errors, of a cascade the
-/// velocity that lacks and its integral; and the acceleration of the target.
+/// What a law multiplies its gains with, sample by sample, times the factors of the record: errors, velocities and
+/// integrals of errors, of a cascade the velocity that lacks and its integral; and the acceleration of the target.
 fn seen(servo: &Servo, k: &Gains<f64>, (r, j): (&Record, usize)) -> Vec<([f64; 3], f64)> {
     let factor = |gain: Gain| r.gain_factors.at(gain as usize, j);
     let mut k = *k;

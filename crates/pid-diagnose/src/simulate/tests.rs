@@ -9,8 +9,8 @@ use crate::substeps::Substeps;
 const H: f64 = 4e-3;
 const SAMPLES: usize = 100;
 
-/// Moves a machine on under inputs or targets of each joint at the samples; the links are evaluated at every substep, or
-/// held.
+/// Moves a machine on under inputs or targets of each joint at the samples; the links are evaluated at every
+/// substep, or held.
 fn driven<D: Pick>(
     machine: &mut Machine<'_, D>,
     state: &mut State<D>,

@@ -246,6 +246,16 @@ mod tests {
         feedback_delay: None,
     };
 
+    /// A gain has the same place among the factors of a record.
+    #[test]
+    fn factors_of_records_are_those_of_the_gains() {
+        let keys = Gain::ALL.map(Gain::key);
+        assert!(keys.starts_with(&pid_data::GainFactors::KEYS));
+        let mut k = K;
+        k.times(|gain| 1.0 + gain as usize as f64);
+        assert_eq!([k.kp, k.kd, k.ki, k.kv], [10.0, 4.0, 15.0, 6.0]);
+    }
+
     #[test]
     fn laws_by_hand() {
         let of = |law| output(&servo(law, None), &K, &AT, 0.7).u;

@@ -126,8 +126,7 @@ fn differing(own: &Driven<'_>, dataset: &Dataset) -> Vec<Gain> {
         records.any(|e| e.gain_factors.at(*gain as usize, own.joint) != 1.0)
     };
     let all = own.servo.law.gains().iter().copied();
-    all.filter(|gain| factor(*gain).is_some() && differs(gain))
-        .collect()
+    all.filter(differs).collect()
 }
 
 impl<'m> WithLoops<'m> {
