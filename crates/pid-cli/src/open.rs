@@ -97,8 +97,8 @@ pub(crate) fn open(robot: &Path, logs: &[PathBuf], args: &OpenArgs) -> Result<Op
     }
     let robot = read_robot(robot, args)?;
     let records = match logs {
-        [folder] if folder.join("dataset.toml").is_file() => {
-            with_inputs(as_stated(Dataset::read(folder)?), args)?
+        folders if folders.iter().all(|own| own.join("dataset.toml").is_file()) => {
+            with_inputs(as_stated(read_folders(folders, args)?), args)?
         }
         _ => {
             let mut read = Vec::new();
@@ -111,6 +111,15 @@ pub(crate) fn open(robot: &Path, logs: &[PathBuf], args: &OpenArgs) -> Result<Op
     let opened = robot.with(records);
     tell(&opened.records);
     Ok(opened)
+}
+
+/// Folders with `dataset.toml` as one; drives that are off by a rule are so before, since their inputs do not count.
+fn read_folders(folders: &[PathBuf], args: &OpenArgs) -> Result<Dataset, CliError> {
+    let all = folders.iter().map(|folder| Dataset::read(folder));
+    let mut all = all.collect::<Result<Vec<_>, _>>()?;
+    Dataset::set_gain_factors(&mut all, &args.gain_factor)?;
+    let first = all.remove(0);
+    Ok(first.merged(all)?)
 }
 
 /// A data set that states everything itself.

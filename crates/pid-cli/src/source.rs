@@ -231,13 +231,18 @@ pub(crate) fn load_described(
     source: &Source,
 ) -> Result<(Subject, Dataset), CliError> {
     let logs = robot_and_logs(&source.paths).is_some();
+    // What is off in a folder is so before folders are put together: its inputs do not count.
+    let mut all = further(source)?;
+    all.insert(0, opened.records.dataset);
+    Dataset::set_gain_factors(&mut all, &source.open.gain_factor)?;
+    let first = all.remove(0);
     let dataset = match logs {
         // Gains entered where the logs were read.
-        true => with_inputs(opened.records.dataset, source)?,
-        false => as_stated(opened.records.dataset, source)?,
+        true => with_inputs(first, source)?,
+        false => as_stated(first, source)?,
     };
-    let dataset = dataset.merged(also(source)?)?;
-    let dataset = dataset.with_gain_factors(&source.open.gain_factor)?;
+    let also = all.into_iter().map(|own| as_stated(own, source));
+    let dataset = dataset.merged(also.collect::<Result<_, _>>()?)?;
     let (nominal, mut dataset) = behind_loops(opened.nominal, dataset)?;
     let mut subject = Subject::of_description(nominal, &mut dataset)?;
     if logs {
@@ -296,12 +301,16 @@ fn with_inputs_of_motors(opened: &Opened) -> Result<(), CliError> {
     }
 }
 
-/// The further records.
-fn also(source: &Source) -> Result<Vec<Dataset>, CliError> {
+/// The further records as they were read.
+fn further(source: &Source) -> Result<Vec<Dataset>, CliError> {
     let folders = source.also.iter();
-    folders
-        .map(|folder| as_stated(Dataset::read(folder)?, source))
-        .collect()
+    folders.map(|own| Ok(Dataset::read(own)?)).collect()
+}
+
+/// The further records with their inputs as the options say.
+fn also(source: &Source) -> Result<Vec<Dataset>, CliError> {
+    let all = further(source)?.into_iter();
+    all.map(|own| as_stated(own, source)).collect()
 }
 
 /// Model and records that fit each other; warnings are printed.

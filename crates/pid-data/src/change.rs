@@ -1,5 +1,7 @@
 //! Data sets made of data sets: other inputs, further records, fewer records.
 
+use std::borrow::Cow;
+
 use crate::{Dataset, Experiment, InputHold, InputQuantity, Role};
 
 /// A data set that cannot be changed so.
@@ -44,13 +46,11 @@ pub enum ChangeError {
     },
     /// Gains by record that no record has.
     #[error(
-        "gain factors `{pattern}={gain}:…`: {why}\n  help: RECORD=GAIN:FACTOR, such as `*_kp400=kp:4`, where `*` stands for any characters"
+        "gain factors `{rule}`: {why}\n  help: RECORD=GAIN:FACTOR, such as `*_kp400=kp:4`, or RECORD=off, where `*` stands for any characters"
     )]
     GainFactors {
-        /// Pattern of the records.
-        pattern: String,
-        /// The gain.
-        gain: &'static str,
+        /// The rule.
+        rule: String,
         /// What is wrong.
         why: String,
     },
@@ -65,23 +65,29 @@ pub enum ChangeError {
 }
 
 impl Dataset {
-    /// The records of several data sets of one robot as one.
+    /// The records of several data sets of one robot as one. Inputs of drives that are off do not count: their kind may
+    /// be another one.
     ///
     /// # Errors
     /// [`ChangeError::OtherRobot`].
     pub fn merged(mut self, also: Vec<Dataset>) -> Result<Self, ChangeError> {
-        for other in also {
+        for mut other in also {
+            let off = other.experiments.iter().all(Experiment::is_off);
             let alike = other.joints.len() == self.joints.len()
-                && other.input_hold == self.input_hold
+                && (off || other.input_hold == self.input_hold)
                 && self.joints.iter().zip(&other.joints).all(|(a, b)| {
-                    (a.prismatic, &a.input_unit, a.velocity)
-                        == (b.prismatic, &b.input_unit, b.velocity)
+                    (a.prismatic, a.velocity) == (b.prismatic, b.velocity)
+                        && (off || a.input_unit == b.input_unit)
                 });
             if !alike {
                 return Err(ChangeError::OtherRobot {
                     first: self.name,
                     second: other.name,
                 });
+            }
+            if off {
+                let inputs = other.experiments.iter_mut().flat_map(|e| &mut e.u);
+                inputs.for_each(|u| *u = 0.0);
             }
             self.name = format!("{} and {}", self.name, other.name);
             self.experiments.extend(other.experiments);
@@ -107,7 +113,7 @@ impl Dataset {
     /// # Errors
     /// [`ChangeError::NoTargets`].
     pub fn with_targets(mut self) -> Result<Self, ChangeError> {
-        self.take_inputs(|e| e.qref.clone())
+        self.take_inputs(|e| e.targets().map(Cow::into_owned))
             .map_err(|record| ChangeError::NoTargets { record })?;
         for joint in &mut self.joints {
             joint.input = InputQuantity::Position;

@@ -55,6 +55,18 @@ pub enum DataError {
         /// What is wrong.
         why: String,
     },
+    /// Drives that are off, of joints that there are not.
+    #[error(
+        "{place}: {item}: off: {why}\n  help: as in off = true, where no drive of the robot is on in this record"
+    )]
+    Off {
+        /// Where it stands.
+        place: pid_toml::Place,
+        /// Which experiment.
+        item: String,
+        /// What is wrong.
+        why: String,
+    },
     /// The unit of an input does not fit its quantity.
     #[error(
         "{place}: joint `{joint}`: a {quantity} is recorded in {expected}, not in `{unit}`\n  help: convert the column and write input_unit = \"{expected}\""

@@ -1,4 +1,4 @@
-//! Gains of position loops that differ from record to record.
+//! Gains of position loops that differ from record to record, and drives that are off in some.
 
 use std::str::FromStr;
 
@@ -6,20 +6,42 @@ use crate::{ChangeError, Dataset};
 
 /// By how many times the gains of the drives' position loops in a record are those of the description. A servo whose
 /// register for kp holds 100 in one record and 400 in another has one gain per unit of the register, and factors of 100
-/// and 400.
+/// and 400. A drive that is off has open terminals: no current flows, and the motor exerts no torque.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct GainFactors {
     /// In the order of [`GainFactors::KEYS`], one per joint; empty where all are 1.
     all: [Vec<f64>; GainFactors::KEYS.len()],
+    /// Whether the drive is off, one per joint; empty where all are on.
+    off: Vec<bool>,
 }
 
 impl GainFactors {
     /// Gains that may differ, by their keys in a description.
     pub const KEYS: [&'static str; 4] = ["kp", "kd", "ki", "kv"];
 
-    /// Whether the gains are those of the description.
+    /// Whether the gains are those of the description, and all drives on.
     pub fn are_one(&self) -> bool {
-        self.all.iter().flatten().all(|x| *x == 1.0)
+        self.all.iter().flatten().all(|x| *x == 1.0) && !self.off.contains(&true)
+    }
+
+    /// Whether the drive of a joint is off.
+    pub fn is_off(&self, joint: usize) -> bool {
+        self.off.get(joint).copied().unwrap_or(false)
+    }
+
+    /// Whether the drives are off, one per joint; empty where all are on.
+    pub fn off(&self) -> &[bool] {
+        &self.off
+    }
+
+    /// Says of drives whether they are off: one for all joints or one for each.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub(crate) fn set_off(&mut self, off: &[bool], joints: usize) -> Result<(), String> {
+        let all = for_each(off, joints)?;
+        self.off = if all.contains(&true) { all } else { Vec::new() };
+        Ok(())
     }
 
     /// The factor of a gain, by its place in [`GainFactors::KEYS`], at a joint; 1 where none is stated.
@@ -48,27 +70,39 @@ impl GainFactors {
         if let Some(x) = factors.iter().find(|x| !x.is_finite() || **x < 0.0) {
             return Err(format!("{x}: a factor is a number of at least zero"));
         }
-        self.all[gain] = match factors {
-            [one] => vec![*one; joints],
-            all if all.len() == joints => all.to_vec(),
-            all => {
-                let plural = if joints == 1 { "" } else { "s" };
-                return Err(format!(
-                    "{} factors for {joints} joint{plural}: give one for all or one per joint",
-                    all.len()
-                ));
-            }
-        };
+        self.all[gain] = for_each(factors, joints)?;
         Ok(())
     }
 }
 
-/// Factors of a gain in all records whose names fit a pattern: `*_kp400=kp:4`, `slow=kd:1,0.5`.
+/// One value for each joint, from one for all or one for each.
+fn for_each<T: Copy>(stated: &[T], joints: usize) -> Result<Vec<T>, String> {
+    match stated {
+        [one] => Ok(vec![*one; joints]),
+        all if all.len() == joints => Ok(all.to_vec()),
+        all => {
+            let plural = if joints == 1 { "" } else { "s" };
+            Err(format!(
+                "{} values for {joints} joint{plural}: give one for all or one per joint",
+                all.len()
+            ))
+        }
+    }
+}
+
+/// What holds in all records whose names fit a pattern: factors of a gain, `*_kp400=kp:4` or `slow=kd:1,0.5`, or drives
+/// that are off, `drop_*=off`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GainRule {
     pattern: String,
-    gain: usize,
-    factors: Vec<f64>,
+    holds: Holds,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Holds {
+    /// A gain, and its factors.
+    Times(usize, Vec<f64>),
+    Off,
 }
 
 impl FromStr for GainRule {
@@ -77,21 +111,41 @@ impl FromStr for GainRule {
     fn from_str(text: &str) -> Result<Self, String> {
         let form = || {
             format!(
-                "`{text}` is not RECORD=GAIN:FACTOR\n  help: as in `*_kp400=kp:4`; gains are {}",
+                "`{text}` is not RECORD=GAIN:FACTOR\n  help: as in `*_kp400=kp:4`, or `drop_*=off` for drives that are off; gains are {}",
                 GainFactors::KEYS.join(", ")
             )
         };
         let (pattern, own) = text.rsplit_once('=').ok_or_else(form)?;
+        let pattern = pattern.to_owned();
+        if own.trim() == "off" {
+            let holds = Holds::Off;
+            return Ok(Self { pattern, holds });
+        }
         let (key, factors) = own.split_once(':').ok_or_else(form)?;
         let keys = GainFactors::KEYS.iter();
         let gain = keys.clone().position(|own| *own == key.trim());
         let factors = factors.split(',').map(|x| x.trim().parse::<f64>().ok());
         let factors: Option<Vec<f64>> = factors.collect();
-        Ok(Self {
-            pattern: pattern.to_owned(),
-            gain: gain.ok_or_else(form)?,
-            factors: factors.ok_or_else(form)?,
-        })
+        let holds = Holds::Times(gain.ok_or_else(form)?, factors.ok_or_else(form)?);
+        Ok(Self { pattern, holds })
+    }
+}
+
+impl GainRule {
+    /// What it says of the records that it fits.
+    fn said(&self) -> String {
+        match self.holds {
+            Holds::Times(gain, _) => format!("{}:…", GainFactors::KEYS[gain]),
+            Holds::Off => "off".to_owned(),
+        }
+    }
+
+    /// Holds for a record with so many joints.
+    fn put(&self, own: &mut GainFactors, joints: usize) -> Result<(), String> {
+        match &self.holds {
+            Holds::Times(gain, factors) => own.set(*gain, factors, joints),
+            Holds::Off => own.set_off(&[true], joints),
+        }
     }
 }
 
@@ -101,30 +155,39 @@ impl Dataset {
     /// # Errors
     /// [`ChangeError::GainFactors`]: a rule that fits no record, or with factors that no gain has.
     pub fn with_gain_factors(mut self, rules: &[GainRule]) -> Result<Self, ChangeError> {
-        let joints = self.nq();
+        Self::set_gain_factors(std::slice::from_mut(&mut self), rules)?;
+        Ok(self)
+    }
+
+    /// Sets gains by record in several data sets, each rule in those where it fits.
+    ///
+    /// # Errors
+    /// As [`Dataset::with_gain_factors`].
+    pub fn set_gain_factors(all: &mut [Self], rules: &[GainRule]) -> Result<(), ChangeError> {
         for rule in rules {
             let refuse = |why: String| ChangeError::GainFactors {
-                pattern: rule.pattern.clone(),
-                gain: GainFactors::KEYS[rule.gain],
+                rule: format!("{}={}", rule.pattern, rule.said()),
                 why,
             };
-            let records: Vec<&str> = self.experiments.iter().map(|e| e.name.as_str()).collect();
-            let records = records.join(", ");
-            let fits = |name: &str| matches(&rule.pattern, name);
-            let mut found = (self.experiments.iter_mut())
-                .filter(|e| fits(&e.name))
-                .peekable();
-            if found.peek().is_none() {
+            let mut fitted = false;
+            for own in all.iter_mut() {
+                let joints = own.nq();
+                let records = own.experiments.iter_mut();
+                for e in records.filter(|e| matches(&rule.pattern, &e.name)) {
+                    rule.put(&mut e.gain_factors, joints).map_err(refuse)?;
+                    fitted = true;
+                }
+            }
+            if !fitted {
+                let records = all.iter().flat_map(|own| &own.experiments);
+                let records: Vec<&str> = records.map(|e| e.name.as_str()).collect();
                 return Err(refuse(format!(
-                    "no record has a name like that; they are {records}"
+                    "no record has a name like that; they are {}",
+                    records.join(", ")
                 )));
             }
-            for e in found {
-                let set = e.gain_factors.set(rule.gain, &rule.factors, joints);
-                set.map_err(refuse)?;
-            }
         }
-        Ok(self)
+        Ok(())
     }
 }
 
@@ -153,8 +216,10 @@ mod tests {
     #[test]
     fn a_rule_is_read_or_refused_with_its_form() {
         let rule: GainRule = "*_kp400 = x=kd:1, 0.5".parse().expect("a rule");
-        assert_eq!((rule.pattern.as_str(), rule.gain), ("*_kp400 = x", 1));
-        assert_eq!(rule.factors, [1.0, 0.5]);
+        assert_eq!(rule.pattern, "*_kp400 = x");
+        assert_eq!(rule.holds, Holds::Times(1, vec![1.0, 0.5]));
+        let rule: GainRule = "drop_*=off".parse().expect("a rule");
+        assert_eq!((rule.pattern.as_str(), rule.holds), ("drop_*", Holds::Off));
         for text in ["kp:4", "a=kp", "a=kq:4", "a=kp:x", "a=kp:"] {
             let message = text.parse::<GainRule>().expect_err(text);
             assert!(
@@ -175,5 +240,11 @@ mod tests {
         for factors in [&[-1.0][..], &[f64::NAN], &[1.0, 2.0, 3.0], &[]] {
             assert!(own.set(0, factors, 2).is_err(), "{factors:?}");
         }
+        let mut own = GainFactors::default();
+        own.set_off(&[false, true], 2).expect("one for each");
+        assert_eq!([own.is_off(0), own.is_off(1)], [false, true]);
+        assert!(!own.are_one() && own.set_off(&[true; 3], 2).is_err());
+        own.set_off(&[false], 2).expect("one for all");
+        assert!(own.are_one() && own.off().is_empty());
     }
 }

@@ -58,6 +58,7 @@ pub use error::{DataError, DataWarning, ModelMismatch};
 pub use gain_factors::{GainFactors, GainRule, matches};
 pub use windows::{Horizon, ParseHorizonError, windows};
 
+use std::borrow::Cow;
 use std::fmt;
 use std::ops::Range;
 
@@ -296,6 +297,29 @@ impl Experiment {
         }
         let middle = steps.len() / 2;
         *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+
+    /// Commanded positions, rad or m; N × nq: where all drives are off and none are recorded, the positions themselves.
+    pub fn targets(&self) -> Option<Cow<'_, [f64]>> {
+        if let Some(qref) = &self.qref {
+            return Some(Cow::Borrowed(qref));
+        }
+        if !self.is_off() {
+            return None;
+        }
+        let mut out = self.q.clone();
+        for j in 0..self.nq {
+            let mut own: Vec<f64> = self.q.iter().skip(j).step_by(self.nq).copied().collect();
+            signal::fill_missing(&self.t, &mut own);
+            let places = out.iter_mut().skip(j).step_by(self.nq);
+            places.zip(own).for_each(|(place, q)| *place = q);
+        }
+        Some(Cow::Owned(out))
+    }
+
+    /// Whether all drives are off.
+    pub fn is_off(&self) -> bool {
+        (0..self.nq).all(|j| self.gain_factors.is_off(j))
     }
 
     /// The samples of a range, borrowed. Panics if the range reaches beyond the record.

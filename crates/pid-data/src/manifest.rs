@@ -46,6 +46,15 @@ struct RawExperiment {
     note: String,
     #[serde(default)]
     gain_factors: BTreeMap<String, Spanned<RawFactors>>,
+    off: Option<Spanned<RawOff>>,
+}
+
+/// Whether drives are off, as written.
+#[derive(Debug, Deserialize)]
+#[serde(untagged, expecting = "true, false, or a list of one per joint")]
+enum RawOff {
+    All(bool),
+    Each(Vec<bool>),
 }
 
 /// Factors of a gain as written.
@@ -173,7 +182,18 @@ fn check_experiment(
     let roles = [("train", Role::Train), ("test", Role::Test)];
     let item = format!("experiment `{}`", e.file.as_ref());
     let role = word(source, &e.role, &item, "role", &roles)?;
-    let gain_factors = factors(source, &item, &e.gain_factors, joints)?;
+    let mut gain_factors = factors(source, &item, &e.gain_factors, joints)?;
+    if let Some(own) = &e.off {
+        let set = match own.as_ref() {
+            RawOff::All(x) => gain_factors.set_off(&[*x], joints),
+            RawOff::Each(all) => gain_factors.set_off(all, joints),
+        };
+        set.map_err(|why| DataError::Off {
+            place: source.place_of(own),
+            item: item.clone(),
+            why,
+        })?;
+    }
     let file = e.file.into_inner();
     Ok(Listed {
         name: stem(&file).to_owned(),

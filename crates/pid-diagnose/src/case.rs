@@ -190,8 +190,11 @@ impl Case {
     }
 
     /// Torque or force per unit of the input of a joint in a record: of its target where the drive has a
-    /// position loop.
+    /// position loop. Zero where the drive is off.
     pub fn force_per_input(&self, record: &Record, joint: usize) -> f64 {
+        if record.gain_factors.is_off(joint) {
+            return 0.0;
+        }
         let servo = self.nominal.description.servo(joint);
         let per_input = servo.map_or(1.0, |servo| {
             let value = |i: usize| self.nominal.values[i].nominal;
@@ -205,8 +208,9 @@ impl Case {
 
     /// Median over the records of the factor of a gain at a joint, those aside in which it is none.
     pub(crate) fn usual_factor(&self, gain: Gain, joint: usize) -> f64 {
-        let own = self.records.iter();
-        let own = own.map(|r| r.gain_factors.at(gain as usize, joint));
+        let own = self.records.iter().map(|r| &r.gain_factors);
+        let own = own.filter(|own| !own.is_off(joint));
+        let own = own.map(|own| own.at(gain as usize, joint));
         let mut all: Vec<f64> = own.filter(|x| *x > 0.0).collect();
         all.sort_by(f64::total_cmp);
         all.get(all.len() / 2).copied().unwrap_or(1.0)

@@ -5,6 +5,7 @@ use pid_interpret::nominal::{self as description, Gain, Simulated, SimulatedJoin
 
 use crate::case::{Case, CaseError};
 use crate::described::stated;
+use crate::first;
 use crate::gap::{Gap, gap};
 use crate::hypothesis::Hypothesis;
 use crate::nominal::Nominal;
@@ -86,5 +87,7 @@ pub fn free_run_gap(nominal: Nominal, dataset: &Dataset) -> Result<Gap, CaseErro
         }
     }
     let theta = vec![0.0; case.nominal.size()];
-    Ok(gap(&case, &Hypothesis::default(), &theta, &[], Role::Test))
+    let none = Hypothesis::default();
+    let case = first::as_described(case);
+    Ok(gap(&case, &none, &theta, &[], Role::Test))
 }

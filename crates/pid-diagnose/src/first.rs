@@ -22,6 +22,7 @@ use crate::excerpt::beginning;
 use crate::fit::{Effort, Fit, Point, basis, fit};
 use crate::gap::deviations;
 use crate::hypothesis::Hypothesis;
+use crate::predict::Runner;
 
 /// Time that is looked at, s: motion of arms is a cubic for as long.
 const LENGTH: f64 = 0.1;
@@ -84,21 +85,63 @@ pub(crate) fn by_free_runs(case: &Case, short: &Case) -> Option<Case> {
     };
     let effort = Effort::on_the_way(STEPS.0);
     let nominal = fit(short, &basis(short), &Hypothesis::default(), at, effort);
-    let mut out = case.clone();
-    let own: Vec<Vec<f64>> = (case.records.par_iter())
-        .map(|record| match moves(record) {
-            true => nearest(case, record, &nominal),
-            false => record.first_v.clone(),
-        })
-        .collect();
-    for (record, first_v) in out.records.iter_mut().zip(own) {
-        record.first_v = first_v;
+    Some(under(case, case.clone(), Model::of(&nominal)))
+}
+
+/// A model by which velocities at the start are found.
+#[derive(Clone, Copy)]
+pub(crate) struct Model<'a> {
+    pub(crate) hypothesis: &'a Hypothesis,
+    pub(crate) theta: &'a [f64],
+    pub(crate) e: &'a [f64],
+}
+
+impl<'a> Model<'a> {
+    pub(crate) fn of(fit: &'a Fit) -> Self {
+        Model {
+            hypothesis: &fit.hypothesis,
+            theta: &fit.point.theta,
+            e: &fit.point.e,
+        }
     }
-    Some(out)
+}
+
+/// A case with the velocities at the start of records as its description has them.
+pub(crate) fn as_described(case: Case) -> Case {
+    let theta = vec![0.0; case.nominal.size()];
+    let model = Model {
+        hypothesis: &Hypothesis::default(),
+        theta: &theta,
+        e: &[],
+    };
+    under(&case, case.clone(), model)
+}
+
+/// `own` with the velocities at the start of those records that begin in motion by the readings, as `read` has them,
+/// and from their first sample on, under a model of `own`.
+pub(crate) fn under(read: &Case, own: Case, model: Model<'_>) -> Case {
+    let of = |record: &Record| {
+        let mut whole = read.records.iter();
+        let whole = whole.find(|r| r.name == record.name && r.begin == record.begin)?;
+        let moves = whole.first_v.iter().any(|v| *v != 0.0);
+        let record = Record {
+            first_v: whole.first_v.clone(),
+            ..record.clone()
+        };
+        moves.then(|| nearest(&own, &record, model))
+    };
+    let found: Vec<Option<Vec<f64>>> = own.records.par_iter().map(of).collect();
+    let mut out = own;
+    for (record, found) in out.records.iter_mut().zip(found) {
+        if let Some(first_v) = found {
+            record.first_v = first_v;
+        }
+    }
+    out
 }
 
 /// Velocities at the start of a record, of the joints that move there.
-fn nearest(case: &Case, record: &Record, at: &Fit) -> Vec<f64> {
+fn nearest(case: &Case, record: &Record, at: Model<'_>) -> Vec<f64> {
     let length = case.nominal.horizon.map_or(LENGTH, |s| SHARE * s);
     let number = ((length / record.h).round() as usize).max(FEWEST);
     let mut short = beginning(record, number + 1);
@@ -111,7 +154,7 @@ fn nearest(case: &Case, record: &Record, at: &Fit) -> Vec<f64> {
         for (j, v) in moving.iter().zip(v.iter()) {
             short.first_v[*j] = *v;
         }
-        let mut runner = at.runner(case, &short);
+        let mut runner = Runner::<f64>::new(case, &short, at.hypothesis, at.theta, at.e);
         let start = runner.start(0);
         let mut out = Vec::with_capacity(last * case.n());
         runner.free(&start, 0, last, &mut |i, j, q, _| {
@@ -153,7 +196,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::StandardNormal;
 
-    use super::{nearest, velocity};
+    use super::{Model, nearest, velocity};
     use crate::bench::{SIZE, pendulum};
     use crate::fit::{Effort, Point, basis, fit};
     use crate::hypothesis::Hypothesis;
@@ -226,14 +269,14 @@ mod tests {
         }
         let truth = record.smooth_v[0][0];
         record.first_v = vec![truth + 1.0];
-        let found = nearest(&case, &record, &at)[0];
+        let found = nearest(&case, &record, Model::of(&at))[0];
         assert!((found - truth).abs() < 1e-3, "{found} for {truth}");
         // A play of 10 mrad is taken up within 20 ms.
         for k in 0..10 {
             record.smooth_q[0][k] -= 0.001 * (10 - k) as f64;
         }
         let slope = velocity(&record.smooth_q[0], record.h, 6.0);
-        let found = nearest(&case, &record, &at)[0];
+        let found = nearest(&case, &record, Model::of(&at))[0];
         assert!((found - truth).abs() < 0.2, "{found} for {truth}");
         assert!((slope - truth).abs() > 0.4, "{slope} for {truth}");
     }

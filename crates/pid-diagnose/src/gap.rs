@@ -363,7 +363,11 @@ pub fn floor(case: &Case, hypothesis: &Hypothesis, theta: &[f64], e: &[f64], rol
             let mut squares = vec![[(0.0, 0.0); 2]; n];
             let mut noisy = record.clone();
             for j in 0..n {
-                let scale = case.noise[j].torque / case.force_per_input(record, j).abs();
+                // No noise of the drive reaches a joint whose input exerts no force.
+                let scale = match case.force_per_input(record, j).abs() {
+                    0.0 => 0.0,
+                    per_input => case.noise[j].torque / per_input,
+                };
                 for u in &mut noisy.u[j] {
                     *u += scale * random.sample::<f64, _>(StandardNormal);
                 }

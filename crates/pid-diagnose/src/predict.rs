@@ -70,7 +70,7 @@ pub fn gains(
             let design = Design {
                 h,
                 inertia: if gear.is_some() { rotor } else { all },
-                viscous: machine.constants.get(Constant::Viscous(j)).max(0.0),
+                viscous: machine.viscous(j).max(0.0),
                 gear,
                 servo: (servo[0], servo[1]),
                 integral,

@@ -3,6 +3,7 @@
 use pid_data::{Dataset, Role};
 
 use crate::case::{Case, CaseError, Record};
+use crate::first;
 use crate::gap::{free_run, windows};
 use crate::hypothesis::Hypothesis;
 use crate::nominal::Nominal;
@@ -33,7 +34,7 @@ pub struct WholeRun {
 /// # Errors
 /// As [`Case::new`].
 pub fn whole_runs(nominal: Nominal, dataset: &Dataset) -> Result<Vec<WholeRun>, CaseError> {
-    let mut case = Case::new(nominal, dataset)?;
+    let mut case = first::as_described(Case::new(nominal, dataset)?);
     case.nominal.horizon = None;
     let theta = vec![0.0; case.nominal.size()];
     let none = Hypothesis::default();

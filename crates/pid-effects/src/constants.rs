@@ -132,6 +132,13 @@ impl<'n, D: Scalar> Constants<'n, D> {
         found.copied().unwrap_or_else(D::nil)
     }
 
+    /// Damping of a coordinate by the voltage that its motor induces while its drive is on, N·m·s/rad or N·s/m; zero
+    /// where a description has it in the viscous friction.
+    #[inline(always)]
+    pub fn induced(&self, j: usize) -> D {
+        self.get(Constant::Gain(j)) * self.get(Constant::Servo(servo::Gain::BackEmf, j))
+    }
+
     /// Changes a constant; does nothing if the robot has no such.
     pub fn set(&mut self, which: Constant, value: D) {
         let place = self.place(which);

@@ -261,7 +261,9 @@ impl Motion {
             let mut friction = Friction {
                 forward: coulomb,
                 backward: coulomb,
-                viscous: number(Constant::Viscous(j)),
+                viscous: Symbol::constant(
+                    constants.get(Constant::Viscous(j)) + constants.induced(j),
+                ),
             };
             let site = self.site(j);
             for (term, e) in laws.iter().filter(|(term, _)| term.joint == j) {

@@ -379,8 +379,8 @@ fn stages_of_position_loops_are_read_and_written() {
     assert_eq!(
         units,
         [
-            "1/s", "A*s/rad", "A/rad", "A*s/rad", "1", "1", "1", "rad/s", "rad/s^2", "s", "s", "s",
-            "s"
+            "1/s", "A*s/rad", "A/rad", "A*s/rad", "A*s/rad", "1", "1", "1", "rad/s", "rad/s^2",
+            "s", "s", "s", "s"
         ]
     );
     let again = parse(&nominal.to_toml().unwrap());

@@ -93,6 +93,9 @@ fn manifest(d: &Dataset, assumptions: &[Assumption], warnings: &[String]) -> Str
         if !own.is_empty() {
             let _ = writeln!(out, "gain_factors = {{ {} }}", own.join(", "));
         }
+        if !e.gain_factors.off().is_empty() {
+            let _ = writeln!(out, "off = {:?}", e.gain_factors.off());
+        }
     }
     out
 }

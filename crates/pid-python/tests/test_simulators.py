@@ -127,3 +127,24 @@ def test_gains_of_a_record_are_factors_of_the_described_ones(leg: Callable[..., 
     assert speeds(0.01, kp=2.0) == pytest.approx(speeds(0.02), rel=0.01)
     with pytest.raises(ValueError, match="pd has no gain ki"):
         speeds(0.01, ki=2.0)
+
+
+def test_a_drive_that_is_off_neither_drives_nor_brakes(leg: Callable[..., Path]) -> None:
+    pytest.importorskip("mujoco")
+    robot = load(leg("") / "robot_effects.py").Robot()
+    robot.model.opt.gravity[:] = 0.0
+    robot.coulomb[:] = 0.0
+    robot.viscous[:] = robot.induced[:] = 1.0
+
+    def speeds(off: Any) -> Any:
+        robot.drives_off(off)
+        robot.reset(np.zeros(3), np.full(3, 0.2), u=np.full(3, 0.5))
+        before = robot.readings(robot.data)[1].copy()
+        robot.step(robot.data, np.full(3, 0.5), 0.0005)
+        return before, robot.readings(robot.data)[1]
+
+    before, after = speeds(True)
+    # Without a force the links of a leg turn on, but for what they pull at each other.
+    assert after == pytest.approx(before, abs=1e-3)
+    before, after = speeds([False, True, True])
+    assert after[0] - before[0] > 0.01

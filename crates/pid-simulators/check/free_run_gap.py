@@ -177,6 +177,32 @@ def window(robot, r, k, length, velocities, states=()):
     return out
 
 
+def start(robot, r, size, horizon):
+    """Velocities with which a record begins whose cubic says that it begins in motion: those whose free run stays
+    nearest to the positions over a quarter of a window. Gauss-Newton steps with differences."""
+    moving = np.flatnonzero(r["sv"][:, 0])
+    if not len(moving):
+        return
+    length = min(max(round((0.25 * horizon if horizon else 0.1) / r["h"]), 10), r["q"].shape[1] - 1)
+
+    def left(v):
+        r["sv"][moving, 0] = v
+        e = window(robot, r, 0, length, False)[..., 0] / size[:, 0]
+        return e[np.isfinite(e)]
+
+    v = r["sv"][moving, 0].copy()
+    best = left(v)
+    for _ in range(4):
+        steps = 0.01 * np.abs(r["sv"][moving]).max(axis=1)
+        slopes = [(left(v + step * one) - best) / step for step, one in zip(steps, np.eye(len(v)))]
+        trial = v - np.linalg.lstsq(np.stack(slopes, axis=1), best, rcond=None)[0]
+        e = left(trial)
+        if (e**2).sum() >= (best**2).sum():
+            break
+        v, best = trial, e
+    r["sv"][moving, 0] = v
+
+
 def main(export, description, data):
     robot = module(export).Robot(export)
     stated = tomllib.loads(description.read_text())
@@ -191,6 +217,7 @@ def main(export, description, data):
         rows = list(csv.DictReader((data / e["file"]).open()))
         if any(loop is not None for loop in robot.loops):
             robot.gain_factors(**e.get("gain_factors", {}))
+            robot.drives_off(e.get("off", False))
         t = column(rows, "t")
         h = (t[-1] - t[0]) / (len(t) - 1)
         pick = lambda what, k: column(rows, f"{what}_{names[k]}", f"{what}{k + 1}", f"{what}_{k + 1}", what)
@@ -200,6 +227,8 @@ def main(export, description, data):
             target = lambda k: what == "u" and robot.loops[k] is not None
             own = [pick("qref" if target(k) else what, k) for k in range(robot.n)]
             r[key] = np.array([np.full(len(t), math.nan) if x is None else x for x in own])
+        if np.all(e.get("off", False)):
+            r["u"] = np.zeros_like(r["q"])
         if e.get("u_unit_factor"):
             r["u"] = r["u"] * e["u_unit_factor"]
         even = t[0] + h * np.arange(len(t))
@@ -216,6 +245,7 @@ def main(export, description, data):
         horizon = stated["robot"].get("horizon_s")
         length = last if horizon is None else min(max(round(horizon / h), 1), last)
         size = np.stack([np.nanstd(r["q"], axis=1), np.nanstd(r["v"], axis=1)], axis=1)
+        start(robot, r, size, horizon)
         velocities = bool(np.isfinite(r["v"]).any())
         twisted = bool(stated.get("simulated", {}).get("hidden_states"))
         states = hidden(robot, r, 0, size, velocities, twisted)

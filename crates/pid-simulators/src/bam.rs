@@ -18,6 +18,8 @@ struct Parameters<'a> {
     /// Torque per ampere; only a drive whose input is a current states it.
     #[serde(skip_serializing_if = "Option::is_none")]
     kt: Option<f64>,
+    #[serde(rename = "R", skip_serializing_if = "Option::is_none")]
+    resistance: Option<f64>,
     armature: f64,
     q_offset: f64,
     friction_base: f64,
@@ -67,8 +69,16 @@ fn parameters(machine: &Machine, c: usize) -> Parameters<'_> {
     let of = |id: &str, name: &str| machine.at(id, c).and_then(|e| e.value(name));
     let excess = of("stribeck", "excess");
     let load = of("load_dependent_friction", "load_coefficient").map(|x| BOTH_SIDES * x);
+    // Per volt a motor brings kt/R, and per velocity it induces kt.
+    let back_emf = own.induced / own.gain;
+    let (kt, resistance) = match own.unit.as_str() {
+        "A" => (Some(own.gain), None),
+        "V" if back_emf > 0.0 => (Some(back_emf), Some(back_emf / own.gain)),
+        _ => (None, None),
+    };
     Parameters {
-        kt: (own.unit == "A").then_some(own.gain),
+        kt,
+        resistance,
         armature: machine.mechanism.bodies[own.body].rotor.unwrap_or(0.0),
         q_offset: 0.0,
         friction_base: own.coulomb,
@@ -77,7 +87,7 @@ fn parameters(machine: &Machine, c: usize) -> Parameters<'_> {
         load_friction_stribeck: load.zip(excess).map(|(load, excess)| load * excess),
         dtheta_stribeck: of("stribeck", "stribeck_velocity"),
         alpha: excess.map(|_| SQUARE),
-        friction_viscous: own.viscous,
+        friction_viscous: own.viscous - own.induced,
         model: match (excess, load) {
             (None, None) => "m1",
             (Some(_), None) => "m2",
@@ -104,7 +114,7 @@ fn expressed(id: &str) -> &'static str {
 fn list(machine: &Machine) -> String {
     let mut out = String::from(
         "# What Better Actuator Models express of this robot\n\nA file `bam_JOINT.json` has the friction, the inertia of the \
-         rotor and, where the input is a current, the torque constant. Before `bam.load_model` reads it, put the name \
+         rotor and, where the input is a current or the drive states `back_emf`, the torque constant. Before `bam.load_model` reads it, put the name \
          of an actuator class of BAM into `actuator`, and the resistance of the winding into `R`.\n\n| what | joint | the files |\n|---|---|---|\n",
     );
     let mut row = |what: &str, joint: &str, text: &str| {
@@ -127,13 +137,13 @@ fn list(machine: &Machine) -> String {
         let joint = machine.joint(c);
         if !turns(machine, c) {
             row("drive", joint, "nothing: BAM has turning joints alone");
-        } else if drive.unit == "V" {
+        } else if drive.unit == "V" && drive.induced == 0.0 {
             let text = format!(
                 "nothing: {} N m per V is kt over R; friction_viscous has the back-EMF in it, so subtract kt^2 / R",
                 drive.gain
             );
             row("gain of the drive", joint, &text);
-        } else if drive.unit != "A" && drive.gain != 1.0 {
+        } else if !["A", "V"].contains(&drive.unit.as_str()) && drive.gain != 1.0 {
             row(
                 "gain of the drive",
                 joint,

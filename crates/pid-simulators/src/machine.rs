@@ -26,8 +26,10 @@ pub(crate) struct Drive {
     pub(crate) gain: f64,
     /// Coulomb friction, N m or N.
     pub(crate) coulomb: f64,
-    /// Viscous friction, N m s/rad or N s/m.
+    /// Viscous friction with what a motor brakes by that is on, N m s/rad or N s/m.
     pub(crate) viscous: f64,
+    /// Damping by the voltage that the motor induces, a part of `viscous`.
+    pub(crate) induced: f64,
     /// Unit of the input.
     pub(crate) unit: String,
     /// How the velocity is read.
@@ -332,10 +334,9 @@ fn drives(
             continue;
         };
         let body = joint.child;
-        let (coulomb, viscous) = (
-            constants.get(Constant::Coulomb(coordinate)),
-            constants.get(Constant::Viscous(coordinate)),
-        );
+        let coulomb = constants.get(Constant::Coulomb(coordinate));
+        let induced = constants.induced(coordinate);
+        let viscous = constants.get(Constant::Viscous(coordinate)) + induced;
         let own = &mut mechanism.bodies[body];
         own.rotor = Some(constants.get(Constant::Rotor(coordinate)));
         (own.coulomb, own.viscous) = (Some(coulomb), Some(viscous));
@@ -349,6 +350,7 @@ fn drives(
             gain: constants.get(Constant::Gain(coordinate)),
             coulomb,
             viscous,
+            induced,
             unit: robot
                 .inputs
                 .get(coordinate)

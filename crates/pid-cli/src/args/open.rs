@@ -35,7 +35,8 @@ pub struct OpenArgs {
     #[arg(long)]
     pub targets: bool,
     /// How many times a gain of the position loops acts in some records: `RECORD=GAIN:FACTOR`, such as
-    /// `*_kp400=kp:4`; `*` stands for any characters, several factors are one per joint. May be repeated.
+    /// `*_kp400=kp:4`; `*` stands for any characters, several factors are one per joint. `drop_*=off`: the drives are
+    /// off in these records. May be repeated.
     #[arg(long, value_name = "RULE")]
     pub gain_factor: Vec<GainRule>,
     /// No joint is driven: the inputs are zero.

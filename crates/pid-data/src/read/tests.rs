@@ -151,7 +151,7 @@ fn gains_by_record_are_read_or_refused_with_their_place() {
         ),
         (
             "{ kp = [1.0, 2.0, 3.0] }",
-            "gain_factors.kp: 3 factors for 2 joints",
+            "gain_factors.kp: 3 values for 2 joints",
         ),
     ] {
         check(
@@ -173,6 +173,47 @@ fn gains_by_record_are_read_or_refused_with_their_place() {
     );
     let text = rules("c*=kp:2").unwrap_err().to_string();
     assert!(text.contains("they are a, b"), "{text}");
+}
+
+/// Where drives are off no targets need to be recorded, and inputs of another kind do not count.
+#[test]
+fn drives_that_are_off_are_read_or_refused_with_their_place() {
+    let with = |own: &str| {
+        let note = "note = \"short\"";
+        read(
+            &TOML.replacen(note, &format!("{note}\noff = {own}"), 1),
+            CSV,
+        )
+    };
+    let d = with("true").unwrap();
+    let own = &d.experiments[0];
+    assert!(own.is_off() && own.gain_factors.is_off(1) && !d.experiments[1].is_off());
+    assert_eq!(own.targets().as_deref(), Some(own.q.as_slice()));
+    assert!(d.experiments[1].targets().is_none());
+    let one = with("[false, true]").unwrap();
+    assert!(!one.experiments[0].is_off() && one.experiments[0].gain_factors.is_off(1));
+    check(
+        with("[true, false, true]"),
+        &[
+            "dataset.toml:29:",
+            "off: 3 values for 2 joints",
+            "off = true",
+        ],
+    );
+    let text = with("1").expect_err("a number").to_string();
+    assert!(text.contains("true, false, or a list"), "{text}");
+
+    let mut other = d.clone();
+    other.experiments.truncate(1);
+    for joint in &mut other.joints {
+        joint.input_unit = "V".to_owned();
+    }
+    let on = with("false").unwrap();
+    let merged = on.clone().merged(vec![other.clone()]).unwrap();
+    let last = merged.experiments.last().unwrap();
+    assert!(last.is_off() && last.u.iter().all(|u| *u == 0.0));
+    other.experiments[0].gain_factors = Default::default();
+    assert!(on.merged(vec![other]).is_err());
 }
 
 #[test]

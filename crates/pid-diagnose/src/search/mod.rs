@@ -64,6 +64,7 @@ pub fn search(case: &Case, settings: &Settings) -> Evidence {
     // Of long records the parts that decide.
     let short = excerpt(case, settings.joint_seconds);
     let begun = first::by_free_runs(case, &short);
+    let read = case;
     let (case, short) = match &begun {
         Some(begun) => (begun, excerpt(begun, settings.joint_seconds)),
         None => (case, short),
@@ -87,7 +88,12 @@ pub fn search(case: &Case, settings: &Settings) -> Evidence {
         nominal: short.nominal,
         ..case.clone()
     };
-    shares::with_shares(on_whole_records(&case, evidence), settings)
+    let evidence = on_whole_records(&case, evidence);
+    let evidence = match begun {
+        Some(_) => from_its_own_starts(read, evidence),
+        None => evidence,
+    };
+    shares::with_shares(evidence, settings)
 }
 
 /// A search for effects that explain the records.
@@ -218,6 +224,16 @@ fn misfit_of_record(case: &Case, fit: &Fit, record: usize) -> f64 {
     }
     let v = value(&alone, &fit.hypothesis, &fit.point, &fit.gains, Role::Test);
     v.total() / v.number().max(1.0)
+}
+
+/// Gaps of models that start records which begin in motion as each of them has it; a simulation of what is found
+/// starts them so.
+fn from_its_own_starts(read: &Case, mut e: Evidence) -> Evidence {
+    let base = first::under(read, e.case.clone(), first::Model::of(&e.base));
+    e.before = measured(&base, &e.base);
+    e.case = first::under(read, e.case, first::Model::of(&e.fit));
+    e.after = measured(&e.case, &e.fit);
+    e
 }
 
 /// The gaps on the whole test records, where parts of them were looked at so far.

@@ -45,6 +45,7 @@ pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>,
             .filter_map(|(i, own)| Some(with(i, own[j].clone()?)))
             .filter(|own| own.u.len() == own.record.len())
             .collect();
+        let on = |i: &usize| !case.records[*i].gain_factors.is_off(j);
         let measured = match own.is_empty() {
             true => None,
             false => followed(case, (j, &servo), &own),
@@ -53,8 +54,9 @@ pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>,
         let gain = case.nominal.gain(j);
         let inputs: Vec<Fitted<'_>> = match measured.is_some() {
             true => own,
-            false => (forces.iter().enumerate())
-                .map(|(i, own)| with(i, own[j].iter().map(|f| f / gain).collect()))
+            false => (0..forces.len())
+                .filter(on)
+                .map(|i| with(i, forces[i][j].iter().map(|f| f / gain).collect()))
                 .collect(),
         };
         let start = Start {
@@ -93,7 +95,7 @@ pub(crate) fn begin(case: &mut Case, recorded: &Recorded) -> Result<Vec<String>,
 pub(super) fn reach(gain: Gain, size: f64) -> f64 {
     match gain {
         Gain::Gravity | Gain::InertiaAhead | Gain::VelocityAhead => size.max(1.0),
-        Gain::Kd | Gain::Ki => size,
+        Gain::Kd | Gain::Ki | Gain::BackEmf => size,
         _ => UNKNOWN * size,
     }
 }
@@ -162,7 +164,7 @@ impl Start<'_> {
                 Gain::Kp | Gain::Gravity | Gain::InertiaAhead | Gain::VelocityAhead => 0.0,
                 Gain::TargetSpeed => SLOWED * fastest(case, j),
                 Gain::TargetAcceleration => EASED * hardest(case, j),
-                Gain::Kd | Gain::Kv => DAMPED * critical / factor(g),
+                Gain::Kd | Gain::Kv | Gain::BackEmf => DAMPED * critical / factor(g),
                 Gain::Ki if cascade => SLOW * DAMPED * critical / factor(g),
                 Gain::Ki => SLOW * stiff / factor(g),
                 _ => self.shortest(),

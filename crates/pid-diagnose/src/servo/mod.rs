@@ -7,6 +7,8 @@ mod followed;
 mod stable;
 mod staged;
 
+use std::borrow::Cow;
+
 use pid_data::{Dataset, InputQuantity};
 use pid_interpret::links;
 use pid_interpret::nominal as description;
@@ -55,7 +57,7 @@ pub(crate) fn targets(
             }
             let as_input = dataset.joints[j].input == InputQuantity::Position;
             if !as_input {
-                let Some(qref) = &e.qref else {
+                let Some(qref) = e.targets().map(Cow::into_owned) else {
                     return Err(CaseError::NoTarget {
                         record: e.name.clone(),
                         joint: nominal.joints[j].name.clone(),
@@ -75,7 +77,8 @@ pub(crate) fn targets(
                     Some(at) => regular::readings(&e.t, &measured, &at),
                     None => measured,
                 };
-                *own = measured.iter().any(|u| *u != 0.0).then_some(measured);
+                let driven = !e.gain_factors.is_off(j) && measured.iter().any(|u| *u != 0.0);
+                *own = driven.then_some(measured);
             }
         }
         recorded.push(own);
@@ -192,7 +195,11 @@ fn needed_along(case: &Case, r: &Record, speed: &[f64]) -> Vec<Vec<f64>> {
                 force += work.mass()[row * (row + 1) / 2 + column] * a[k];
             }
             let rest = (v[j] / (REST * speed[j])).tanh();
-            force += constants.get(Constant::Viscous(j)) * v[j]
+            let induced = match r.gain_factors.is_off(j) {
+                true => 0.0,
+                false => constants.induced(j),
+            };
+            force += (constants.get(Constant::Viscous(j)) + induced) * v[j]
                 + constants.get(Constant::Coulomb(j)) * rest;
             out.push(force);
         }

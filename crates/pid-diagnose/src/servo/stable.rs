@@ -49,7 +49,7 @@ pub(crate) fn checked(case: &Case) -> Result<Vec<String>, CaseError> {
         let Some(servo) = case.nominal.description.servo(j) else {
             continue;
         };
-        for record in &different {
+        for record in different.iter().filter(|r| !r.gain_factors.is_off(j)) {
             warnings.extend(judged((case, record), (j, servo))?);
         }
         let frequency = |r: &&Record| {
@@ -128,12 +128,13 @@ fn value(case: &Case, j: usize, part: Part, deviation: f64) -> f64 {
 /// Why a loop is unstable, on the inertia of the joint with the others free and viscous friction.
 fn unstable(case: &Case, j: usize, k: &Gains<f64>, viscous: f64) -> Option<String> {
     let servo = case.nominal.description.servo(j)?;
+    let gain = case.nominal.gain(j);
     let joint = Linear {
         servo,
         k,
-        gain: case.nominal.gain(j),
+        gain,
         inertia: case.scale[j].inertia,
-        viscous,
+        viscous: viscous + gain * k.back_emf.unwrap_or(0.0),
     };
     if servo.law.integrates() && joint.swings_up() {
         return Some(format!("ki = {:.4} makes the loop swing up", k.ki));

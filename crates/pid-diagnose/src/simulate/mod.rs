@@ -93,7 +93,11 @@ pub(crate) struct Machine<'h, D: Pick> {
     taken: D,
     /// Position loops of the drives.
     loops: Vec<Option<Loop<'h, D>>>,
-    /// What they answer over the substep.
+    /// Damping by the voltage that a motor induces, where its drive is on.
+    induced: Vec<D>,
+    /// Whether a drive is off: its motor exerts no torque.
+    off: Vec<bool>,
+    /// What the loops answer over the substep.
     answers: Vec<Option<Answer<D>>>,
     /// What their feed-forward knows of the robot.
     model: Option<Model<D>>,
@@ -169,6 +173,7 @@ impl<'h, D: Pick> Machine<'h, D> {
         let loops = (0..n)
             .map(|j| Self::loop_of(&constants, &hypothesis, j))
             .collect::<Vec<_>>();
+        let induced = (0..n).map(|j| constants.induced(j)).collect();
         let model = Model::of(&constants, &loops);
         Machine {
             constants,
@@ -184,6 +189,8 @@ impl<'h, D: Pick> Machine<'h, D> {
             listens,
             taken: zero,
             loops,
+            induced,
+            off: vec![false; n],
             answers: vec![None; n],
             model,
             links,

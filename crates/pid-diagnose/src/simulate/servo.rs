@@ -141,13 +141,21 @@ impl<D: Pick> Machine<'_, D> {
         Some((servo, gains))
     }
 
-    /// Gains of the loops as they are in a record.
+    /// Gains of the loops as they are in a record, without those of drives that are off.
     pub(crate) fn in_record(&mut self, factors: &GainFactors) {
         for (j, own) in self.loops.iter_mut().enumerate() {
-            if let Some((_, k)) = own {
+            self.off[j] = factors.is_off(j);
+            if self.off[j] {
+                (*own, self.induced[j]) = (None, D::nil());
+            } else if let Some((_, k)) = own {
                 k.times(|gain| factors.at(gain as usize, j));
             }
         }
+    }
+
+    /// Viscous friction of a joint, with the damping by the voltage that its motor induces.
+    pub(crate) fn viscous(&self, j: usize) -> D {
+        self.constants.get(Constant::Viscous(j)) + self.induced[j]
     }
 
     /// The loop of a joint with its gains.
@@ -316,6 +324,7 @@ impl<D: Pick> Machine<'_, D> {
     pub(super) fn before_effects(&self, commands: &Commands<'_>, j: usize) -> D {
         match &self.answers[j] {
             Some((out, _)) => out.u,
+            None if self.off[j] => D::nil(),
             None => D::constant(commands.now()),
         }
     }
@@ -465,7 +474,7 @@ impl<D: Pick> Machine<'_, D> {
         let of = |j: usize| {
             let r = D::constant(targets[j]);
             let Some((servo, k)) = self.loops[j] else {
-                return r;
+                return if self.off[j] { D::nil() } else { r };
             };
             let (q, v) = self.reading(state, j, self.begin, START);
             let at = seen((r, D::nil()), (q, v), (self.fed(j).0, D::nil()));

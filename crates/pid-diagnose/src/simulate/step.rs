@@ -134,11 +134,14 @@ impl<D: Pick> Machine<'_, D> {
         let dt = commands.dt;
         let half = 0.5 * dt;
         let own = self.before_effects(commands, j);
-        let u = self.through(state, commands, (j, false), own);
+        let u = match self.off[j] {
+            true => own,
+            false => self.through(state, commands, (j, false), own),
+        };
         let mut friction = Friction {
             forward: self.constants.get(Constant::Coulomb(j)),
             backward: self.constants.get(Constant::Coulomb(j)),
-            viscous: self.constants.get(Constant::Viscous(j)),
+            viscous: self.viscous(j),
         };
         for i in 0..self.hypothesis.terms.len() {
             let term = &self.hypothesis.terms[i];

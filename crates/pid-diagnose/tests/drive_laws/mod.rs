@@ -2,6 +2,7 @@
 
 mod identified;
 mod integrals;
+mod off;
 mod rig;
 mod simulated;
 mod stages;

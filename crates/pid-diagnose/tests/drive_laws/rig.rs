@@ -58,6 +58,10 @@ pub(super) struct Loop {
     /// Speed at which nothing of the limit is left.
     pub(super) no_load: Option<f64>,
     pub(super) hz: Option<f64>,
+    /// Voltage that the motor induces per velocity.
+    pub(super) back_emf: f64,
+    /// With the drive off the bar falls from the first target.
+    pub(super) off: bool,
 }
 
 /// What the loop remembers.
@@ -179,8 +183,12 @@ impl Loop {
         inside.output
     }
 
-    /// What the motor brings of a current at a speed.
+    /// What the motor brings of a current or a voltage at a speed.
     fn brought(&self, asked: f64, v: f64) -> f64 {
+        if self.off {
+            return 0.0;
+        }
+        let asked = asked - self.back_emf * v;
         let (Some(limit), Some(speed)) = (self.limit, self.no_load) else {
             return asked;
         };
@@ -192,6 +200,9 @@ impl Loop {
     /// friction that at rest is, and over which speed; `load`: a mass at the middle of the bar.
     pub(super) fn run(&self, targets: &[f64], stribeck: Option<[f64; 2]>, load: f64) -> Vec<f64> {
         let (mut q, mut v, mut inside) = (0.0_f64, 0.0_f64, Inside::default());
+        if self.off {
+            q = targets[0];
+        }
         let mass = BAR[0] + load;
         let inertia = mass * BAR[1] * BAR[1] + BAR[2] + BAR[3];
         let steps = (H / STEP).round() as usize;
@@ -342,6 +353,8 @@ pub(super) const PD: Loop = Loop {
     most: None,
     no_load: None,
     hz: None,
+    back_emf: 0.0,
+    off: false,
 };
 pub(super) const PID: Loop = Loop { ki: 25.0, ..PD };
 pub(super) const CASCADE: Loop = Loop {

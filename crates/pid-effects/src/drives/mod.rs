@@ -42,6 +42,8 @@ pub struct Gains<D> {
     pub ki: D,
     /// Of the error of the velocity, in a cascade.
     pub kv: D,
+    /// Voltage that the motor induces per velocity.
+    pub back_emf: Option<D>,
     /// Share of the gravity that the drive's model knows.
     pub gravity: Option<D>,
     /// Share of the inertia that the drive's model knows.
@@ -71,6 +73,7 @@ impl<D: Scalar> Gains<D> {
             kd: own(Gain::Kd),
             ki: own(Gain::Ki),
             kv: own(Gain::Kv),
+            back_emf: of(Gain::BackEmf),
             gravity: of(Gain::Gravity),
             inertia: of(Gain::InertiaAhead),
             ahead: of(Gain::VelocityAhead),
@@ -235,6 +238,7 @@ mod tests {
         kd: 2.0,
         ki: 5.0,
         kv: 1.5,
+        back_emf: None,
         gravity: None,
         inertia: None,
         ahead: None,

@@ -55,6 +55,7 @@ fn servos(source: &Source<'_>, raw: &RawFile) -> Result<Vec<Option<Servo>>, Nomi
         let driven = servo::Driven {
             item: &item,
             motor_gain: *joint.motor_gain.get_ref(),
+            input: joint.input.get_ref(),
         };
         servo::servo(source, drive, &driven)
     };

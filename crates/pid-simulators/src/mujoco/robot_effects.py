@@ -113,6 +113,8 @@ class Robot:
         self.gain = np.array([j["gain"] for j in self.joints])
         self.coulomb = np.array([j["coulomb"] for j in self.joints])
         self.viscous = np.array([j["viscous"] for j in self.joints])
+        self.induced = np.array([j["induced"] for j in self.joints])
+        self.off = np.zeros(self.n, bool)
         self.twist = {}
         for j, known_joint in enumerate(self.joints):
             gear = known_joint["gear"]
@@ -145,6 +147,11 @@ class Robot:
             own = {key: float(x[j] if np.ndim(x) else x) for key, x in factors.items()}
             if loop is not None:
                 loop.times(own)
+
+    def drives_off(self, off=True):
+        """Drives have open terminals from now on: their motors exert no torque and do not brake. `off`: of all joints,
+        or one for each; `False` switches them on."""
+        self.off[:] = off
 
     def reset(self, q, v, u=None, time=0.0, earlier=(), data=None):
         """Starts `data` anew, with the robot where its encoders read `q`, `v` (without delay) and
@@ -199,6 +206,7 @@ class Robot:
         for j, loop in enumerate(self.loops):
             if loop is not None:
                 out[j] = loop.reset(u[j], *read[j], needed=bias[j] / self.gain[j], gravity=gravity[j])
+        out[self.off] = 0.0
         return out
 
     def _weight(self, d):
@@ -250,10 +258,12 @@ class Robot:
         asked = [self._asked(j, d, reading, fed, h) for j in range(self.n)]
         # What all drives take from the supply: the outputs of their loops, or what is commanded.
         sizes = [abs(self.commands[-1][1][j] if self.loops[j] is None else asked[j]) for j in range(self.n)]
+        sizes = [0.0 if off else size for off, size in zip(self.off, sizes)]
         taken = sum(sizes)
         applied = np.array([self._applied(j, asked[j], taken - sizes[j], d.time, h) for j in range(self.n)])
         forward, backward = self.coulomb.copy(), self.coulomb.copy()
-        damping = self.viscous.copy()
+        applied[self.off], self.falls[self.off] = 0.0, 0.0
+        damping = self.viscous - np.where(self.off, self.induced, 0.0)
         for e in self.effects:
             self._friction(e, q, v, d.time, h, forward, backward, damping)
         # Half of what the step changes of a loop's damping is implicit.

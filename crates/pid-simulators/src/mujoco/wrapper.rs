@@ -41,6 +41,8 @@ struct Joint<'a> {
     gain: f64,
     coulomb: f64,
     viscous: f64,
+    /// The part of `viscous` that goes with a drive that is off.
+    induced: f64,
     velocity: &'static str,
     filter_hz: Option<f64>,
     gear: Option<Gear>,
@@ -129,6 +131,7 @@ fn joint<'a>(machine: &'a Machine, c: usize, drive: &'a Drive) -> Joint<'a> {
         gain: drive.gain,
         coulomb: drive.coulomb,
         viscous: drive.viscous,
+        induced: drive.induced,
         velocity,
         filter_hz,
         gear: drive.gear.map(|gear| Gear {

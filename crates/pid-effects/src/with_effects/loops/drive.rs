@@ -18,7 +18,8 @@ use super::feed_forward::{Fed, Read};
 /// Places of the arguments: position, velocity, target, gains, the integral and how fast it grows, the share of the
 /// target's velocity and that velocity, the velocity behind a filter, how fast that grows, and the filter's time; the
 /// share of gravity; what a late position lags, how fast that grows, and by how much it is late; the share of inertia.
-/// The inputs that make up for all of gravity and inertia are no variables of their own. Factors of gains are inputs.
+/// The inputs that make up for all of gravity and inertia are no variables of their own. Factors of gains are inputs, and
+/// so is whether the drive is on.
 pub(super) const Q: usize = 0;
 pub(super) const V: usize = 1;
 pub(super) const R: usize = 2;
@@ -42,8 +43,11 @@ const INERTIA_SHARE: usize = 19;
 const INERTIA: usize = 20;
 /// Inputs by which a record multiplies kp, kd, ki and kv.
 const TIMES: usize = 21;
+const BACK_EMF: usize = TIMES + GainFactors::KEYS.len();
+/// Input that is 1 while the drive is on, and 0 while it is off.
+pub(super) const ON: usize = BACK_EMF + 1;
 /// Number of these. [`Loop::further`] follow where a drive has a feed-forward.
-pub(super) const MOST: usize = TIMES + GainFactors::KEYS.len();
+pub(super) const MOST: usize = ON + 1;
 
 /// By how much the position that a loop reads moves with what it lags.
 pub(super) const LAGS: f64 = -2.0;
@@ -57,6 +61,7 @@ pub(super) fn argument(gain: Gain) -> Option<usize> {
         Gain::Kd => Some(KD),
         Gain::Ki => Some(KI),
         Gain::Kv => Some(KV),
+        Gain::BackEmf => Some(BACK_EMF),
         Gain::VelocityAhead => Some(AHEAD),
         Gain::VelocityTime => Some(TIME),
         Gain::Gravity => Some(SHARE),
@@ -239,10 +244,18 @@ impl Loop {
 
     /// Input of the motor with its derivatives, as [`Loop::seeded`] has them.
     pub(super) fn input(&self, at: &Point<'_>, a: Option<usize>, b: Option<usize>) -> Smooth {
-        self.limited(&self.seeded(at, a, b)).0
+        let x = self.seeded(at, a, b);
+        let mut u = self.limited(&x).0;
+        if self.places[BACK_EMF].is_some() {
+            u -= x[BACK_EMF] * x[V];
+        }
+        match self.places[ON] {
+            Some(_) => u * x[ON],
+            None => u,
+        }
     }
 
-    /// Input of the motor, and how it moves with the output of the law.
+    /// Output of the drive, and how it moves with that of the law.
     fn limited(&self, x: &[Smooth; MOST]) -> (Smooth, Smooth) {
         let (k, at) = self.seen(x);
         let integral = match self.servo.integral_limit.map(Smooth::constant) {
@@ -266,7 +279,7 @@ impl Loop {
 
     /// Arguments on which the input depends, ascending.
     pub(super) fn acting(&self) -> impl Iterator<Item = usize> + '_ {
-        let speed = self.servo.falling.is_some();
+        let speed = self.servo.falling.is_some() || self.places[BACK_EMF].is_some();
         let reads = move |a: usize| match a {
             V => speed || self.velocity().contains(&a),
             LATE => self.velocity().contains(&a),
@@ -290,6 +303,8 @@ impl Loop {
             TIMES + Gain::Kp as usize,
             TIMES + Gain::Kd as usize,
             TIMES + Gain::Kv as usize,
+            BACK_EMF,
+            ON,
         ];
         let used = all.into_iter().filter(move |&a| reads(a));
         let all = used.chain(MOST..self.places.len());

@@ -28,7 +28,7 @@ use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
 };
 
-use self::drive::{LAGS, Loop, MOST, Memory, Q, R, R_DOT, V, argument, factor, parameters};
+use self::drive::{LAGS, Loop, MOST, Memory, ON, Q, R, R_DOT, V, argument, factor, parameters};
 use self::feed_forward::{Fed, Known, Order, Read};
 use super::DECADE;
 use super::arguments::{self, narrowed, widened};
@@ -101,6 +101,7 @@ fn parameter(servo: &Servo, gain: Gain, joint: &str, unit: String) -> ParamInfo 
             Gain::InertiaAhead => "Share of inertia that the drive makes up for",
             Gain::VelocityTime => "Time constant of the position loop's velocity",
             Gain::FeedbackDelay => "Time by which the position loop reads late",
+            Gain::BackEmf => "Voltage that the motor induces per velocity",
             _ => "Gain of the position loop",
         }),
         nominal: value,
@@ -127,6 +128,12 @@ fn differing(own: &Driven<'_>, dataset: &Dataset) -> Vec<Gain> {
     };
     let all = own.servo.law.gains().iter().copied();
     all.filter(differs).collect()
+}
+
+/// Whether the drive is off in a record.
+fn off(own: &Driven<'_>, dataset: &Dataset) -> bool {
+    let mut records = dataset.experiments.iter();
+    records.any(|e| e.gain_factors.is_off(own.joint))
 }
 
 impl<'m> WithLoops<'m> {
@@ -161,7 +168,8 @@ impl<'m> WithLoops<'m> {
         let inertia = has(Gain::InertiaAhead);
         let fed = inertia || has(Gain::Gravity);
         let accelerations = if inertia { driven.len() } else { 0 };
-        let factors: usize = driven.iter().map(|d| differing(d, dataset).len()).sum();
+        let factors = |d: &Driven<'_>| differing(d, dataset).len() + usize::from(off(d, dataset));
+        let factors: usize = driven.iter().map(factors).sum();
         let dims = Dims {
             nq: before.nq + states,
             nu: before.nu + states + rates + accelerations + factors,
@@ -261,6 +269,16 @@ impl<'m> WithLoops<'m> {
             if let Some(argument) = factor(gain) {
                 places[argument] = Some(place);
             }
+        }
+        if off(own, dataset) {
+            let on = |e: &Experiment| match e.gain_factors.is_off(own.joint) {
+                true => vec![0.0; e.len()],
+                false => vec![1.0; e.len()],
+            };
+            let columns: Vec<Vec<f64>> = dataset.experiments.iter().map(on).collect();
+            let name = format!("on_{}", info.name);
+            let columns = columns.iter().map(Vec::as_slice);
+            places[ON] = Some(self.input((name, "1".to_owned()), dataset, columns));
         }
         self.loops.push(Loop {
             servo: own.servo.clone(),

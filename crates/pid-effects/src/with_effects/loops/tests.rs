@@ -248,6 +248,62 @@ fn gains_by_record_are_factors_of_the_described_ones() {
     }
 }
 
+/// A motor at the voltage u − k v, and none while its drive is off, whatever its loop and its integral do.
+#[test]
+fn a_drive_that_is_off_leaves_no_input() {
+    for law in [PD, PID, CASCADE] {
+        let arm = ARM.replace("\"current\"", "\"voltage\"");
+        let text = format!("{arm}\n[drive]\n{law}back_emf = {{ value = 0.7, tolerance = 0.1 }}\n");
+        let nominal = description::Nominal::parse("arm.toml", &text).expect("a description");
+        let mut dataset = targets();
+        let mut second = dataset.experiments[0].clone();
+        second.name = "b".to_owned();
+        dataset.experiments.push(second);
+        let rule = "b=off".parse().expect("a rule");
+        let mut dataset = dataset.with_gain_factors(&[rule]).expect("a rule");
+        let servos = [nominal.servo(0), None];
+        let with = WithLoops::new(model(), &servos, &nominal, &mut dataset);
+        let d = with.dims();
+        let on: Vec<f64> = (dataset.experiments.iter())
+            .map(|e| e.u[d.nu - 1])
+            .collect();
+        assert_eq!(on, [1.0, 0.0]);
+        let mut z = point(&with, 1.0);
+        let free: Vec<usize> = (0..d.nz()).collect();
+        assert_derivatives(law, &with, &z, &free);
+
+        let (plain, mut targets) = (described(law), targets());
+        let servos = [plain.servo(0), None];
+        let plain = WithLoops::new(model(), &servos, &plain, &mut targets);
+        let few = plain.dims();
+        let same = |z: &[f64]| [&z[..d.u() + few.nu], &z[d.p()..d.p() + few.np]].concat();
+        let (mut r, mut expected) = (vec![0.0; d.nq], vec![0.0; few.nq]);
+        let gain = motor_gains(&at(&z, &d))[0];
+        z[d.u() + d.nu - 1] = 1.0;
+        with.residual(&at(&z, &d), &mut r);
+        plain.residual(&at(&same(&z), &few), &mut expected);
+        let v = z[d.v()];
+        let place = with
+            .params()
+            .iter()
+            .position(|p| p.name == "back_emf_shoulder");
+        expected[0] += gain * z[d.p() + place.expect("a back-EMF")] * v;
+        assert!(
+            (r[0] - expected[0]).abs() < 1e-12,
+            "{law}: {r:?} {expected:?}"
+        );
+
+        z[d.u() + d.nu - 1] = 0.0;
+        with.residual(&at(&z, &d), &mut r);
+        let here = at(&z, &d);
+        let expected = arm_under(&here, &[0.0, here.u[1]]);
+        assert!(
+            (r[0] - expected[0]).abs() < 1e-12,
+            "{law}: {r:?} {expected:?}"
+        );
+    }
+}
+
 /// The law damps what its filter lets through, less the share of the target's velocity; a band of the error counts as
 /// none.
 #[test]

@@ -13,7 +13,8 @@
 //! with q and v̂ of a while ago, v̂ less a share of the target's velocity, which a cascade adds to w instead, and plus
 //! shares of what the drive's model needs against gravity and for the acceleration of the targets, in the unit of the
 //! joint's `input`, within ± `limit` (K. J. Åström, T. Hägglund, PID Controllers, 1995, chapter 3; W. Leonhard,
-//! Control of Electrical Drives, 2001, chapter 15).
+//! Control of Electrical Drives, 2001, chapter 15). A motor with a stated `back_emf` brings `motor_gain (u − back_emf v)`
+//! while its drive is on, and nothing while it is off; without, that part of its damping is viscous friction.
 
 mod number;
 mod read;
@@ -203,7 +204,7 @@ impl Servo {
         match gain {
             Gain::Kp if self.law == ServoLaw::Cascade => "1/s".to_owned(),
             Gain::Kp => format!("{input}/{position}"),
-            Gain::Kd | Gain::Kv => format!("{input}*s/{position}"),
+            Gain::Kd | Gain::Kv | Gain::BackEmf => format!("{input}*s/{position}"),
             Gain::Ki if self.law == ServoLaw::Cascade => format!("{input}/{position}"),
             Gain::Ki => format!("{input}/({position}*s)"),
             Gain::Gravity | Gain::InertiaAhead | Gain::VelocityAhead => "1".to_owned(),

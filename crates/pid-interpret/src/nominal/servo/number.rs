@@ -22,6 +22,8 @@ pub enum Gain {
     Ki,
     /// Of the error of the velocity, in a cascade.
     Kv,
+    /// Voltage that the motor induces per velocity.
+    BackEmf,
     /// Share of the gravity of its model that the drive makes up for.
     Gravity,
     /// Share of the input that moves its model of the robot as the targets are accelerated.
@@ -44,11 +46,12 @@ pub enum Gain {
 
 impl Gain {
     /// All of them.
-    pub const ALL: [Gain; 13] = [
+    pub const ALL: [Gain; 14] = [
         Gain::Kp,
         Gain::Kd,
         Gain::Ki,
         Gain::Kv,
+        Gain::BackEmf,
         Gain::Gravity,
         Gain::InertiaAhead,
         Gain::VelocityAhead,
@@ -59,8 +62,8 @@ impl Gain {
         Gain::VelocityTime,
         Gain::FeedbackDelay,
     ];
-    /// Those of stages that may stand beside a law.
-    pub const BESIDE: &[Gain] = Self::ALL.split_at(Gain::Gravity as usize).1;
+    /// Those that may stand beside a law.
+    pub const BESIDE: &[Gain] = Self::ALL.split_at(Gain::BackEmf as usize).1;
 
     /// Its key in a description.
     pub fn key(self) -> &'static str {
@@ -69,6 +72,7 @@ impl Gain {
             Gain::Kd => "kd",
             Gain::Ki => "ki",
             Gain::Kv => "kv",
+            Gain::BackEmf => "back_emf",
             Gain::Gravity => "gravity",
             Gain::InertiaAhead => "inertia_feed_forward",
             Gain::VelocityAhead => "velocity_feed_forward",
@@ -106,7 +110,7 @@ impl Gain {
     pub fn follows_motor(self, law: ServoLaw) -> bool {
         match self {
             Gain::Kp => law != ServoLaw::Cascade,
-            Gain::Kd | Gain::Ki | Gain::Kv => true,
+            Gain::Kd | Gain::Ki | Gain::Kv | Gain::BackEmf => true,
             _ => false,
         }
     }
@@ -243,6 +247,12 @@ pub(super) fn read_gain(
 fn signed(law: ServoLaw, gain: Gain, sign: f64) -> String {
     // A loop with the other sign pushes away from its target.
     match (gain, gain.follows_motor(law)) {
+        (Gain::BackEmf, _) => {
+            let sign = if sign < 0.0 { "negative" } else { "positive" };
+            format!(
+                "the voltage that a motor induces brakes it: {sign}, as `motor_gain` is, or leave the key out"
+            )
+        }
         (_, true) if sign < 0.0 => {
             "a loop holds its joint only with a gain that is negative, as `motor_gain` is"
                 .to_owned()

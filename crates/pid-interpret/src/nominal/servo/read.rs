@@ -17,6 +17,7 @@ pub(in crate::nominal) struct RawDrive {
     kd: Option<Spanned<RawGain>>,
     ki: Option<Spanned<RawGain>>,
     kv: Option<Spanned<RawGain>>,
+    back_emf: Option<Spanned<RawGain>>,
     gravity: Option<Spanned<RawGain>>,
     inertia_feed_forward: Option<Spanned<RawGain>>,
     limit: Option<Spanned<f64>>,
@@ -44,6 +45,7 @@ impl RawDrive {
             Gain::Kd => self.kd.as_ref(),
             Gain::Ki => self.ki.as_ref(),
             Gain::Kv => self.kv.as_ref(),
+            Gain::BackEmf => self.back_emf.as_ref(),
             Gain::Gravity => self.gravity.as_ref(),
             Gain::InertiaAhead => self.inertia_feed_forward.as_ref(),
             Gain::VelocityAhead => self.velocity_feed_forward.as_ref(),
@@ -63,6 +65,8 @@ pub(in crate::nominal) struct Driven<'a> {
     pub(in crate::nominal) item: &'a str,
     /// Torque or force per unit of the input.
     pub(in crate::nominal) motor_gain: f64,
+    /// The word of what the input is.
+    pub(in crate::nominal) input: &'a str,
 }
 
 /// The loop of a joint, from its own table or that for all joints; `None` where it has none.
@@ -100,6 +104,11 @@ pub(in crate::nominal) fn servo(
             let mend = "the law \"p\" does not use the velocity: leave it out";
             return Err(source.error(stated, item, gain.key(), "stated", mend));
         }
+    }
+    if let (Some(stated), true) = (&raw.back_emf, joint.input != "voltage") {
+        let mend = "a motor induces a voltage, which a drive of a torque or a current makes up for: say input = \"voltage\", or leave it out";
+        let found = format!("stated beside input = \"{}\"", joint.input);
+        return Err(source.error(stated, item, "back_emf", found, mend));
     }
     servo.limit = positive(&raw.limit, "limit")?;
     let stall = positive(&raw.stall, "stall")?;
