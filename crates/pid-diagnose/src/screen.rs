@@ -22,8 +22,8 @@ use crate::criteria::Budget;
 use crate::effect::{Effect, LANES, Term};
 use crate::excerpt::excerpt;
 use crate::fit::{
-    Basis, Direction, Effort, Fit, Linear, PRIOR, Point, Slopes, all_gains, cross, fit, gram,
-    linearise, log_dets, ranges, value, value_below,
+    Basis, Direction, Effort, Fit, Linear, PRIOR, Point, Slopes, all_gains, approach, cross, fit,
+    gram, linearise, log_dets, ranges, value, value_below,
 };
 use crate::hypothesis::Hypothesis;
 use crate::servo;
@@ -291,15 +291,15 @@ impl Reference<'_> {
     /// A candidate some steps in its own parameters from a start, then as the quadratic model has it.
     fn approached(&self, term: &Term, start: Point, frozen: &Basis) -> Option<Candidate> {
         let (hypothesis, _) = self.with(term, &[]);
-        let effort = Effort::on_the_way(self.budget.approach);
-        let near = fit(self.compared_on(term), frozen, &hypothesis, start, effort);
+        let (compared_on, steps) = (self.compared_on(term), self.budget.approach);
+        let (at, gains) = approach(compared_on, frozen, &hypothesis, start, steps);
         // Gains of a part of the records are not those of all.
         let gains = match self.beside_joint(term) {
-            true => all_gains(self.case, &hypothesis, &near.point),
-            false => near.gains,
+            true => all_gains(self.case, &hypothesis, &at),
+            false => gains,
         };
         let spread: f64 = log_dets(self.case, &gains, Role::Train).iter().sum();
-        let (first, at) = (self.fit.point.e.len(), &near.point);
+        let (first, at) = (self.fit.point.e.len(), &at);
         let own: Vec<Direction<'_>> = (first..at.e.len()).map(Direction::Effect).collect();
         let lin = linearise(self.case, &hypothesis, at, &gains, Role::Train, &own);
         if lin.r.len() != self.lin.r.len() {

@@ -21,6 +21,7 @@ pub struct Commands<'a> {
 
 impl Commands<'_> {
     /// Mean of the command over the substep.
+    #[inline(always)]
     pub fn now(&self) -> f64 {
         let i = ((self.t / self.h + 1e-9) as usize).min(self.u.len() - 1);
         if !self.linear {
@@ -32,6 +33,7 @@ impl Commands<'_> {
 
     /// Mean of the command over the substep, `delay` earlier; commands before the first sample
     /// equal it. Differentiable from the right at a delay of zero.
+    #[inline(always)]
     pub fn mean<D: Scalar>(&self, delay: D) -> D {
         let (mut from, end) = (-delay + self.t, -delay + (self.t + self.dt));
         let mut total = D::nil();
@@ -49,6 +51,7 @@ impl Commands<'_> {
         }
     }
 
+    #[inline(always)]
     fn within<D: Scalar>(&self, t: D, cell: f64) -> D {
         let last = self.u.len() - 1;
         if cell < 0.0 {

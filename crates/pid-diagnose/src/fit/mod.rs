@@ -33,8 +33,8 @@ pub use products::Slopes;
 pub(crate) use products::{cross, gram};
 pub use quadratic::Quadratic;
 use step::Damping;
-use value::gains_from;
 pub use value::{PRIOR, Value, all_gains, log_dets, value, value_below};
+use value::{gains_from, value_of};
 
 /// Ranges of the parameters of a hypothesis, SI.
 pub fn ranges(case: &Case, hypothesis: &Hypothesis) -> Vec<(f64, f64)> {
@@ -185,6 +185,42 @@ pub fn fit(
     start: Point,
     effort: Effort<'_>,
 ) -> Fit {
+    let (mut path, quadratic, steps) = descended(case, basis, hypothesis, start, effort);
+    path.complete_gains();
+    let train = path.value_or(Path::run).clone();
+    Fit {
+        hypothesis: hypothesis.clone(),
+        point: path.at,
+        gains: path.gains,
+        train,
+        quadratic,
+        steps,
+        unsettled: path.unsettled,
+        to_free_runs: false,
+    }
+}
+
+/// Point and gains of the train records where a [`fit`] on the way ends, without what is left there.
+pub(crate) fn approach(
+    case: &Case,
+    basis: &Basis,
+    hypothesis: &Hypothesis,
+    start: Point,
+    steps: usize,
+) -> (Point, Vec<Vec<Gain>>) {
+    let effort = Effort::on_the_way(steps);
+    let (path, ..) = descended(case, basis, hypothesis, start, effort);
+    (path.at, path.gains)
+}
+
+/// The steps of a fit, with the quadratic model of the last and their number.
+fn descended<'a>(
+    case: &'a Case,
+    basis: &Basis,
+    hypothesis: &'a Hypothesis,
+    start: Point,
+    effort: Effort<'_>,
+) -> (Path<'a>, Quadratic, usize) {
     let mut path = Path::new(case, basis, hypothesis, start);
     let rank = path.columns.len();
     let mut steps = 0;
@@ -204,22 +240,25 @@ pub fn fit(
             None
         };
         let beside = old.and_then(|old| path.beside(old, basis));
-        quadratic = match beside {
-            Some(quadratic) => quadratic,
+        let left;
+        (quadratic, left) = match beside {
+            Some(found) => found,
             None => {
-                let (quadratic, slopes) = path.renewed(basis);
+                let (quadratic, left, slopes) = path.renewed(basis);
                 own = Some(slopes);
-                quadratic
+                (quadratic, left)
             }
         };
+        let bound = path.value_or(|path| path.value_of(&left)).objective();
         if steps >= effort.steps {
             break;
         }
-        let tried = path.step(&quadratic, if borrowed { 3 } else { 7 });
+        let tried = path.step((&quadratic, bound), if borrowed { 3 } else { 7 });
         steps += 1;
-        let resting = tried.decrease < REST.0 + REST.1 * path.now.objective();
+        let rest = REST.0 + REST.1 * (bound - tried.decrease);
+        let resting = tried.decrease < rest;
         if borrowed {
-            let at_rest = tried.predicted < REST.0 + REST.1 * path.now.objective();
+            let at_rest = tried.predicted < rest;
             let untrue = !tried.improved || tried.decrease < TRUSTED * tried.predicted;
             if untrue || (resting && !at_rest) {
                 // The neighbour's derivatives no longer serve.
@@ -247,17 +286,7 @@ pub fn fit(
             path.renew_gains();
         }
     }
-    path.complete_gains();
-    Fit {
-        hypothesis: hypothesis.clone(),
-        point: path.at,
-        gains: path.gains,
-        train: path.now,
-        quadratic,
-        steps,
-        unsettled: path.unsettled,
-        to_free_runs: false,
-    }
+    (path, quadratic, steps)
 }
 
 /// A fit on its way.
@@ -270,7 +299,8 @@ struct Path<'a> {
     bounds: Vec<(f64, f64)>,
     at: Point,
     gains: Vec<Vec<Gain>>,
-    now: Value,
+    /// What is left there; `None` where gains have changed since it was found.
+    now: Option<Value>,
     damping: Damping,
     unsettled: usize,
 }
@@ -293,7 +323,6 @@ impl<'a> Path<'a> {
         let gains = gains_from(case, hypothesis, &at, &from_rest, |role| {
             role == Role::Train
         });
-        let now = value(case, hypothesis, &at, &gains, Role::Train);
         Self {
             case,
             hypothesis,
@@ -301,15 +330,37 @@ impl<'a> Path<'a> {
             bounds,
             at,
             gains,
-            now,
+            now: None,
             damping: Damping::new(Some(OF_THETA)),
             unsettled: 0,
         }
     }
 
-    /// The model with borrowed derivatives along the basis and new ones in the effects' parameters; `None` where
-    /// they do not have the same rows.
-    fn beside(&self, old: &Slopes, basis: &Basis) -> Option<Quadratic> {
+    /// What is left at the point, by a way to find it where that is not known.
+    fn value_or(&mut self, find: impl FnOnce(&Self) -> Value) -> &Value {
+        let now = self.now.take().unwrap_or_else(|| find(self));
+        self.now.insert(now)
+    }
+
+    /// What is left, by a simulation.
+    fn run(&self) -> Value {
+        value(
+            self.case,
+            self.hypothesis,
+            &self.at,
+            &self.gains,
+            Role::Train,
+        )
+    }
+
+    /// What is left, of the innovations on the train records.
+    fn value_of(&self, innovations: &DVector<f64>) -> Value {
+        value_of(self.case, &self.at, &self.gains, innovations.as_slice())
+    }
+
+    /// The model with borrowed derivatives along the basis and new ones in the effects' parameters, and innovations;
+    /// `None` where they do not have the same rows.
+    fn beside(&self, old: &Slopes, basis: &Basis) -> Option<(Quadratic, DVector<f64>)> {
         let effects: Vec<Direction<'_>> = (0..self.at.e.len()).map(Direction::Effect).collect();
         let (hypothesis, gains) = (self.hypothesis, &self.gains);
         let own = linearise(
@@ -320,19 +371,18 @@ impl<'a> Path<'a> {
             Role::Train,
             &effects,
         );
-        (own.r.len() == old.j.nrows()).then(|| Quadratic::beside(basis, old, &own, &self.at))
+        (own.r.len() == old.j.nrows())
+            .then(|| (Quadratic::beside(basis, old, &own, &self.at), own.r))
     }
 
-    /// The model with derivatives of its own, and those along the basis.
-    fn renewed(&self, basis: &Basis) -> (Quadratic, Slopes) {
+    /// The model with derivatives of its own, innovations, and derivatives along the basis.
+    fn renewed(&self, basis: &Basis) -> (Quadratic, DVector<f64>, Slopes) {
         let (hypothesis, gains) = (self.hypothesis, &self.gains);
         let lin = differentiated(self.case, hypothesis, &self.at, gains, &self.columns);
         let products = gram(&lin.j);
         let quadratic = Quadratic::of(basis, &products, &lin.j.tr_mul(&lin.r), &self.at);
-        (
-            quadratic,
-            Slopes::first(lin.j, &products, self.columns.len()),
-        )
+        let slopes = Slopes::first(lin.j, &products, self.columns.len());
+        (quadratic, lin.r, slopes)
     }
 
     /// Gains of the records that are not fitted, which no step needs.
@@ -346,16 +396,14 @@ impl<'a> Path<'a> {
     }
 
     fn renew_gains(&mut self) {
-        (self.gains, self.now) = self.found_from(&self.gains);
+        self.gains = self.found_from(&self.gains);
+        self.now = None;
     }
 
-    /// Gains with the states that no sensor reads looked for from where they were `before`, and what they leave.
-    fn found_from(&self, before: &[Vec<Gain>]) -> (Vec<Vec<Gain>>, Value) {
-        let (case, hypothesis, at) = (self.case, self.hypothesis, &self.at);
+    /// Gains with the states that no sensor reads looked for from where they were `before`.
+    fn found_from(&self, before: &[Vec<Gain>]) -> Vec<Vec<Gain>> {
         let train = |role| role == Role::Train;
-        let gains = gains_from(case, hypothesis, at, before, train);
-        let now = value(case, hypothesis, at, &gains, Role::Train);
-        (gains, now)
+        gains_from(self.case, self.hypothesis, &self.at, before, train)
     }
 
     /// Takes integrals that are looked for from rest, if they leave less: friction that sticks holds some where others
@@ -365,18 +413,19 @@ impl<'a> Path<'a> {
             return false;
         }
         let from_rest = vec![Vec::new(); self.case.records.len()];
-        let (gains, now) = self.found_from(&from_rest);
-        let gained = self.now.objective() - now.objective();
+        let before = self.value_or(Self::run).objective();
+        let gains = self.found_from(&from_rest);
+        let now = value(self.case, self.hypothesis, &self.at, &gains, Role::Train);
+        let gained = before - now.objective();
         let pays = gained > REST.0 + REST.1 * now.objective();
         if pays {
-            (self.gains, self.now) = (gains, now);
+            (self.gains, self.now) = (gains, Some(now));
         }
         pays
     }
 
-    /// One step, in at most `trials` trials.
-    fn step(&mut self, quadratic: &Quadratic, trials: usize) -> Tried {
-        let bound = self.now.objective();
+    /// One step to less than a bound, in at most `trials` trials.
+    fn step(&mut self, (quadratic, bound): (&Quadratic, f64), trials: usize) -> Tried {
         let stepped = (self.damping).step((&self.at, &self.bounds), quadratic, trials, |next| {
             value_below(bound, self.case, self.hypothesis, next, &self.gains)
         });
@@ -389,7 +438,7 @@ impl<'a> Path<'a> {
         if let Some((next, there)) = stepped.to {
             tried.decrease = bound - there.objective();
             tried.improved = true;
-            (self.at, self.now) = (next, there);
+            (self.at, self.now) = (next, Some(there));
         }
         tried
     }

@@ -115,6 +115,37 @@ pub fn value(
     run(case, hypothesis, at, gains, role, f64::INFINITY)
 }
 
+/// The same of innovations on the train records, as [`linearise`](super::linearise) has them.
+pub(super) fn value_of(case: &Case, at: &Point, gains: &[Vec<Gain>], innovations: &[f64]) -> Value {
+    let n = case.n();
+    let measured = |j: usize| case.velocity[j] == Velocity::Measured;
+    let channels: Vec<(usize, usize)> = (0..n)
+        .flat_map(|j| (0..1 + usize::from(measured(j))).map(move |c| (j, c)))
+        .collect();
+    let mut total = Value {
+        chi: vec![[0.0; 2]; n],
+        count: vec![[0.0; 2]; n],
+        prior: prior(at),
+        log_det: log_dets(case, gains, Role::Train),
+    };
+    let mut rest = innovations;
+    for record in case.records.iter().filter(|r| r.role == Role::Train) {
+        let (own, others) = rest.split_at(rows(record) * channels.len());
+        rest = others;
+        let mut chi = vec![[0.0; 2]; n];
+        for sample in own.chunks_exact(channels.len()) {
+            for (&(j, c), x) in channels.iter().zip(sample) {
+                chi[j][c] += x * x;
+                total.count[j][c] += 1.0;
+            }
+        }
+        for (sum, own) in total.chi.iter_mut().zip(&chi) {
+            (sum[0], sum[1]) = (sum[0] + own[0], sum[1] + own[1]);
+        }
+    }
+    total
+}
+
 /// [`value`] on the train records if its [`Value::objective`] is below a bound, else `None`: most
 /// points above it are known to be after a part of the records.
 pub fn value_below(
