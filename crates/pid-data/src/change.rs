@@ -28,7 +28,7 @@ pub enum ChangeError {
     },
     /// Records of different robots.
     #[error(
-        "the records of `{second}` are not like those of `{first}`: joints, input units, velocity channels and the hold of inputs must agree\n  help: with --controller the units of inputs do not count"
+        "the records of `{second}` are not like those of `{first}`: joints, input units, velocity channels and the hold of inputs must agree\n  help: units and hold of inputs do not count where the drives are off (--gain-factor 'RECORD=off'), units not with --controller"
     )]
     OtherRobot {
         /// The first data set.
@@ -65,19 +65,20 @@ pub enum ChangeError {
 }
 
 impl Dataset {
-    /// The records of several data sets of one robot as one. Inputs of drives that are off do not count: their kind may
-    /// be another one.
+    /// The records of several data sets of one robot as one. Inputs of drives that are off do not count: their kind is
+    /// that of the others.
     ///
     /// # Errors
     /// [`ChangeError::OtherRobot`].
     pub fn merged(mut self, also: Vec<Dataset>) -> Result<Self, ChangeError> {
         for mut other in also {
-            let off = other.experiments.iter().all(Experiment::is_off);
+            let off = [&self, &other].map(|own| own.experiments.iter().all(Experiment::is_off));
+            let free = off.contains(&true);
             let alike = other.joints.len() == self.joints.len()
-                && (off || other.input_hold == self.input_hold)
+                && (free || other.input_hold == self.input_hold)
                 && self.joints.iter().zip(&other.joints).all(|(a, b)| {
                     (a.prismatic, a.velocity) == (b.prismatic, b.velocity)
-                        && (off || a.input_unit == b.input_unit)
+                        && (free || a.input_unit == b.input_unit)
                 });
             if !alike {
                 return Err(ChangeError::OtherRobot {
@@ -85,9 +86,13 @@ impl Dataset {
                     second: other.name,
                 });
             }
-            if off {
-                let inputs = other.experiments.iter_mut().flat_map(|e| &mut e.u);
-                inputs.for_each(|u| *u = 0.0);
+            match off {
+                [_, true] => other.without_inputs(),
+                [true, false] => {
+                    self.without_inputs();
+                    (self.joints, self.input_hold) = (other.joints, other.input_hold);
+                }
+                [false, false] => {}
             }
             self.name = format!("{} and {}", self.name, other.name);
             self.experiments.extend(other.experiments);
@@ -175,6 +180,12 @@ impl Dataset {
             experiment.u = channel(experiment).ok_or_else(|| experiment.name.clone())?;
         }
         Ok(())
+    }
+
+    /// Sets all inputs to zero.
+    fn without_inputs(&mut self) {
+        let inputs = self.experiments.iter_mut().flat_map(|e| &mut e.u);
+        inputs.for_each(|u| *u = 0.0);
     }
 
     fn inputs_are_forces(&mut self) {

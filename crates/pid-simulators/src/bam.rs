@@ -114,8 +114,8 @@ fn expressed(id: &str) -> &'static str {
 fn list(machine: &Machine) -> String {
     let mut out = String::from(
         "# What Better Actuator Models express of this robot\n\nA file `bam_JOINT.json` has the friction, the inertia of the \
-         rotor and, where the input is a current or the drive states `back_emf`, the torque constant. Before `bam.load_model` reads it, put the name \
-         of an actuator class of BAM into `actuator`, and the resistance of the winding into `R`.\n\n| what | joint | the files |\n|---|---|---|\n",
+         rotor and, where the input is a current or the drive states `back_emf`, the torque constant; with `back_emf` also the resistance `R`. Before `bam.load_model` reads it, put the name \
+         of an actuator class of BAM into `actuator`, and `R` where it lacks.\n\n| what | joint | the files |\n|---|---|---|\n",
     );
     let mut row = |what: &str, joint: &str, text: &str| {
         // Writing to a text cannot fail.

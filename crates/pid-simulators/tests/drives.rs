@@ -4,6 +4,7 @@ mod common;
 
 use common::{LOOP, behind_loop, described, effect};
 use pid_effects::effects;
+use pid_interpret::nominal::Nominal;
 use pid_simulators::{Options, Target, export};
 
 /// Values by hand: gain 3, Coulomb 0.8, viscous 0.5, rotor 0.1 and 0.05 more.
@@ -125,6 +126,32 @@ fn joints_become_models_of_bam() {
         (&"m4".into(), &"m3".into())
     );
     assert!(of("j1").get("alpha").is_none());
+}
+
+/// Per volt a motor brings kt/R, and per velocity it induces kt: 3 N m/V and 0.6 V s/rad are 0.2 ohm and brake by
+/// 1.8 N m s/rad beside a viscous friction of 0.5.
+#[test]
+fn a_back_emf_is_the_torque_constant_of_bam() {
+    let drive = "[joint.drive]\nlaw = \"p\"\nkp = 20.0\nback_emf = 0.6\n";
+    let text = behind_loop("", "").to_toml().expect("a text");
+    let (first, second) = text.split_once("name = \"j2\"").expect("a joint");
+    let second = second.replacen("input = \"current\"", "input = \"voltage\"", 1);
+    let (own, rest) = second.split_once("[[joint]]").expect("a third joint");
+    let text = format!("{first}name = \"j2\"{own}{drive}[[joint]]{rest}");
+    let nominal = Nominal::parse("arm.toml", &text).expect(&text);
+    let file = |target, name: &str| -> serde_json::Value {
+        let files = export(&nominal, target, &Options::default()).expect("files");
+        let file = files.iter().find(|f| f.name == name).expect(name);
+        serde_json::from_str(&file.text).expect("JSON")
+    };
+    let bam = file(Target::Bam, "bam_j2.json");
+    for (name, expected) in [("kt", 0.6), ("R", 0.2), ("friction_viscous", 0.5)] {
+        let value = bam[name].as_f64().expect(name);
+        assert!((value - expected).abs() < 1e-12, "{name} {value}");
+    }
+    let drives = file(Target::Newton, "robot_drives.json");
+    let viscous = drives["drives"][1]["viscous"].as_f64().expect("viscous");
+    assert!((viscous - 2.3).abs() < 1e-12, "{viscous}");
 }
 
 /// No effect of the library is dropped without a word.

@@ -209,9 +209,12 @@ fn drives_that_are_off_are_read_or_refused_with_their_place() {
         joint.input_unit = "V".to_owned();
     }
     let on = with("false").unwrap();
-    let merged = on.clone().merged(vec![other.clone()]).unwrap();
-    let last = merged.experiments.last().unwrap();
-    assert!(last.is_off() && last.u.iter().all(|u| *u == 0.0));
+    for (first, second, place) in [(&on, &other, 2), (&other, &on, 0)] {
+        let merged = first.clone().merged(vec![second.clone()]).unwrap();
+        let own = &merged.experiments[place];
+        assert!(own.is_off() && own.u.iter().all(|u| *u == 0.0));
+        assert_eq!(merged.joints[0].input_unit, on.joints[0].input_unit);
+    }
     other.experiments[0].gain_factors = Default::default();
     assert!(on.merged(vec![other]).is_err());
 }

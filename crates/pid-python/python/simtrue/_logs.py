@@ -119,7 +119,7 @@ def read(
         targets: the commanded positions are the inputs, behind the position loops of the drives;
             recorded inputs of the motors are left out.
         gain_factor: how many times a gain of the position loops acts in some records,
-            ``RECORD=GAIN:FACTOR`` such as ``*_kp400=kp:4``.
+            ``RECORD=GAIN:FACTOR`` such as ``*_kp400=kp:4``, or ``drop_*=off`` where the drives are off.
         passive: no joint is driven, the inputs are zero.
         test: names of the records to judge with; by default the last quarter of several, or the
             last third of a single one.
