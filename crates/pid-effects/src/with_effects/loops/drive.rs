@@ -43,7 +43,8 @@ const INERTIA_SHARE: usize = 19;
 const INERTIA: usize = 20;
 /// Inputs by which a record multiplies kp, kd, ki and kv.
 const TIMES: usize = 21;
-const BACK_EMF: usize = TIMES + GainFactors::KEYS.len();
+/// The back-EMF, on which the input does not depend ([`Brake`](super::brake::Brake)).
+pub(super) const BACK_EMF: usize = TIMES + GainFactors::KEYS.len();
 /// Input that is 1 while the drive is on, and 0 while it is off.
 pub(super) const ON: usize = BACK_EMF + 1;
 /// Number of these. [`Loop::further`] follow where a drive has a feed-forward.
@@ -245,10 +246,7 @@ impl Loop {
     /// Input of the motor with its derivatives, as [`Loop::seeded`] has them.
     pub(super) fn input(&self, at: &Point<'_>, a: Option<usize>, b: Option<usize>) -> Smooth {
         let x = self.seeded(at, a, b);
-        let mut u = self.limited(&x).0;
-        if self.places[BACK_EMF].is_some() {
-            u -= x[BACK_EMF] * x[V];
-        }
+        let u = self.limited(&x).0;
         match self.places[ON] {
             Some(_) => u * x[ON],
             None => u,
@@ -279,7 +277,7 @@ impl Loop {
 
     /// Arguments on which the input depends, ascending.
     pub(super) fn acting(&self) -> impl Iterator<Item = usize> + '_ {
-        let speed = self.servo.falling.is_some() || self.places[BACK_EMF].is_some();
+        let speed = self.servo.falling.is_some();
         let reads = move |a: usize| match a {
             V => speed || self.velocity().contains(&a),
             LATE => self.velocity().contains(&a),
@@ -303,7 +301,6 @@ impl Loop {
             TIMES + Gain::Kp as usize,
             TIMES + Gain::Kd as usize,
             TIMES + Gain::Kv as usize,
-            BACK_EMF,
             ON,
         ];
         let used = all.into_iter().filter(move |&a| reads(a));

@@ -11,6 +11,7 @@
 //! Stages of a target act on the records.
 //! Effects that act between a drive and its motor act on u; the loop reads the coordinate of its joint.
 
+mod brake;
 mod drive;
 mod feed_forward;
 mod memories;
@@ -28,6 +29,7 @@ use pid_runtime::dynamics::{
     At, Dims, Dynamics, Hessian, InputInfo, Jacobian, JointInfo, ParamInfo, Pattern,
 };
 
+use self::brake::Brake;
 use self::drive::{LAGS, Loop, MOST, Memory, ON, Q, R, R_DOT, V, argument, factor, parameters};
 use self::feed_forward::{Fed, Known, Order, Read};
 use super::DECADE;
@@ -37,8 +39,8 @@ use super::states::{Starts, add_state};
 use crate::nominal::Nominal;
 
 thread_local! {
-    /// Inner inputs; kept so that evaluations do not allocate.
-    static SCRATCH: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
+    /// Inner inputs and parameters; kept so that evaluations do not allocate.
+    static SCRATCH: RefCell<[Vec<f64>; 2]> = const { RefCell::new([Vec::new(), Vec::new()]) };
 }
 
 /// A model with the loops of its drives. Coordinates and (idle) inputs of integrals follow the joints',
@@ -50,6 +52,8 @@ pub struct WithLoops<'m> {
     params: Vec<ParamInfo>,
     inputs: Vec<InputInfo>,
     loops: Vec<Loop>,
+    /// Motors that brake by the voltage they induce.
+    brakes: Vec<Brake>,
     states: Vec<State>,
     /// The robot that the drives know, where one has a feed-forward.
     known: Option<Known>,
@@ -181,6 +185,7 @@ impl<'m> WithLoops<'m> {
             inputs: inner.inputs().to_vec(),
             motors: driven.iter().map(|d| d.motor).collect(),
             loops: Vec::new(),
+            brakes: Vec::new(),
             states: Vec::new(),
             known: fed.then(|| Known::new(stated, inertia)),
             lags: vec![None; before.nq],
@@ -372,7 +377,13 @@ impl<'m> WithLoops<'m> {
                 arguments,
             }
         };
-        let groups: Vec<chain::Group> = self.loops.iter().zip(&self.motors).map(group).collect();
+        let loops = self.loops.iter();
+        self.brakes = (loops.clone())
+            .filter_map(|own| Brake::of(own, self.inner.as_ref()))
+            .collect();
+        let brakes = self.brakes.iter().map(|own| own.group(&before, &dims));
+        let groups = loops.zip(&self.motors).map(group).chain(brakes);
+        let groups: Vec<chain::Group> = groups.collect();
         let direct = |z| widened(&before, &dims, z);
         self.chain = Chain::new(self.inner.as_ref(), &groups, direct);
         let (loops, states) = (&self.loops, self.states.iter());
@@ -427,7 +438,7 @@ impl Substituted for WithLoops<'_> {
     }
 
     fn within<T>(&self, at: &At<'_>, work: impl FnOnce(&At<'_>) -> T) -> T {
-        let mut u = SCRATCH.with(|s| std::mem::take(&mut *s.borrow_mut()));
+        let [mut u, mut p] = SCRATCH.with(|s| std::mem::take(&mut *s.borrow_mut()));
         let sizes = (&self.inner.dims(), &self.dims);
         let drives = |u: &mut [f64]| {
             self.fed(at, Order::Value, |fed| {
@@ -437,8 +448,18 @@ impl Substituted for WithLoops<'_> {
                 }
             });
         };
-        let out = narrowed(sizes, at, &mut u, drives, work);
-        SCRATCH.with(|s| *s.borrow_mut() = u);
+        let out = narrowed(sizes, at, &mut u, drives, |within| {
+            if self.brakes.is_empty() {
+                return work(within);
+            }
+            p.clear();
+            p.extend_from_slice(within.p);
+            for own in &self.brakes {
+                own.put(at, &self.dims, &mut p);
+            }
+            work(&At { p: &p, ..*within })
+        });
+        SCRATCH.with(|s| *s.borrow_mut() = [u, p]);
         out
     }
 
@@ -453,6 +474,9 @@ impl Substituted for WithLoops<'_> {
                 }
             }
         });
+        for own in &self.brakes {
+            out.extend_from_slice(&own.gradient(at, &self.dims));
+        }
     }
 
     /// The lower triangles: those the chain reads.
@@ -470,6 +494,9 @@ impl Substituted for WithLoops<'_> {
                 }
             }
         });
+        for (own, w) in self.brakes.iter().zip(&weights[self.loops.len()..]) {
+            out.extend_from_slice(&own.curvature(at, &self.dims, *w));
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use pid_interpret::nominal::{self as description, Servo, ServoGain, ServoLaw};
 
 use super::*;
 use crate::described::in_loops;
+use crate::with_effects::Assembled;
 use crate::with_effects::tests::{ARM, assert_derivatives, at, model, point, records};
 
 /// The loop of a law with its gains in the order of the law.
@@ -245,6 +246,49 @@ fn gains_by_record_are_factors_of_the_described_ones() {
         for (r, expected) in r.iter().zip(&expected) {
             assert!((r - expected).abs() < 1e-12, "{law}: {r} {expected}");
         }
+    }
+}
+
+/// Behind effects between drive and motor the back-EMF is viscous friction, neither slow nor limited with the input.
+#[test]
+fn a_motor_brakes_behind_the_effects_of_its_drive() {
+    let slow = "[[effect]]\nid = \"actuator_lag\"\njoint = \"shoulder\"\n[effect.parameters]\ntime_constant_s = { value = 0.03 }\n\
+                [[effect]]\nid = \"torque_saturation\"\njoint = \"elbow\"\n[effect.parameters]\nlimit_input = { value = 0.1 }\n";
+    let arm = ARM.replace("\"current\"", "\"voltage\"");
+    let assembled = |drive: &str| {
+        let text = format!("{arm}\n{slow}\n[drive]\n{PD}{drive}");
+        let nominal = description::Nominal::parse("arm.toml", &text).expect("a description");
+        Assembled::new(&nominal, &mut targets())
+            .expect("equations")
+            .model
+    };
+    let (plain, with) = (
+        assembled(""),
+        assembled("back_emf = { value = 0.7, tolerance = 0.1 }\n"),
+    );
+    let (few, d) = (plain.dims(), with.dims());
+    assert_eq!((d.nq, d.nu, d.np), (few.nq, few.nu, few.np + 2));
+    let z: Vec<f64> = (0..d.nz())
+        .map(|i| 0.3 + 0.4 * (1.3 * i as f64).sin())
+        .collect();
+    let here = at(&z, &d);
+    let of = |name: &str| {
+        let k = with.params().iter().position(|p| p.name == name);
+        here.p[k.expect(name)]
+    };
+    let own = |p: &ParamInfo| match p.name.strip_prefix("viscous_") {
+        Some(joint) => {
+            let braked = of(&format!("gain_{joint}")) * of(&format!("back_emf_{joint}"));
+            of(&p.name) + braked
+        }
+        None => of(&p.name),
+    };
+    let p: Vec<f64> = plain.params().iter().map(own).collect();
+    let (mut r, mut expected) = (vec![0.0; d.nq], vec![0.0; d.nq]);
+    with.residual(&here, &mut r);
+    plain.residual(&At { p: &p, ..here }, &mut expected);
+    for (r, expected) in r.iter().zip(&expected) {
+        assert!((r - expected).abs() < 1e-12, "{r} {expected}");
     }
 }
 
