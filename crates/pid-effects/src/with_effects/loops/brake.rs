@@ -89,3 +89,114 @@ impl Brake {
         out
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use pid_interpret::nominal as description;
+    use pid_runtime::dynamics::{At, Dynamics, ParamInfo};
+
+    use super::super::WithLoops;
+    use super::super::tests::{CASCADE, PD, PID, arm_under, described, motor_gains, targets};
+    use crate::with_effects::Assembled;
+    use crate::with_effects::tests::{ARM, assert_derivatives, at, model, point};
+
+    /// Behind effects between drive and motor the back-EMF is viscous friction, neither slow nor limited with the input.
+    #[test]
+    fn a_motor_brakes_behind_the_effects_of_its_drive() {
+        let slow = "[[effect]]\nid = \"actuator_lag\"\njoint = \"shoulder\"\n[effect.parameters]\ntime_constant_s = { value = 0.03 }\n\
+                    [[effect]]\nid = \"torque_saturation\"\njoint = \"elbow\"\n[effect.parameters]\nlimit_input = { value = 0.1 }\n";
+        let arm = ARM.replace("\"current\"", "\"voltage\"");
+        let assembled = |drive: &str| {
+            let text = format!("{arm}\n{slow}\n[drive]\n{PD}{drive}");
+            let nominal = description::Nominal::parse("arm.toml", &text).expect("a description");
+            Assembled::new(&nominal, &mut targets())
+                .expect("equations")
+                .model
+        };
+        let (plain, with) = (
+            assembled(""),
+            assembled("back_emf = { value = 0.7, tolerance = 0.1 }\n"),
+        );
+        let (few, d) = (plain.dims(), with.dims());
+        assert_eq!((d.nq, d.nu, d.np), (few.nq, few.nu, few.np + 2));
+        let z: Vec<f64> = (0..d.nz())
+            .map(|i| 0.3 + 0.4 * (1.3 * i as f64).sin())
+            .collect();
+        let here = at(&z, &d);
+        let of = |name: &str| {
+            let k = with.params().iter().position(|p| p.name == name);
+            here.p[k.expect(name)]
+        };
+        let own = |p: &ParamInfo| match p.name.strip_prefix("viscous_") {
+            Some(joint) => {
+                let braked = of(&format!("gain_{joint}")) * of(&format!("back_emf_{joint}"));
+                of(&p.name) + braked
+            }
+            None => of(&p.name),
+        };
+        let p: Vec<f64> = plain.params().iter().map(own).collect();
+        let (mut r, mut expected) = (vec![0.0; d.nq], vec![0.0; d.nq]);
+        with.residual(&here, &mut r);
+        plain.residual(&At { p: &p, ..here }, &mut expected);
+        for (r, expected) in r.iter().zip(&expected) {
+            assert!((r - expected).abs() < 1e-12, "{r} {expected}");
+        }
+    }
+
+    /// A motor at the voltage u − k v, and none while its drive is off, whatever its loop and its integral do.
+    #[test]
+    fn a_drive_that_is_off_leaves_no_input() {
+        for law in [PD, PID, CASCADE] {
+            let arm = ARM.replace("\"current\"", "\"voltage\"");
+            let text =
+                format!("{arm}\n[drive]\n{law}back_emf = {{ value = 0.7, tolerance = 0.1 }}\n");
+            let nominal = description::Nominal::parse("arm.toml", &text).expect("a description");
+            let mut dataset = targets();
+            let mut second = dataset.experiments[0].clone();
+            second.name = "b".to_owned();
+            dataset.experiments.push(second);
+            let rule = "b=off".parse().expect("a rule");
+            let mut dataset = dataset.with_gain_factors(&[rule]).expect("a rule");
+            let servos = [nominal.servo(0), None];
+            let with = WithLoops::new(model(), &servos, &nominal, &mut dataset);
+            let d = with.dims();
+            let on: Vec<f64> = (dataset.experiments.iter())
+                .map(|e| e.u[d.nu - 1])
+                .collect();
+            assert_eq!(on, [1.0, 0.0]);
+            let mut z = point(&with, 1.0);
+            let free: Vec<usize> = (0..d.nz()).collect();
+            assert_derivatives(law, &with, &z, &free);
+
+            let (plain, mut targets) = (described(law), targets());
+            let servos = [plain.servo(0), None];
+            let plain = WithLoops::new(model(), &servos, &plain, &mut targets);
+            let few = plain.dims();
+            let same = |z: &[f64]| [&z[..d.u() + few.nu], &z[d.p()..d.p() + few.np]].concat();
+            let (mut r, mut expected) = (vec![0.0; d.nq], vec![0.0; few.nq]);
+            let gain = motor_gains(&at(&z, &d))[0];
+            z[d.u() + d.nu - 1] = 1.0;
+            with.residual(&at(&z, &d), &mut r);
+            plain.residual(&at(&same(&z), &few), &mut expected);
+            let v = z[d.v()];
+            let place = with
+                .params()
+                .iter()
+                .position(|p| p.name == "back_emf_shoulder");
+            expected[0] += gain * z[d.p() + place.expect("a back-EMF")] * v;
+            assert!(
+                (r[0] - expected[0]).abs() < 1e-12,
+                "{law}: {r:?} {expected:?}"
+            );
+
+            z[d.u() + d.nu - 1] = 0.0;
+            with.residual(&at(&z, &d), &mut r);
+            let here = at(&z, &d);
+            let expected = arm_under(&here, &[0.0, here.u[1]]);
+            assert!(
+                (r[0] - expected[0]).abs() < 1e-12,
+                "{law}: {r:?} {expected:?}"
+            );
+        }
+    }
+}

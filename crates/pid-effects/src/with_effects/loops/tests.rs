@@ -5,7 +5,6 @@ use pid_interpret::nominal::{self as description, Servo, ServoGain, ServoLaw};
 
 use super::*;
 use crate::described::in_loops;
-use crate::with_effects::Assembled;
 use crate::with_effects::tests::{ARM, assert_derivatives, at, model, point, records};
 
 /// The loop of a law with its gains in the order of the law.
@@ -56,7 +55,7 @@ fn derivatives_behind_loops_are_those_of_differences() {
 }
 
 /// The residual of the arm itself under inputs of its motors, where the arm behind loops is at `here`.
-fn arm_under(here: &At<'_>, u: &[f64]) -> Vec<f64> {
+pub(super) fn arm_under(here: &At<'_>, u: &[f64]) -> Vec<f64> {
     let (arm, mut r) = (model(), vec![0.0; 2]);
     let inside = At {
         q: &here.q[..2],
@@ -70,7 +69,7 @@ fn arm_under(here: &At<'_>, u: &[f64]) -> Vec<f64> {
 }
 
 /// Gains of the arm's motors.
-fn motor_gains(here: &At<'_>) -> [f64; 2] {
+pub(super) fn motor_gains(here: &At<'_>) -> [f64; 2] {
     ["gain_shoulder", "gain_elbow"].map(|name| {
         let k = model().params().iter().position(|p| p.name == name);
         here.p[k.expect("a gain")]
@@ -115,7 +114,7 @@ fn loops_are_the_laws_of_the_drives() {
 }
 
 /// The arm's records with targets as inputs.
-fn targets() -> Dataset {
+pub(super) fn targets() -> Dataset {
     let mut dataset = records();
     for joint in &mut dataset.joints {
         (joint.input, joint.input_unit) = (InputQuantity::Position, "rad".to_owned());
@@ -124,7 +123,7 @@ fn targets() -> Dataset {
 }
 
 /// The arm behind the loops of a text of `[drive]`.
-fn described(drive: &str) -> description::Nominal {
+pub(super) fn described(drive: &str) -> description::Nominal {
     let text = format!("{ARM}\n[drive]\n{drive}");
     description::Nominal::parse("arm.toml", &text).expect(&text)
 }
@@ -138,10 +137,10 @@ fn behind(drive: &str) -> (WithLoops<'static>, Dataset) {
     (with, dataset)
 }
 
-const PD: &str =
+pub(super) const PD: &str =
     "law = \"pd\"\nkp = { value = 3.0, tolerance = 1.0 }\nkd = { value = 0.4, tolerance = 0.1 }\n";
-const CASCADE: &str = "law = \"cascade\"\nkp = 3.0\nkv = 0.4\nki = 1.5\n";
-const PID: &str = "law = \"pid\"\nkp = 3.0\nkd = 0.4\nki = 1.5\n";
+pub(super) const CASCADE: &str = "law = \"cascade\"\nkp = 3.0\nkv = 0.4\nki = 1.5\n";
+pub(super) const PID: &str = "law = \"pid\"\nkp = 3.0\nkd = 0.4\nki = 1.5\n";
 const WEIGHED: &str = "gravity = { value = 0.8, tolerance = 0.2 }\n";
 const AHEAD: &str = "velocity_feed_forward = { value = 0.6, tolerance = 0.3 }\n";
 const FILTER: &str = "velocity_filter_s = { value = 0.05, tolerance = 0.02 }\n";
@@ -246,105 +245,6 @@ fn gains_by_record_are_factors_of_the_described_ones() {
         for (r, expected) in r.iter().zip(&expected) {
             assert!((r - expected).abs() < 1e-12, "{law}: {r} {expected}");
         }
-    }
-}
-
-/// Behind effects between drive and motor the back-EMF is viscous friction, neither slow nor limited with the input.
-#[test]
-fn a_motor_brakes_behind_the_effects_of_its_drive() {
-    let slow = "[[effect]]\nid = \"actuator_lag\"\njoint = \"shoulder\"\n[effect.parameters]\ntime_constant_s = { value = 0.03 }\n\
-                [[effect]]\nid = \"torque_saturation\"\njoint = \"elbow\"\n[effect.parameters]\nlimit_input = { value = 0.1 }\n";
-    let arm = ARM.replace("\"current\"", "\"voltage\"");
-    let assembled = |drive: &str| {
-        let text = format!("{arm}\n{slow}\n[drive]\n{PD}{drive}");
-        let nominal = description::Nominal::parse("arm.toml", &text).expect("a description");
-        Assembled::new(&nominal, &mut targets())
-            .expect("equations")
-            .model
-    };
-    let (plain, with) = (
-        assembled(""),
-        assembled("back_emf = { value = 0.7, tolerance = 0.1 }\n"),
-    );
-    let (few, d) = (plain.dims(), with.dims());
-    assert_eq!((d.nq, d.nu, d.np), (few.nq, few.nu, few.np + 2));
-    let z: Vec<f64> = (0..d.nz())
-        .map(|i| 0.3 + 0.4 * (1.3 * i as f64).sin())
-        .collect();
-    let here = at(&z, &d);
-    let of = |name: &str| {
-        let k = with.params().iter().position(|p| p.name == name);
-        here.p[k.expect(name)]
-    };
-    let own = |p: &ParamInfo| match p.name.strip_prefix("viscous_") {
-        Some(joint) => {
-            let braked = of(&format!("gain_{joint}")) * of(&format!("back_emf_{joint}"));
-            of(&p.name) + braked
-        }
-        None => of(&p.name),
-    };
-    let p: Vec<f64> = plain.params().iter().map(own).collect();
-    let (mut r, mut expected) = (vec![0.0; d.nq], vec![0.0; d.nq]);
-    with.residual(&here, &mut r);
-    plain.residual(&At { p: &p, ..here }, &mut expected);
-    for (r, expected) in r.iter().zip(&expected) {
-        assert!((r - expected).abs() < 1e-12, "{r} {expected}");
-    }
-}
-
-/// A motor at the voltage u − k v, and none while its drive is off, whatever its loop and its integral do.
-#[test]
-fn a_drive_that_is_off_leaves_no_input() {
-    for law in [PD, PID, CASCADE] {
-        let arm = ARM.replace("\"current\"", "\"voltage\"");
-        let text = format!("{arm}\n[drive]\n{law}back_emf = {{ value = 0.7, tolerance = 0.1 }}\n");
-        let nominal = description::Nominal::parse("arm.toml", &text).expect("a description");
-        let mut dataset = targets();
-        let mut second = dataset.experiments[0].clone();
-        second.name = "b".to_owned();
-        dataset.experiments.push(second);
-        let rule = "b=off".parse().expect("a rule");
-        let mut dataset = dataset.with_gain_factors(&[rule]).expect("a rule");
-        let servos = [nominal.servo(0), None];
-        let with = WithLoops::new(model(), &servos, &nominal, &mut dataset);
-        let d = with.dims();
-        let on: Vec<f64> = (dataset.experiments.iter())
-            .map(|e| e.u[d.nu - 1])
-            .collect();
-        assert_eq!(on, [1.0, 0.0]);
-        let mut z = point(&with, 1.0);
-        let free: Vec<usize> = (0..d.nz()).collect();
-        assert_derivatives(law, &with, &z, &free);
-
-        let (plain, mut targets) = (described(law), targets());
-        let servos = [plain.servo(0), None];
-        let plain = WithLoops::new(model(), &servos, &plain, &mut targets);
-        let few = plain.dims();
-        let same = |z: &[f64]| [&z[..d.u() + few.nu], &z[d.p()..d.p() + few.np]].concat();
-        let (mut r, mut expected) = (vec![0.0; d.nq], vec![0.0; few.nq]);
-        let gain = motor_gains(&at(&z, &d))[0];
-        z[d.u() + d.nu - 1] = 1.0;
-        with.residual(&at(&z, &d), &mut r);
-        plain.residual(&at(&same(&z), &few), &mut expected);
-        let v = z[d.v()];
-        let place = with
-            .params()
-            .iter()
-            .position(|p| p.name == "back_emf_shoulder");
-        expected[0] += gain * z[d.p() + place.expect("a back-EMF")] * v;
-        assert!(
-            (r[0] - expected[0]).abs() < 1e-12,
-            "{law}: {r:?} {expected:?}"
-        );
-
-        z[d.u() + d.nu - 1] = 0.0;
-        with.residual(&at(&z, &d), &mut r);
-        let here = at(&z, &d);
-        let expected = arm_under(&here, &[0.0, here.u[1]]);
-        assert!(
-            (r[0] - expected[0]).abs() < 1e-12,
-            "{law}: {r:?} {expected:?}"
-        );
     }
 }
 
