@@ -51,8 +51,7 @@ impl Stated {
 /// Whether records have commanded positions and nothing that drives the robot.
 pub(crate) fn targets_alone(dataset: &Dataset) -> bool {
     let position = |j: &pid_data::JointChannels| j.input == InputQuantity::Position;
-    let has = |e: &pid_data::Experiment| e.qref.is_some() || e.is_off();
-    let nothing = |e: &pid_data::Experiment| has(e) && e.u.iter().all(|u| *u == 0.0);
+    let nothing = |e: &pid_data::Experiment| e.has_targets() && e.u.iter().all(|u| *u == 0.0);
     dataset.joints.iter().all(position) || dataset.experiments.iter().all(nothing)
 }
 

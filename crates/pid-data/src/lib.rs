@@ -317,6 +317,11 @@ impl Experiment {
         Some(Cow::Owned(out))
     }
 
+    /// Whether [`Experiment::targets`] has any.
+    pub fn has_targets(&self) -> bool {
+        self.qref.is_some() || self.is_off()
+    }
+
     /// Whether all drives are off.
     pub fn is_off(&self) -> bool {
         (0..self.nq).all(|j| self.gain_factors.is_off(j))

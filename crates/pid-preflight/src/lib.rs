@@ -149,7 +149,7 @@ fn free_motion(findings: &mut [Finding], data: &Dataset, bench: &Bench, settings
 fn follows_targets(data: &Dataset, nominal: &Nominal, j: usize) -> bool {
     let nothing = |e: &Experiment| {
         let nu = e.nu().max(1);
-        (e.qref.is_some() || e.is_off()) && e.u.iter().skip(j).step_by(nu).all(|u| *u == 0.0)
+        e.has_targets() && e.u.iter().skip(j).step_by(nu).all(|u| *u == 0.0)
     };
     let as_input = data.joints[j].input == InputQuantity::Position;
     nominal.servo(j).is_some() && (as_input || data.experiments.iter().all(nothing))

@@ -49,7 +49,8 @@ pub(crate) fn checked(case: &Case) -> Result<Vec<String>, CaseError> {
         let Some(servo) = case.nominal.description.servo(j) else {
             continue;
         };
-        for record in different.iter().filter(|r| !r.gain_factors.is_off(j)) {
+        let on = || different.iter().filter(|r| !r.gain_factors.is_off(j));
+        for record in on() {
             warnings.extend(judged((case, record), (j, servo))?);
         }
         let frequency = |r: &&Record| {
@@ -57,7 +58,7 @@ pub(crate) fn checked(case: &Case) -> Result<Vec<String>, CaseError> {
             (case.nominal.gain(j) * stiffness / case.scale[j].inertia).sqrt()
                 / std::f64::consts::TAU
         };
-        let hertz = different.iter().map(frequency).fold(0.0, f64::max);
+        let hertz = on().map(frequency).fold(0.0, f64::max);
         let rates = case.records.iter().map(|r| 1.0 / r.h);
         let rate = rates.fold(f64::INFINITY, f64::min);
         if rate < SAMPLES * hertz {

@@ -1,4 +1,4 @@
-//! Motors that brake by the voltage they induce: with a back-EMF k and a motor gain g of a joint its viscous friction is
+//! Motors that brake by the voltage they induce. With a back-EMF k and a motor gain g, the viscous friction is
 //!
 //! ```text
 //! d + g k,     d alone while the drive is off
@@ -100,7 +100,7 @@ mod tests {
     use crate::with_effects::Assembled;
     use crate::with_effects::tests::{ARM, assert_derivatives, at, model, point};
 
-    /// Behind effects between drive and motor the back-EMF is viscous friction, neither slow nor limited with the input.
+    /// Behind effects of a drive the back-EMF is viscous friction: not slow and not limited as the input is.
     #[test]
     fn a_motor_brakes_behind_the_effects_of_its_drive() {
         let slow = "[[effect]]\nid = \"actuator_lag\"\njoint = \"shoulder\"\n[effect.parameters]\ntime_constant_s = { value = 0.03 }\n\

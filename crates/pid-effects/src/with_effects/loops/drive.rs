@@ -18,8 +18,8 @@ use super::feed_forward::{Fed, Read};
 /// Places of the arguments: position, velocity, target, gains, the integral and how fast it grows, the share of the
 /// target's velocity and that velocity, the velocity behind a filter, how fast that grows, and the filter's time; the
 /// share of gravity; what a late position lags, how fast that grows, and by how much it is late; the share of inertia.
-/// The inputs that make up for all of gravity and inertia are no variables of their own. Factors of gains are inputs, and
-/// so is whether the drive is on.
+/// The inputs that make up for all of gravity and inertia are no variables of their own. Factors of gains are inputs,
+/// and so is whether the drive is on.
 pub(super) const Q: usize = 0;
 pub(super) const V: usize = 1;
 pub(super) const R: usize = 2;

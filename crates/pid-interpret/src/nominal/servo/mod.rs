@@ -13,8 +13,9 @@
 //! with q and v̂ of a while ago, v̂ less a share of the target's velocity, which a cascade adds to w instead, and plus
 //! shares of what the drive's model needs against gravity and for the acceleration of the targets, in the unit of the
 //! joint's `input`, within ± `limit` (K. J. Åström, T. Hägglund, PID Controllers, 1995, chapter 3; W. Leonhard,
-//! Control of Electrical Drives, 2001, chapter 15). A motor with a stated `back_emf` brings `motor_gain (u − back_emf v)`
-//! while its drive is on, and nothing while it is off; without, that part of its damping is viscous friction.
+//! Control of Electrical Drives, 2001, chapter 15). A motor with a stated `back_emf` brings
+//! `motor_gain (u − back_emf v)` while its drive is on, and nothing while it is off; without, that part of its damping
+//! is viscous friction.
 
 mod number;
 mod read;
