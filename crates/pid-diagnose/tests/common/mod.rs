@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use pid_data::{Dataset, Horizon, InputHold};
 use pid_diagnose::declared::declared;
 use pid_diagnose::effects::by_id;
+use pid_diagnose::extended::free_run_gap;
 use pid_diagnose::nominal::Nominal;
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
@@ -211,6 +212,16 @@ pub(crate) fn source_holds(model: &dyn Dynamics, report: &Report) {
             assert!((x - y).abs() < 1e-11 * size, "{own:?} {theirs:?}\n{text}");
         }
     }
+}
+
+/// What a diagnosis wrote, as text: read again, its free runs on the records leave what the diagnosis said.
+pub(crate) fn runs_as_diagnosed(report: &Report, dataset: &Dataset) -> String {
+    let text = report.extended.to_toml().expect("a description");
+    let again = Nominal::parse(&text, "extended.toml".as_ref()).expect("a description");
+    let gap = free_run_gap(again, dataset).expect("a gap").total;
+    let stated = report.diagnosis().gap_after;
+    assert!((gap / stated - 1.0).abs() < 1e-6, "{gap} {stated}\n{text}");
+    text
 }
 
 /// All parameters by the program with exact derivatives, by their names: targets and positions alone.

@@ -10,17 +10,15 @@ mod stages;
 use pid_data::{Dataset, Role};
 use pid_diagnose::case::Case;
 use pid_diagnose::diagnosis::Diagnosis;
-use pid_diagnose::extended::free_run_gap;
 use pid_diagnose::fit::{Direction, Point, all_gains, linearise};
 use pid_diagnose::hypothesis::Hypothesis;
 use pid_diagnose::loop_gain::Told;
-use pid_diagnose::nominal::Nominal;
 use pid_diagnose::report::Report;
 use pid_diagnose::search::Settings;
 use pid_interpret::nominal::{Gain, Role as Part};
 use rig::{BAR, CASCADE, Loop, PD, PID, described, records};
 
-use crate::common::among;
+use crate::common::{among, runs_as_diagnosed};
 
 fn diagnosed(drive: &str, dataset: &Dataset) -> Report {
     Report::new(described(drive), dataset, &Settings::default(), false).expect("a diagnosis")
@@ -97,10 +95,7 @@ fn a_pid_without_a_missing_effect_has_its_gains_and_none() {
         for gain in ["kp", "ki"] {
             assert_eq!(told(d, gain), Told::Determined, "{:?}", d.loop_gains);
         }
-        let text = report.extended.to_toml().expect("a description");
-        let again = Nominal::parse(&text, "extended.toml".as_ref()).expect("a description");
-        let gap = free_run_gap(again, &dataset).expect("a gap").total;
-        assert!((gap / d.gap_after - 1.0).abs() < 1e-6, "{gap} {}", d.gap_after);
+        runs_as_diagnosed(&report, &dataset);
     }
 }
 
@@ -219,15 +214,8 @@ fn a_payload_is_found_behind_a_drive_that_makes_up_for_gravity() {
             assert_ne!(told(d, "gravity"), Told::Determined);
         }
         // The masses that were found are not those that the drive counts with.
-        let text = report.extended.to_toml().expect("a description");
+        let text = runs_as_diagnosed(&report, &dataset);
         assert!(text.contains("[joint.drive_model]\nmass = 1.5\n"), "{text}");
-        let again = Nominal::parse(&text, "extended.toml".as_ref()).expect("a description");
-        let gap = free_run_gap(again, &dataset).expect("a gap").total;
-        assert!(
-            (gap / d.gap_after - 1.0).abs() < 1e-6,
-            "{gap} {}",
-            d.gap_after
-        );
     }
 }
 
@@ -254,11 +242,7 @@ fn a_wrong_gain_is_named_as_one() {
         let words = d.beyond_tolerance[0].words();
         assert!(words.starts_with("kp of the drive of joint 1"), "{words}");
         assert!(words.contains("(stated 18"), "{words}");
-        let text = report.extended.to_toml().expect("a description");
-        let again = Nominal::parse(&text, "extended.toml".as_ref()).expect("a description");
-        let gap = free_run_gap(again, &dataset).expect("a gap").total;
-        let apart = gap / d.gap_after - 1.0;
-        assert!(apart.abs() < 1e-6, "{gap} {}", d.gap_after);
+        runs_as_diagnosed(&report, &dataset);
     }
 }
 
