@@ -301,8 +301,8 @@ pub struct Budget {
     pub far: f64,
     /// Loss of evidence up to which a start is compared so in any case.
     pub near: f64,
-    /// Length of the train records on which they are compared so, s times joints: contacts and resonances take short
-    /// steps, and starts differ by far more than the part of the records does.
+    /// Length of the train records on which starts are compared and followed, s times joints: contacts and resonances
+    /// take short steps, and starts differ by far more than the part of the records does.
     pub glanced: f64,
     /// Share of the best gain below which a candidate is not followed to the next stage.
     pub hopeless: f64,

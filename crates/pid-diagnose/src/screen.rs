@@ -46,18 +46,10 @@ pub struct Candidate {
     pub objective: f64,
 }
 
-/// Evidence of a fit, on all train records and on those on which starts are compared beside the parameters of their
-/// joint.
-#[derive(Debug, Clone, Copy)]
-struct Present {
-    whole: f64,
-    glanced: f64,
-}
-
 /// Linearised fit that the candidates are compared with.
 struct Reference<'a> {
     case: &'a Case,
-    /// The part of it on which starts are compared beside the parameters of their joint.
+    /// The part of it on which starts are compared.
     glanced: &'a Case,
     fit: &'a Fit,
     basis: &'a Basis,
@@ -125,10 +117,10 @@ pub fn screen(
     let lin = fit.linearised(case, basis);
     let h = gram(&lin.j);
     let pull = lin.j.tr_mul(&lin.r);
-    let glanced = (budget.starts_beside_joint).then(|| excerpt(case, budget.glanced));
+    let glanced = excerpt(case, budget.glanced);
     let reference = Reference {
         case,
-        glanced: glanced.as_ref().unwrap_or(case),
+        glanced: &glanced,
         fit,
         basis,
         budget,
@@ -266,13 +258,12 @@ impl Reference<'_> {
             .filter_map(|(i, at)| {
                 let (i, at) = (*i, at.clone());
                 let (hypothesis, _) = self.with(&terms[i].0, &[]);
-                let case = self.compared_on(&terms[i].0);
-                let gains = all_gains(case, &hypothesis, &at);
-                let spread: f64 = log_dets(case, &gains, Role::Train).iter().sum();
+                let gains = all_gains(self.glanced, &hypothesis, &at);
+                let spread: f64 = log_dets(self.glanced, &gains, Role::Train).iter().sum();
                 let bound = lowest[i].lock().map_or(f64::INFINITY, |lowest| {
                     self.bound(&terms[i].0, *lowest, present)
                 });
-                let value = value_below(bound - spread, case, &hypothesis, &at, &gains)?;
+                let value = value_below(bound - spread, self.glanced, &hypothesis, &at, &gains)?;
                 let evidence = value.evidence();
                 if let Ok(mut l) = lowest[i].lock() {
                     *l = l.min(evidence);
@@ -291,13 +282,15 @@ impl Reference<'_> {
     /// A candidate some steps in its own parameters from a start, then as the quadratic model has it.
     fn approached(&self, term: &Term, start: Point, frozen: &Basis) -> Option<Candidate> {
         let (hypothesis, _) = self.with(term, &[]);
-        let (compared_on, steps) = (self.compared_on(term), self.budget.approach);
-        let (at, gains) = approach(compared_on, frozen, &hypothesis, start, steps);
+        let at = approach(
+            self.glanced,
+            frozen,
+            &hypothesis,
+            start,
+            self.budget.approach,
+        );
         // Gains of a part of the records are not those of all.
-        let gains = match self.beside_joint(term) {
-            true => all_gains(self.case, &hypothesis, &at),
-            false => gains,
-        };
+        let gains = all_gains(self.case, &hypothesis, &at);
         let spread: f64 = log_dets(self.case, &gains, Role::Train).iter().sum();
         let (first, at) = (self.fit.point.e.len(), &at);
         let own: Vec<Direction<'_>> = (first..at.e.len()).map(Direction::Effect).collect();
@@ -333,7 +326,7 @@ impl Reference<'_> {
         &self,
         terms: &[&(Term, Vec<Vec<f64>>)],
         values: &[(usize, Point, f64)],
-        present: Present,
+        present: f64,
     ) -> Vec<(usize, Point)> {
         let frozen = self.basis.frozen();
         (0..terms.len())
@@ -347,7 +340,7 @@ impl Reference<'_> {
                     own.retain(|v| v.2 <= bound);
                 }
                 let (hypothesis, _) = self.with(&terms[i].0, &[]);
-                let lowest = |mut near: Vec<Fit>, present: f64| -> Vec<(usize, Point)> {
+                let lowest = |mut near: Vec<Fit>| -> Vec<(usize, Point)> {
                     near.sort_by(|a, b| a.train.evidence().total_cmp(&b.train.evidence()));
                     let gain = |f: &Fit| present - f.train.evidence();
                     let least = near.first().map_or(0.0, |f| self.budget.hopeless * gain(f));
@@ -362,48 +355,33 @@ impl Reference<'_> {
                     let near = |v: &&(usize, Point, f64)| {
                         self.near(terms[i].0.joint, &hypothesis, v.1.clone())
                     };
-                    return lowest(own.par_iter().map(near).collect(), present.glanced);
+                    return lowest(own.par_iter().map(near).collect());
                 }
                 if own.len() < 2 {
                     return own.iter().map(|v| (i, v.1.clone())).collect();
                 }
                 let glance = |v: &&(usize, Point, f64)| {
                     let effort = Effort::on_the_way(self.budget.glance);
-                    fit(self.case, &frozen, &hypothesis, v.1.clone(), effort)
+                    fit(self.glanced, &frozen, &hypothesis, v.1.clone(), effort)
                 };
-                lowest(own.par_iter().map(glance).collect(), present.whole)
+                lowest(own.par_iter().map(glance).collect())
             })
             .collect()
     }
 
-    /// Evidence of the fit.
-    fn present(&self) -> Present {
-        let whole = self.fit.train.evidence();
-        let glanced = match self.budget.starts_beside_joint {
-            true => {
-                let (hypothesis, point) = (&self.fit.hypothesis, &self.fit.point);
-                let gains = all_gains(self.glanced, hypothesis, point);
-                value(self.glanced, hypothesis, point, &gains, Role::Train).evidence()
-            }
-            false => whole,
-        };
-        Present { whole, glanced }
+    /// Evidence of the fit where starts are compared.
+    fn present(&self) -> f64 {
+        let (hypothesis, point) = (&self.fit.hypothesis, &self.fit.point);
+        let gains = all_gains(self.glanced, hypothesis, point);
+        value(self.glanced, hypothesis, point, &gains, Role::Train).evidence()
     }
 
     /// Evidence up to which a start of a term is compared with its lowest one: that of the fit or of the lowest, or
     /// not [`Budget::far`] behind it where the parameters of its joint are free.
-    fn bound(&self, term: &Term, lowest: f64, present: Present) -> f64 {
+    fn bound(&self, term: &Term, lowest: f64, present: f64) -> f64 {
         match self.beside_joint(term) {
-            true => present.glanced + most_lost(self.budget, lowest - present.glanced),
-            false => lowest.max(present.whole),
-        }
-    }
-
-    /// The records on which the starts of a term are compared.
-    fn compared_on(&self, term: &Term) -> &Case {
-        match self.beside_joint(term) {
-            true => self.glanced,
-            false => self.case,
+            true => present + most_lost(self.budget, lowest - present),
+            false => lowest.max(present),
         }
     }
 

@@ -200,17 +200,16 @@ pub fn fit(
     }
 }
 
-/// Point and gains of the train records where a [`fit`] on the way ends, without what is left there.
+/// Where a [`fit`] on the way ends, without what is left there.
 pub(crate) fn approach(
     case: &Case,
     basis: &Basis,
     hypothesis: &Hypothesis,
     start: Point,
     steps: usize,
-) -> (Point, Vec<Vec<Gain>>) {
+) -> Point {
     let effort = Effort::on_the_way(steps);
-    let (path, ..) = descended(case, basis, hypothesis, start, effort);
-    (path.at, path.gains)
+    descended(case, basis, hypothesis, start, effort).0.at
 }
 
 /// The steps of a fit, with the quadratic model of the last and their number.
