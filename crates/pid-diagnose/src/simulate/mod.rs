@@ -10,6 +10,7 @@ mod step;
 mod tests;
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use pid_interpret::links;
 
@@ -71,15 +72,52 @@ impl State<f64> {
     }
 }
 
+/// What a step needs to know of a term of the hypothesis.
+#[derive(Debug, Clone)]
+struct Place {
+    joint: usize,
+    /// Whether it acts at its joint alone.
+    has_joint: bool,
+    /// Its parameters among all of them.
+    own: Range<usize>,
+    /// Its cells of [`State::memory`].
+    cells: Range<usize>,
+    before_drive: bool,
+    needs_inputs: bool,
+}
+
+/// Constants of the drive of a joint.
+#[derive(Debug, Clone, Copy)]
+struct Drive<D> {
+    gain: D,
+    coulomb: D,
+    /// With the damping by the voltage that its motor induces while it is on.
+    viscous: D,
+    rotor: D,
+}
+
+impl<D: Pick> Drive<D> {
+    fn of(constants: &Constants<'_, D>, j: usize) -> Self {
+        Drive {
+            gain: constants.get(Constant::Gain(j)),
+            coulomb: constants.get(Constant::Coulomb(j)),
+            viscous: constants.get(Constant::Viscous(j)) + constants.induced(j),
+            rotor: constants.get(Constant::Rotor(j)),
+        }
+    }
+}
+
 /// The robot under a hypothesis, ready to step.
 pub(crate) struct Machine<'h, D: Pick> {
     /// The constants, those of the effects included.
     pub constants: Constants<'h, D>,
     hypothesis: Cow<'h, Hypothesis>,
     e: Vec<D>,
-    starts: Vec<usize>,
-    cells: Vec<usize>,
+    /// What a step needs to know of each term of the hypothesis.
+    terms: Vec<Place>,
     memory: usize,
+    /// Constants of each drive.
+    drives: Vec<Drive<D>>,
     /// Gear of each joint.
     pub gears: Vec<Option<Gear<D>>>,
     /// Time of the first command since the start of what was recorded, s: effects that depend on
@@ -93,8 +131,6 @@ pub(crate) struct Machine<'h, D: Pick> {
     taken: D,
     /// Position loops of the drives.
     loops: Vec<Option<Loop<'h, D>>>,
-    /// Damping by the voltage that a motor induces, where its drive is on.
-    induced: Vec<D>,
     /// Whether a drive is off: its motor exerts no torque.
     off: Vec<bool>,
     /// What the loops answer over the substep.
@@ -151,20 +187,29 @@ impl<'h, D: Pick> Machine<'h, D> {
         let n = constants.nominal().n();
         let (starts, _) = hypothesis.offsets();
         let mut gears = vec![None; n];
-        let mut cells = Vec::new();
+        let mut terms = Vec::new();
         let mut memory = 0;
         let (mut shaken, mut listens) = (false, false);
         for (term, &at) in hypothesis.terms.iter().zip(&starts) {
             let law = D::of(&*term.effect);
-            let own = &e[at..at + term.effect.info().parameters.len()];
+            let info = term.effect.info();
+            let place = Place {
+                joint: term.joint,
+                has_joint: info.has_joint,
+                own: at..at + info.parameters.len(),
+                cells: memory..memory + term.effect.memory(),
+                before_drive: term.effect.before_drive(),
+                needs_inputs: term.effect.needs_inputs(),
+            };
+            let own = &e[place.own.clone()];
             law.constants(own, term.joint, &mut constants);
             if let Some(g) = law.gear(own) {
                 gears[term.joint] = Some(g);
             }
             shaken |= law.base_acceleration(own, 0.0).is_some();
-            listens |= term.effect.needs_inputs();
-            cells.push(memory);
-            memory += term.effect.memory();
+            listens |= place.needs_inputs;
+            memory = place.cells.end;
+            terms.push(place);
         }
         let rotors: Vec<usize> = (0..n).filter(|&j| gears[j].is_some()).collect();
         let m = n + rotors.len();
@@ -173,15 +218,15 @@ impl<'h, D: Pick> Machine<'h, D> {
         let loops = (0..n)
             .map(|j| Self::loop_of(&constants, &hypothesis, j))
             .collect::<Vec<_>>();
-        let induced = (0..n).map(|j| constants.induced(j)).collect();
+        let drives = (0..n).map(|j| Drive::of(&constants, j)).collect();
         let model = Model::of(&constants, &loops);
         Machine {
             constants,
             hypothesis,
             e,
-            starts,
-            cells,
+            terms,
             memory,
+            drives,
             gears,
             begin: 0.0,
             rotors,
@@ -189,7 +234,6 @@ impl<'h, D: Pick> Machine<'h, D> {
             listens,
             taken: zero,
             loops,
-            induced,
             off: vec![false; n],
             answers: vec![None; n],
             model,
@@ -221,8 +265,7 @@ impl<'h, D: Pick> Machine<'h, D> {
     }
 
     fn own(&self, i: usize) -> &[D] {
-        let at = self.starts[i];
-        &self.e[at..at + self.hypothesis.terms[i].effect.info().parameters.len()]
+        &self.e[self.terms[i].own.clone()]
     }
 
     #[inline(always)]
@@ -298,7 +341,6 @@ impl<'h, D: Pick> Machine<'h, D> {
         let inputs = self.hold(&mut state, u);
         for i in 0..self.hypothesis.terms.len() {
             let term = &self.hypothesis.terms[i];
-            let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
             let j = term.joint;
             let balance = self.constants.get(Constant::Gain(j)) * inputs[j] - self.bias[j];
             D::of(&*term.effect).start(
@@ -306,7 +348,7 @@ impl<'h, D: Pick> Machine<'h, D> {
                 balance,
                 self.constants.get(Constant::Coulomb(j)),
                 inputs[j].value(),
-                &mut state.memory[a..b],
+                &mut state.memory[self.terms[i].cells.clone()],
             );
         }
         state
@@ -314,9 +356,12 @@ impl<'h, D: Pick> Machine<'h, D> {
 
     /// Memory cells whose value at the start no reading tells, with their joint and their largest value.
     pub(crate) fn unknown_cells(&self) -> Vec<(usize, usize, f64)> {
-        let terms = self.hypothesis.terms.iter().zip(&self.cells);
+        let terms = self.hypothesis.terms.iter().zip(&self.terms);
         terms
-            .filter_map(|(term, &at)| Some((at, term.joint, term.effect.largest_memory()?)))
+            .filter_map(|(term, place)| {
+                let largest = term.effect.largest_memory()?;
+                Some((place.cells.start, place.joint, largest))
+            })
             .collect()
     }
 
@@ -324,7 +369,7 @@ impl<'h, D: Pick> Machine<'h, D> {
     pub(crate) fn sense(&self, j: usize, q: D, v: D) -> (D, D) {
         let mut reading = (q, v);
         for (i, term) in self.hypothesis.terms.iter().enumerate() {
-            if term.joint == j && term.effect.info().has_joint {
+            if term.joint == j && self.terms[i].has_joint {
                 reading = D::of(&*term.effect).sense(self.own(i), reading.0, reading.1);
             }
         }

@@ -146,7 +146,8 @@ impl<D: Pick> Machine<'_, D> {
         for (j, own) in self.loops.iter_mut().enumerate() {
             self.off[j] = factors.is_off(j);
             if self.off[j] {
-                (*own, self.induced[j]) = (None, D::nil());
+                *own = None;
+                self.drives[j].viscous = self.constants.get(Constant::Viscous(j));
             } else if let Some((_, k)) = own {
                 k.times(|gain| factors.at(gain as usize, j));
             }
@@ -155,7 +156,7 @@ impl<D: Pick> Machine<'_, D> {
 
     /// Viscous friction of a joint, with the damping by the voltage that its motor induces.
     pub(crate) fn viscous(&self, j: usize) -> D {
-        self.constants.get(Constant::Viscous(j)) + self.induced[j]
+        self.drives[j].viscous
     }
 
     /// The loop of a joint with its gains.

@@ -5,7 +5,6 @@ use pid_interpret::links;
 use pid_lanes::kernel::widest;
 
 use super::{Machine, State};
-use crate::constants::Constant;
 use crate::effect::{After, Commands, Forces, Friction, Pick, Site};
 
 impl<D: Pick> Machine<'_, D> {
@@ -98,10 +97,9 @@ impl<D: Pick> Machine<'_, D> {
     #[inline(always)]
     fn add_forces(&mut self, state: &State<D>, t: f64, dt: f64) {
         for i in 0..self.hypothesis.terms.len() {
-            let term = &self.hypothesis.terms[i];
-            let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
+            let place = &self.terms[i];
             let at = Site {
-                joint: term.joint,
+                joint: place.joint,
                 q: &self.site_q,
                 v: &self.site_v,
                 load: &state.load,
@@ -109,15 +107,16 @@ impl<D: Pick> Machine<'_, D> {
                 dt,
                 rest: None,
             };
-            let own = {
-                let at = self.starts[i];
-                &self.e[at..at + term.effect.info().parameters.len()]
-            };
+            let (own, memory) = (
+                &self.e[place.own.clone()],
+                &state.memory[place.cells.clone()],
+            );
             let mut forces = Forces {
                 value: &mut self.force,
                 rate: &mut self.rate,
             };
-            D::of(&*term.effect).force(own, &at, &state.memory[a..b], &mut forces, &self.constants);
+            let law = D::of(&*self.hypothesis.terms[i].effect);
+            law.force(own, &at, memory, &mut forces, &self.constants);
         }
     }
 
@@ -138,21 +137,16 @@ impl<D: Pick> Machine<'_, D> {
             true => own,
             false => self.through(state, commands, (j, false), own),
         };
+        let drive = self.drives[j];
         let mut friction = Friction {
-            forward: self.constants.get(Constant::Coulomb(j)),
-            backward: self.constants.get(Constant::Coulomb(j)),
-            viscous: self.viscous(j),
+            forward: drive.coulomb,
+            backward: drive.coulomb,
+            viscous: drive.viscous,
         };
-        for i in 0..self.hypothesis.terms.len() {
-            let term = &self.hypothesis.terms[i];
-            if term.joint != j {
+        for (place, term) in self.terms.iter().zip(&self.hypothesis.terms) {
+            if place.joint != j {
                 continue;
             }
-            let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
-            let own = {
-                let at = self.starts[i];
-                &self.e[at..at + term.effect.info().parameters.len()]
-            };
             let law = D::of(&*term.effect);
             let at = Site {
                 joint: j,
@@ -163,23 +157,24 @@ impl<D: Pick> Machine<'_, D> {
                 dt,
                 rest: None,
             };
-            law.friction(own, &at, &state.memory[a..b], &mut friction);
+            let (own, memory) = (
+                &self.e[place.own.clone()],
+                &state.memory[place.cells.clone()],
+            );
+            law.friction(own, &at, memory, &mut friction);
         }
         let geared = self.gears[j].is_some();
         let v = if geared { state.drive_v[j] } else { state.v[j] };
-        let inertia = self.constants.get(Constant::Rotor(j));
+        let inertia = drive.rotor;
         let damping = (friction.viscous + self.rate[j]) * half;
         self.matrix[c * m + c] += inertia + damping;
-        self.rhs[c] += inertia * v
-            + (self.constants.get(Constant::Gain(j)) * u + self.force[j]) * dt
-            - damping * v;
+        self.rhs[c] += inertia * v + (drive.gain * u + self.force[j]) * dt - damping * v;
         if let Some((out, ahead)) = self.answers[j] {
             let ahead = ahead.max(0.0);
             // In place of the velocity and position that the loop saw those that the step leads to there.
-            let gain = self.constants.get(Constant::Gain(j));
             let (give, damping) = (
-                gain * out.stiffness * (half * ahead),
-                gain * out.damping * ahead,
+                drive.gain * out.stiffness * (half * ahead),
+                drive.gain * out.damping * ahead,
             );
             self.matrix[c * m + c] += give + damping;
             self.rhs[c] += give * v + damping * (self.site_v[j] * 2.0 - v);
@@ -212,17 +207,19 @@ impl<D: Pick> Machine<'_, D> {
             if looped && first != before {
                 continue;
             }
-            for i in 0..self.hypothesis.terms.len() {
-                let term = &self.hypothesis.terms[i];
-                let elsewhere = term.joint != j && term.effect.info().has_joint;
-                if elsewhere || term.effect.before_drive() != first {
+            for (place, term) in self.terms.iter().zip(&self.hypothesis.terms) {
+                let elsewhere = place.joint != j && place.has_joint;
+                if elsewhere || place.before_drive != first {
                     continue;
                 }
-                let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
                 let law = D::of(&*term.effect);
-                u = law.input(self.own(i), u, commands, &mut state.memory[a..b]);
-                if self.listens && term.effect.needs_inputs() {
-                    u = law.shared(self.own(i), u, self.taken - own.magnitude());
+                let (e, memory) = (
+                    &self.e[place.own.clone()],
+                    &mut state.memory[place.cells.clone()],
+                );
+                u = law.input(e, u, commands, memory);
+                if place.needs_inputs {
+                    u = law.shared(e, u, self.taken - own.magnitude());
                 }
             }
         }
@@ -305,20 +302,18 @@ impl<D: Pick> Machine<'_, D> {
                 state.drive_q[j] = state.q[j];
                 state.drive_v[j] = state.v[j];
             }
-            for i in 0..self.hypothesis.terms.len() {
-                let term = &self.hypothesis.terms[i];
-                if term.joint == j && term.effect.memory() > 0 {
-                    let (a, b) = (self.cells[i], self.cells[i] + term.effect.memory());
-                    let own = {
-                        let at = self.starts[i];
-                        &self.e[at..at + term.effect.info().parameters.len()]
-                    };
+            for (place, term) in self.terms.iter().zip(&self.hypothesis.terms) {
+                if place.joint == j && !place.cells.is_empty() {
                     let after = After {
                         v: mean,
                         dt,
-                        coulomb: self.constants.get(Constant::Coulomb(j)),
+                        coulomb: self.drives[j].coulomb,
                     };
-                    D::of(&*term.effect).advance(own, &after, &mut state.memory[a..b]);
+                    let (own, memory) = (
+                        &self.e[place.own.clone()],
+                        &mut state.memory[place.cells.clone()],
+                    );
+                    D::of(&*term.effect).advance(own, &after, memory);
                 }
             }
         }
