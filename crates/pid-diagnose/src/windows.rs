@@ -21,8 +21,7 @@ use rayon::prelude::*;
 
 use crate::case::Case;
 use crate::effect::{LANES, Term};
-use crate::fit::{Basis, Direction, Fit, PRIOR, Point, gram, linearise};
-use crate::hypothesis::Hypothesis;
+use crate::fit::{Basis, Direction, Fit, PRIOR, gram, linearise};
 
 /// Shortest bins, s, and their largest number. Short bins separate windows that lie close to each
 /// other, long ones see a faint force.
@@ -37,10 +36,96 @@ const NEVER: f64 = 2e5;
 /// Start parameters of a timed effect for a refit, one set for each length of bins; none if the
 /// effect is not timed or shows in no bin.
 pub(crate) fn starts(case: &Case, basis: &Basis, fit: &Fit, term: &Term) -> Vec<Vec<f64>> {
-    BINS.iter()
-        .filter_map(|&bins| found(case, basis, fit, term, bins))
+    if term.effect.edges().is_empty() || term.effect.info().amplitudes.is_empty() {
+        return Vec::new();
+    }
+    let [long, short] = BINS.map(|bins| Bins::of(case, bins));
+    let Some(fine) = Slopes::new(case, basis, fit, term, short) else {
+        return Vec::new();
+    };
+    let coarse = match short.count == 2 * long.count {
+        true => Some(fine.in_pairs(long)),
+        false => fine.of_other_bins(case, fit, term, long),
+    };
+    [coarse, Some(fine)]
+        .iter()
+        .flatten()
+        .filter_map(|slopes| found(slopes, term))
         .flatten()
         .collect()
+}
+
+/// Bins of time, from the start of what was recorded.
+#[derive(Debug, Clone, Copy)]
+struct Bins {
+    count: usize,
+    /// Length of one, s.
+    length: f64,
+}
+
+impl Bins {
+    /// Of the train records, not shorter and not more than so much.
+    fn of(case: &Case, (shortest, most): (f64, usize)) -> Self {
+        let train = case.records.iter().filter(|r| r.role == Role::Train);
+        let whole = train
+            .map(|r| r.begin + r.len() as f64 * r.h)
+            .fold(0.0, f64::max);
+        let count = ((whole / shortest) as usize).clamp(1, most);
+        Bins {
+            count,
+            length: whole / count as f64,
+        }
+    }
+}
+
+/// Innovations of the train records with their slopes.
+struct Slopes {
+    r: DVector<f64>,
+    /// With respect to the nominal parameters.
+    nominal: DMatrix<f64>,
+    bins: Bins,
+    /// With respect to the amplitudes of every bin.
+    amplitudes: DMatrix<f64>,
+}
+
+impl Slopes {
+    fn new(case: &Case, basis: &Basis, fit: &Fit, term: &Term, bins: Bins) -> Option<Self> {
+        let lin = fit.linearised(case, basis);
+        let nominal = lin.j.columns(0, basis.columns.ncols()).into_owned();
+        let amplitudes = along_bins(case, fit, term, bins)?;
+        (amplitudes.nrows() == lin.r.len()).then_some(Self {
+            r: lin.r,
+            nominal,
+            bins,
+            amplitudes,
+        })
+    }
+
+    /// The same in other bins.
+    fn of_other_bins(&self, case: &Case, fit: &Fit, term: &Term, bins: Bins) -> Option<Self> {
+        let amplitudes = along_bins(case, fit, term, bins)?;
+        (amplitudes.nrows() == self.r.len()).then(|| self.with(bins, amplitudes))
+    }
+
+    /// The same in bins that are two of these: a force in both is the sum of a force in each.
+    fn in_pairs(&self, bins: Bins) -> Self {
+        let m = self.amplitudes.ncols() / self.bins.count;
+        let column = |i: usize| {
+            let first = i / m * 2 * m + i % m;
+            self.amplitudes.column(first) + self.amplitudes.column(first + m)
+        };
+        let columns: Vec<DVector<f64>> = (0..bins.count * m).map(column).collect();
+        self.with(bins, DMatrix::from_columns(&columns))
+    }
+
+    fn with(&self, bins: Bins, amplitudes: DMatrix<f64>) -> Self {
+        Self {
+            r: self.r.clone(),
+            nominal: self.nominal.clone(),
+            bins,
+            amplitudes,
+        }
+    }
 }
 
 /// Amplitudes in some bins, zero in the others.
@@ -77,10 +162,8 @@ impl Profile {
 
 /// What the innovations of the train records say of a constant amplitude in each bin of time.
 struct Information {
-    /// Length of a bin, s.
-    bin: f64,
-    /// Number of bins, and of amplitudes of a bin.
-    count: usize,
+    bins: Bins,
+    /// Number of amplitudes of a bin.
     m: usize,
     /// Information on the amplitudes, bin by bin, that the nominal parameters leave, and its
     /// product with their estimates.
@@ -92,26 +175,20 @@ struct Information {
 }
 
 impl Information {
-    fn new(
-        case: &Case,
-        basis: &Basis,
-        fit: &Fit,
-        term: &Term,
-        (shortest, most): (f64, usize),
-    ) -> Option<Self> {
-        let m = term.effect.info().amplitudes.len();
-        if term.effect.edges().is_empty() || m == 0 {
-            return None;
-        }
-        let train = case.records.iter().filter(|r| r.role == Role::Train);
-        let length = train
-            .map(|r| r.begin + r.len() as f64 * r.h)
-            .fold(0.0, f64::max);
-        let count = ((length / shortest) as usize).clamp(1, most);
-        let bin = length / count as f64;
-        let (r, j, rank) = linearised(case, basis, fit, term, (count, bin))?;
+    fn new(slopes: &Slopes) -> Option<Self> {
+        let Slopes {
+            r,
+            nominal,
+            bins,
+            amplitudes,
+        } = slopes;
+        let (rank, count) = (nominal.ncols(), bins.count);
+        let m = amplitudes.ncols() / count;
+        let total = rank + amplitudes.ncols();
+        let mut j = nominal.clone().resize_horizontally(total, 0.0);
+        j.columns_mut(rank, amplitudes.ncols())
+            .copy_from(amplitudes);
         let mut h = gram(&j);
-        let total = j.ncols();
         let largest = (rank..total).map(|i| h[(i, i)]).fold(0.0, f64::max);
         for i in 0..total {
             h[(i, i)] += if i < rank {
@@ -121,15 +198,14 @@ impl Information {
             };
         }
         let inverse = h.cholesky()?.inverse();
-        let x: DVector<f64> = -(&inverse * j.tr_mul(&r));
+        let x: DVector<f64> = -(&inverse * j.tr_mul(r));
         let covariance = inverse
             .view((rank, rank), (count * m, count * m))
             .into_owned();
         let precision = covariance.cholesky()?.inverse();
         let pull = &precision * x.rows(rank, count * m);
         Some(Self {
-            bin,
-            count,
+            bins: *bins,
             m,
             precision,
             pull,
@@ -148,8 +224,8 @@ impl Information {
     fn active(&self) -> (Vec<usize>, Profile) {
         let mut active: Vec<usize> = Vec::new();
         let mut profile = Profile::default();
-        while active.len() < self.count {
-            let best = (0..self.count)
+        while active.len() < self.bins.count {
+            let best = (0..self.bins.count)
                 .filter(|b| !active.contains(b))
                 .filter_map(|b| {
                     let mut wider = active.clone();
@@ -169,50 +245,33 @@ impl Information {
     }
 }
 
-/// Innovations of the train records, their slopes with respect to the nominal parameters and then
-/// to the amplitudes of every bin, and the number of the former.
-fn linearised(
-    case: &Case,
-    basis: &Basis,
-    fit: &Fit,
-    term: &Term,
-    (count, bin): (usize, f64),
-) -> Option<(DVector<f64>, DMatrix<f64>, usize)> {
+/// Slopes of the innovations on the train records with respect to the amplitudes of every bin; `None` where they do
+/// not have the same rows in all bins.
+fn along_bins(case: &Case, fit: &Fit, term: &Term, bins: Bins) -> Option<DMatrix<f64>> {
     let amplitudes = term.effect.info().amplitudes;
     let m = amplitudes.len();
-    let columns: Vec<Vec<f64>> = basis
-        .columns
-        .column_iter()
-        .map(|c| c.iter().copied().collect())
-        .collect();
-    let rank = columns.len();
-    let own: Vec<Direction<'_>> = columns.iter().map(|c| Direction::Theta(c)).collect();
-    let slopes = |hypothesis: &Hypothesis, point: &Point, along: &[Direction<'_>]| {
-        linearise(case, hypothesis, point, &fit.gains, Role::Train, along)
-    };
-    let plain = slopes(&fit.hypothesis, &fit.point, &own);
     let per_pass = (LANES / m).max(1);
-    let blocks: Vec<DMatrix<f64>> = (0..count.div_ceil(per_pass))
+    let blocks: Vec<DMatrix<f64>> = (0..bins.count.div_ceil(per_pass))
         .into_par_iter()
         .map(|pass| {
             let mut hypothesis = fit.hypothesis.clone();
             let mut point = fit.point.clone();
             let mut lanes = Vec::new();
-            for b in pass * per_pass..((pass + 1) * per_pass).min(count) {
+            for b in pass * per_pass..((pass + 1) * per_pass).min(bins.count) {
                 let first = point.e.len();
                 lanes.extend(amplitudes.iter().map(|a| Direction::Effect(first + a)));
                 hypothesis.terms.push(term.clone());
+                let nothing = DVector::zeros(m);
                 point
                     .e
-                    .extend(term_at(term, &[(b, b + 1)], &DVector::zeros(m), bin));
+                    .extend(term_at(term, &[(b, b + 1)], &nothing, bins.length));
             }
-            slopes(&hypothesis, &point, &lanes).j
+            linearise(case, &hypothesis, &point, &fit.gains, Role::Train, &lanes).j
         })
         .collect();
-    let rows = plain.r.len();
-    let mut j = DMatrix::zeros(rows, rank + count * m);
-    j.columns_mut(0, rank).copy_from(&plain.j);
-    let mut next = rank;
+    let rows = blocks.first()?.nrows();
+    let mut j = DMatrix::zeros(rows, bins.count * m);
+    let mut next = 0;
     for b in &blocks {
         if b.nrows() != rows {
             return None;
@@ -220,20 +279,14 @@ fn linearised(
         j.columns_mut(next, b.ncols()).copy_from(b);
         next += b.ncols();
     }
-    Some((plain.r, j, rank))
+    Some(j)
 }
 
 /// Start parameters for bins of a length: the force within the bins that are on, and the opposite
 /// force outside them where they reach an end of the records.
-fn found(
-    case: &Case,
-    basis: &Basis,
-    fit: &Fit,
-    term: &Term,
-    bins: (f64, usize),
-) -> Option<Vec<Vec<f64>>> {
-    let information = Information::new(case, basis, fit, term, bins)?;
-    let Information { bin, count, m, .. } = information;
+fn found(slopes: &Slopes, term: &Term) -> Option<Vec<Vec<f64>>> {
+    let information = Information::new(slopes)?;
+    let (Bins { count, length }, m) = (information.bins, information.m);
     let most_windows = term.effect.edges().len() / 2;
     let (active, profile) = information.active();
     let place = |b: usize| active.iter().position(|a| *a == b);
@@ -263,11 +316,11 @@ fn found(
         .map(|b| strength[b])
         .sum::<f64>();
     let within = joined(&on, &strength, most_windows);
-    let mut out = vec![term_at(term, &within, &mean, bin)];
+    let mut out = vec![term_at(term, &within, &mean, length)];
     if on[0] || on[count - 1] {
         let off: Vec<bool> = on.iter().map(|x| !x).collect();
         let outside = joined(&off, &vec![1.0; count], most_windows);
-        out.push(term_at(term, &outside, &-mean, bin));
+        out.push(term_at(term, &outside, &-mean, length));
     }
     Some(out)
 }
@@ -313,7 +366,30 @@ mod tests {
     use super::*;
     use crate::bench::{SIZE, pendulum};
     use crate::effects;
-    use crate::fit::{Effort, basis, fit};
+    use crate::fit::{Effort, Point, basis, fit};
+    use crate::hypothesis::Hypothesis;
+
+    #[test]
+    fn a_force_in_a_long_bin_is_the_sum_of_those_in_its_halves() {
+        let term = Term {
+            effect: effects::by_id("external_force").expect("an effect"),
+            joint: 0,
+        };
+        let case = pendulum(&Hypothesis::default(), &[], 4.0, &|_| {});
+        let basis = basis(&case);
+        let zero = Point {
+            theta: vec![0.0; SIZE],
+            e: Vec::new(),
+        };
+        let nominal = fit(&case, &basis, &Hypothesis::default(), zero, Effort::full(2));
+        let [long, short] = BINS.map(|bins| Bins::of(&case, bins));
+        assert_eq!(short.count, 2 * long.count);
+        let fine = Slopes::new(&case, &basis, &nominal, &term, short).expect("slopes");
+        let own = along_bins(&case, &nominal, &term, long).expect("slopes");
+        let sums = fine.in_pairs(long).amplitudes;
+        assert!(own.amax() > 0.0);
+        assert!((own - &sums).amax() < 1e-9 * sums.amax());
+    }
 
     #[test]
     fn windows_of_a_force_are_found_also_where_the_parameters_take_its_mean() {
