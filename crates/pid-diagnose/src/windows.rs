@@ -90,12 +90,14 @@ struct Slopes {
 
 impl Slopes {
     fn new(case: &Case, basis: &Basis, fit: &Fit, term: &Term, bins: Bins) -> Option<Self> {
-        let lin = fit.linearised(case, basis);
-        let nominal = lin.j.columns(0, basis.columns.ncols()).into_owned();
+        let columns = basis.directions();
+        let along: Vec<Direction<'_>> = columns.iter().map(|c| Direction::Theta(c)).collect();
+        let (hypothesis, point) = (&fit.hypothesis, &fit.point);
+        let lin = linearise(case, hypothesis, point, &fit.gains, Role::Train, &along);
         let amplitudes = along_bins(case, fit, term, bins)?;
         (amplitudes.nrows() == lin.r.len()).then_some(Self {
             r: lin.r,
-            nominal,
+            nominal: lin.j,
             bins,
             amplitudes,
         })
