@@ -11,7 +11,7 @@ use pid_fit::ident::{InitialState, Method, Settings, Weighting};
 use pid_fit::integrate::{self, Drive, SimulateError};
 use pid_fit::transcribe::Scheme;
 use pid_models::TwoLink;
-use pid_runtime::dynamics::Dynamics;
+use pid_runtime::dynamics::{Dynamics, ParamInfo};
 
 /// The paper's setting: one window with a free initial state, unit weights; the preparing fits of
 /// the defaults.
@@ -46,29 +46,41 @@ fn column(parameter: &str) -> String {
 
 /// Starts from a table with one row per start and a column per parameter, in the order of [`TwoLink`].
 ///
-/// # Panics
-/// If the table cannot be read, lacks a column or holds something that is no number.
-pub fn starts(table: &Path) -> Vec<Vec<f64>> {
-    let text = fs::read_to_string(table).unwrap_or_else(|e| panic!("{}: {e}", table.display()));
+/// # Errors
+/// The place in the table that cannot be read, and what belongs there.
+pub fn starts(table: &Path) -> Result<Vec<Vec<f64>>, String> {
+    let text = fs::read_to_string(table).map_err(|e| e.to_string());
+    text.and_then(|text| rows(&text)).map_err(|e| {
+        let belongs = "a CSV with a row per start and a column per parameter of the two-link robot";
+        format!("{}: {e}\n  help: {belongs}", table.display())
+    })
+}
+
+/// The rows of a table of starts.
+fn rows(text: &str) -> Result<Vec<Vec<f64>>, String> {
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
-    let at: Vec<usize> = TwoLink
-        .params()
-        .iter()
-        .map(|p| {
-            let name = column(&p.name);
-            let found = header.iter().position(|h| h.eq_ignore_ascii_case(&name));
-            found.unwrap_or_else(|| panic!("{}: no column {name}", table.display()))
-        })
-        .collect();
-    lines
-        .map(|line| {
-            let cells: Vec<&str> = line.split(',').collect();
-            at.iter()
-                .map(|&k| cells[k].parse().expect("a number"))
-                .collect()
-        })
-        .collect()
+    let place = |p: &ParamInfo| {
+        let name = column(&p.name);
+        let found = header.iter().position(|h| h.eq_ignore_ascii_case(&name));
+        found.ok_or_else(|| format!("line 1: no column `{name}`"))
+    };
+    let places: Vec<usize> = (TwoLink.params().iter().map(place)).collect::<Result<_, _>>()?;
+    let row = |(row, line): (usize, &str)| {
+        let cells: Vec<&str> = line.split(',').collect();
+        let number = |&k: &usize| {
+            let cell = cells.get(k).copied().unwrap_or_default();
+            let number = cell.parse().ok().filter(|x: &f64| x.is_finite());
+            let place = || format!("line {}, column `{}`", row + 2, header[k]);
+            number.ok_or_else(|| format!("{}: `{cell}` is no number", place()))
+        };
+        places.iter().map(number).collect()
+    };
+    let rows: Vec<Vec<f64>> = lines.enumerate().map(row).collect::<Result<_, String>>()?;
+    if rows.is_empty() {
+        return Err("no row below the names of the columns".to_owned());
+    }
+    Ok(rows)
 }
 
 /// Amplitude, frequency in Hz and phase of a current's parts.
@@ -143,4 +155,29 @@ pub fn simulated(p: &[f64], samples: usize) -> Result<Dataset, SimulateError> {
         }],
         warnings: Vec::new(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_of_starts_is_read_by_the_names_of_its_columns() {
+        let names: Vec<String> = (TwoLink.params().iter().rev())
+            .map(|p| column(&p.name).to_uppercase())
+            .collect();
+        let cells: Vec<String> = (0..names.len()).map(|k| format!("{k}.5")).collect();
+        let table = format!("{}\n{}\n", names.join(","), cells.join(","));
+        let last = (names.len() - 1) as f64 + 0.5;
+        let found = rows(&table).expect("a table");
+        assert_eq!((found.len(), found[0].len()), (1, names.len()));
+        assert_eq!((found[0][0], found[0][names.len() - 1]), (last, 0.5));
+        let mistake = |table: &str| rows(table).expect_err("a mistake");
+        let place = format!("line 2, column `{}`: `x` is no number", names[1]);
+        assert_eq!(mistake(&table.replace(",1.5,", ",x,")), place);
+        let first = column(&TwoLink.params()[0].name);
+        let less = table.replace(&names[names.len() - 1], "other");
+        assert_eq!(mistake(&less), format!("line 1: no column `{first}`"));
+        assert!(mistake(&names.join(",")).contains("no row"));
+    }
 }

@@ -7,8 +7,8 @@ use pid_fit::gap::metrics::{FreeRunSettings, free_run_table};
 use pid_fit::ident::{self, Method, Run, Settings, Weighting};
 use pid_fit::transcribe::Scheme;
 use pid_models::TwoLink;
-use pid_runtime::dynamics::Dynamics;
-use pid_tests::{shared, starts};
+use pid_tests::shared;
+use pid_tests::two_link::starts;
 
 fn settings(scheme: Scheme) -> Settings {
     Settings {
@@ -21,8 +21,7 @@ fn settings(scheme: Scheme) -> Settings {
 /// Every start of the table as its own identification.
 fn study(scheme: Scheme) -> Option<(Dataset, Vec<Run>)> {
     let dataset = Dataset::read(&shared("data/seed_two_link")?).expect("readable");
-    let table = std::fs::read_to_string(shared("bench/initial_parameters.csv")?).expect("readable");
-    let starts = starts(&table, TwoLink.params()).expect("a column per parameter");
+    let starts = starts(&shared("bench/initial_parameters.csv")?).expect("a table");
     assert_eq!(starts.len(), 20);
     let runs = starts
         .iter()
@@ -119,8 +118,7 @@ fn few_nodes_reach_the_best_known_objective_from_most_starts() {
         return;
     };
     let dataset = Dataset::read(&folder).expect("readable");
-    let table = std::fs::read_to_string(table).expect("readable");
-    let starts = starts(&table, TwoLink.params()).expect("a column per parameter");
+    let starts = starts(&table).expect("a table");
     for (nodes, lift, least) in [
         (1, None, 10),
         (5, None, 10),

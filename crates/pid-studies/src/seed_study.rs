@@ -44,7 +44,7 @@ pub fn run(words: &[String]) -> Result<(), Failure> {
             other => folder = PathBuf::from(other),
         }
     }
-    let starts = two_link::starts(&folder.join("bench/initial_parameters.csv"));
+    let starts = two_link::starts(&folder.join("bench/initial_parameters.csv"))?;
     if scaling {
         growth(&starts[0])
     } else {

@@ -96,7 +96,7 @@ pub fn run(words: &[String]) -> Result<(), Failure> {
         lift,
         folder,
     } = Options::parse(words)?;
-    let mut starts = two_link::starts(&folder.join("bench/initial_parameters.csv"));
+    let mut starts = two_link::starts(&folder.join("bench/initial_parameters.csv"))?;
     starts.truncate(count);
     let dataset = Dataset::read(&folder.join("data/seed_two_link"))?;
     println!(
