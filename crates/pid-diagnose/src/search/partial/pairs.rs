@@ -8,7 +8,7 @@
 use super::judge::{gained, refused, sums_of};
 use super::{Asked, renewed, round, with_odds};
 use crate::diagnosis::Round;
-use crate::search::candidates::listed;
+use crate::screen::candidates;
 use crate::search::measure::measured;
 use crate::search::refit::Refit;
 use crate::search::settings::Settings;
@@ -85,7 +85,7 @@ fn pair(
     asked: &Asked<'_>,
 ) -> Option<Pair> {
     let there = now.fit.hypothesis.terms.len();
-    let candidates = listed(&now.case, &now.directions, settings, &now.fit).len();
+    let candidates = candidates(&now.case, &settings.effects, &now.fit.hypothesis).len();
     let mut best: Option<Pair> = None;
     for (first, (on_trial, _)) in tried.iter().enumerate().take(settings.budget.pairs) {
         if settings.watch.stopped() {
