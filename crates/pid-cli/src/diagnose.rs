@@ -414,13 +414,14 @@ pub fn summary(d: &Diagnosis) -> String {
 
 /// A line on where a force lives.
 fn force(what: &str, m: &Share) -> String {
+    let along = m.quantity().map_or("no quantity".to_owned(), |quantity| {
+        format!("{quantity} ({:.2})", m.explained)
+    });
+    let share = 100.0 * m.share;
     format!(
-        "  {what}: {:.0} % at joint {}, rms {}; goes with {} ({:.2})\n",
-        100.0 * m.share,
+        "  {what}: {share:.0} % at joint {}, rms {}; goes with {along}\n",
         m.joint,
-        short(m.rms),
-        m.regime,
-        m.explained
+        short(m.rms)
     )
 }
 

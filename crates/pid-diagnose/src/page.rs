@@ -370,7 +370,7 @@ fn remainder(d: &Diagnosis, r: &Remainder) -> Markup {
                     td { (m.joint) }
                     td class="num" { (format!("{:.0} %", 100.0 * m.share)) }
                     td class="num" { (short(m.rms)) }
-                    td { (m.regime) }
+                    td { (m.quantity().unwrap_or("no quantity")) }
                     td class="num" { (format!("{:.2}", m.explained)) }
                 }
             }

@@ -2,7 +2,7 @@
 
 use pid_page::number;
 
-use crate::diagnosis::{Diagnosis, Magnitude, Named, Outcome, Verdict};
+use crate::diagnosis::{Diagnosis, Magnitude, Named, Outcome, Share, Verdict};
 use crate::effects::by_id;
 
 /// The budget of the gap, a line for each cause and one for what is left: share, cause, joint and
@@ -104,9 +104,23 @@ fn left(d: &Diagnosis) -> Option<String> {
     let place = remainder.missing_force.iter();
     let place = place.max_by(|a, b| a.share.total_cmp(&b.share));
     let place = place.map_or(String::new(), |m| {
-        format!(", most at joint {}; it goes with {}", m.joint, m.regime)
+        let along = m
+            .quantity()
+            .map(|quantity| format!("; it goes with {quantity}"));
+        format!(", most at joint {}{}", m.joint, along.unwrap_or_default())
     });
     Some(format!("{}: no name{place}", percent(rest)))
+}
+
+/// Part of a missing force from which on it is said to go with a quantity. 0.1: as a cause counts from a tenth of the
+/// gap on.
+const TELLS: f64 = 0.1;
+
+impl Share {
+    /// The quantity it goes with, if it goes with one.
+    pub fn quantity(&self) -> Option<&str> {
+        (self.explained >= TELLS).then_some(&*self.regime)
+    }
 }
 
 /// A magnitude with its deviation and unit, such as `delay 14.2 ± 0.6 ms`.
@@ -192,5 +206,17 @@ mod tests {
             words.starts_with("62 % of the gap (55 to 68 %): the drive"),
             "{words}"
         );
+    }
+    #[test]
+    fn a_force_goes_with_a_quantity_only_where_that_explains_some_of_it() {
+        let force = |explained| Share {
+            joint: 1,
+            share: 1.0,
+            rms: 0.1,
+            regime: "load".to_owned(),
+            explained,
+        };
+        assert_eq!(force(0.001).quantity(), None);
+        assert_eq!(force(0.4).quantity(), Some("load"));
     }
 }
