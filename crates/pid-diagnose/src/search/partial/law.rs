@@ -14,6 +14,7 @@ use super::judge::grows;
 use super::read_off::Missing;
 use super::{Asked, Grown, SMALLER, last_of, pruned, readings, round, tuned, with_odds};
 use crate::case::Case;
+use crate::criteria::Criteria;
 use crate::diagnosis::{Earned, Named, OwnLaw, Remainder, Round, Tried};
 use crate::effect::Term;
 use crate::fit::{Effort, Fit, fit};
@@ -57,8 +58,7 @@ pub(in crate::search) fn with_law(
         let now = resumed(sought.stand, &evidence.fit, settings);
         sensors = sought.sensors;
         let named: Vec<String> = labels(&now);
-        // As a second effect has to.
-        let least = (1.0 - 2.0 * criteria.least_shrink) * now.gap.total;
+        let least = at_most(criteria, now.gap.total, true);
         let before = evidence.rounds.len();
         evidence = beside(evidence, case, now, settings, &sensors, &named);
         imitated |= evidence.part.is_some_and(|part| part.nameless);
@@ -98,8 +98,9 @@ fn beside(
     if refits.is_empty() || (terms.count() == 0 && !named.is_empty()) {
         return evidence;
     }
-    // As a second effect has to.
-    let least = (1.0 - 2.0 * criteria.least_shrink) * evidence.after.total;
+    let parameters = |fit: &Fit| fit.point.e.len();
+    let more = parameters(&now.fit) >= parameters(&evidence.fit);
+    let least = at_most(criteria, evidence.after.total, more);
     let now = ended(case, SHORT, (now, least), settings, sensors);
     if now.gap.total > least || grows(criteria, &evidence.after, &now.gap) {
         return evidence;
@@ -126,6 +127,15 @@ fn beside(
     let left = evidence.after.total;
     let without = evidence.fit.clone();
     adopted(evidence, now, (own, left, without))
+}
+
+/// What a list may leave in place of one that leaves a gap: as much less as with a second effect, but no more than
+/// that gap where it has no `more` parameters.
+fn at_most(criteria: &Criteria, left: f64, more: bool) -> f64 {
+    match more {
+        true => (1.0 - 2.0 * criteria.least_shrink) * left,
+        false => left,
+    }
 }
 
 /// Whether a term of a round leaves little and nothing to an effect beside it: that imitated it.
@@ -391,6 +401,15 @@ mod tests {
         // Where the records have been, nothing else is said.
         let (low, high) = law.earned[0].position;
         assert!(low < from && from < high, "{:?}", law.earned);
+    }
+
+    /// A stop in place of a spring, a push and a ripple need not leave less than they do.
+    #[test]
+    fn only_more_parameters_have_to_leave_less() {
+        let criteria = Criteria::default();
+        assert_eq!(at_most(&criteria, 2.0, false), 2.0);
+        let more = at_most(&criteria, 2.0, true);
+        assert!((more / 2.0 - (1.0 - 2.0 * criteria.least_shrink)).abs() < 1e-15);
     }
 
     /// Where no term pays beside what is found then, effects are the verdict, and no law is said.
