@@ -2,7 +2,8 @@
 //! A reader answers with a value or an error, never with a panic, and asks for memory by the size of the file.
 //!
 //! `HOSTILE=N cargo test --release -p pid-studies --test hostile -- --nocapture` draws N inputs for each reader
-//! in place of the few of the normal tests, and prints a table. `HOSTILE_SEED` is the seed of all draws.
+//! in place of the few of the normal tests, and prints a table. `HOSTILE_SEED` is the seed of all draws,
+//! `HOSTILE_ONLY` the one reader that is asked. Inputs that a reader fails at are kept in the folder of temporary files.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -277,8 +278,9 @@ struct Count {
     caught: usize,
     /// Most bytes held at once beside the input, and those allowed for that input.
     most: (usize, usize),
-    /// Most bytes over those allowed.
+    /// Most bytes over those allowed, and the input where that is more than one.
     share: f64,
+    beyond: Option<Vec<u8>>,
     slowest: f64,
 }
 
@@ -299,7 +301,11 @@ fn run(reader: &Reader, inputs: usize, seed: u64) -> Count {
         if held > out.most.0 {
             out.most = (held, allowed);
         }
-        out.share = out.share.max(held as f64 / allowed as f64);
+        let share = held as f64 / allowed as f64;
+        if share > out.share.max(1.0) {
+            out.beyond = Some(bytes.clone());
+        }
+        out.share = out.share.max(share);
         out.inputs += 1;
         match read {
             Ok(read) => {
@@ -310,6 +316,16 @@ fn run(reader: &Reader, inputs: usize, seed: u64) -> Count {
         }
     }
     out
+}
+
+/// Keeps an input for a look at it; says where.
+fn kept(reader: &str, bytes: &[u8]) -> String {
+    let name = format!("hostile-{}", reader.replace([' ', ','], "-"));
+    let path = std::env::temp_dir().join(name);
+    match std::fs::write(&path, bytes) {
+        Ok(()) => format!("kept as {}", path.display()),
+        Err(e) => format!("and it cannot be kept as {}: {e}", path.display()),
+    }
 }
 
 #[test]
@@ -325,7 +341,10 @@ fn readers_answer_whatever_the_bytes() {
         "reader", "inputs", "errors", "read", "panics", "caught", "most, MB", "slowest, s"
     );
     let mut faults = Vec::new();
-    for reader in robots().into_iter().chain(datasets()).chain(logs()) {
+    let only = std::env::var("HOSTILE_ONLY").ok();
+    let asked = |reader: &Reader| only.as_ref().is_none_or(|name| *name == reader.name);
+    let all = robots().into_iter().chain(datasets()).chain(logs());
+    for reader in all.filter(asked) {
         assert!(
             (reader.read)(&reader.valid),
             "{} reads what is valid",
@@ -343,12 +362,13 @@ fn readers_answer_whatever_the_bytes() {
             count.slowest
         );
         if let Some(bytes) = count.panics.first() {
-            faults.push(format!("{name}: {:?}", String::from_utf8_lossy(bytes)));
+            faults.push(format!("{name}: a panic, {}", kept(name, bytes)));
         }
-        if count.share > 1.0 {
+        if let Some(bytes) = &count.beyond {
+            let share = count.share;
             faults.push(format!(
-                "{name}: {} bytes held, {} allowed",
-                count.most.0, count.most.1
+                "{name}: {share:.1} times the bytes allowed are held, {}",
+                kept(name, bytes)
             ));
         }
         if inputs >= FEW && (count.read == 0 || count.read == inputs) {
