@@ -58,7 +58,7 @@ pub(in crate::search) fn with_law(
         let now = resumed(sought.stand, &evidence.fit, settings);
         sensors = sought.sensors;
         let named: Vec<String> = labels(&now);
-        let least = at_most(criteria, now.gap.total, true);
+        let least = at_most(criteria, now.gap.total, 2.0);
         let before = evidence.rounds.len();
         evidence = beside(evidence, case, now, settings, &sensors, &named);
         imitated |= evidence.part.is_some_and(|part| part.nameless);
@@ -98,9 +98,15 @@ fn beside(
     if refits.is_empty() || (terms.count() == 0 && !named.is_empty()) {
         return evidence;
     }
-    let parameters = |fit: &Fit| fit.point.e.len();
-    let more = parameters(&now.fit) >= parameters(&evidence.fit);
-    let least = at_most(criteria, evidence.after.total, more);
+    // Beside named effects a law has to leave less as an effect has to. In their place it has to as a second one,
+    // and fewer parameters need not.
+    let fewer = now.fit.point.e.len() < evidence.fit.point.e.len();
+    let steps = match named {
+        [] if fewer => 0.0,
+        [] => 2.0,
+        _ => 1.0,
+    };
+    let least = at_most(criteria, evidence.after.total, steps);
     let now = ended(case, SHORT, (now, least), settings, sensors);
     if now.gap.total > least || grows(criteria, &evidence.after, &now.gap) {
         return evidence;
@@ -129,13 +135,9 @@ fn beside(
     adopted(evidence, now, (own, left, without))
 }
 
-/// What a list may leave in place of one that leaves a gap: as much less as with a second effect, but no more than
-/// that gap where it has no `more` parameters.
-fn at_most(criteria: &Criteria, left: f64, more: bool) -> f64 {
-    match more {
-        true => (1.0 - 2.0 * criteria.least_shrink) * left,
-        false => left,
-    }
+/// What a list may leave where another one leaves a gap: so many times less than that as one effect has to.
+fn at_most(criteria: &Criteria, left: f64, steps: f64) -> f64 {
+    (1.0 - steps * criteria.least_shrink) * left
 }
 
 /// Whether a term of a round leaves little and nothing to an effect beside it: that imitated it.
@@ -401,15 +403,6 @@ mod tests {
         // Where the records have been, nothing else is said.
         let (low, high) = law.earned[0].position;
         assert!(low < from && from < high, "{:?}", law.earned);
-    }
-
-    /// A stop in place of a spring, a push and a ripple need not leave less than they do.
-    #[test]
-    fn only_more_parameters_have_to_leave_less() {
-        let criteria = Criteria::default();
-        assert_eq!(at_most(&criteria, 2.0, false), 2.0);
-        let more = at_most(&criteria, 2.0, true);
-        assert!((more / 2.0 - (1.0 - 2.0 * criteria.least_shrink)).abs() < 1e-15);
     }
 
     /// Where no term pays beside what is found then, effects are the verdict, and no law is said.
