@@ -22,7 +22,12 @@ impl Budget {
     }
 
     /// Bytes that are left.
-    #[cfg(any(feature = "mcap", feature = "npz", feature = "mat"))]
+    #[cfg(any(
+        feature = "mcap",
+        feature = "npz",
+        feature = "mat",
+        feature = "parquet"
+    ))]
     pub(crate) fn left(&self) -> usize {
         self.left
     }

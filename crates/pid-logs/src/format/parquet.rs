@@ -1,8 +1,12 @@
 //! Parquet tables: columns of numbers and columns of lists of numbers.
 
+mod pages;
+
 use std::sync::Arc;
 
+use bytes::Bytes;
 use parquet::basic::Type as Physical;
+use parquet::file::metadata::ColumnChunkMetaData;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use parquet::schema::types::Type;
@@ -53,11 +57,17 @@ pub(super) fn read(file: &str, bytes: Vec<u8>) -> Result<Vec<Log>, LogError> {
 const LONGEST: usize = 256;
 /// Columns at most, lists taken apart.
 const COLUMNS: usize = 4096;
+/// Why a file is refused.
+const LARGE: &str = "it unpacks to far more than its size";
+const HEAD: &str = "the head of a page is not readable";
+/// What a value takes while its row is read, bytes.
+const VALUE: usize = 32;
 
 fn table(file: &str, bytes: Vec<u8>) -> Result<Table, LogError> {
     let fault = |e: parquet::errors::ParquetError| broken(file, "Parquet", e);
     let mut budget = Budget::of(bytes.len());
-    let reader = SerializedFileReader::new(parquet_bytes(bytes)).map_err(fault)?;
+    let bytes = Bytes::from(bytes);
+    let reader = SerializedFileReader::new(bytes.clone()).map_err(fault)?;
     let schema = reader
         .metadata()
         .file_metadata()
@@ -81,6 +91,8 @@ fn table(file: &str, bytes: Vec<u8>) -> Result<Table, LogError> {
     if projection.get_fields().is_empty() {
         return Ok(table);
     }
+    let refused = |why: &str| broken(file, "Parquet", why);
+    allowed(&reader, &bytes, &projection, budget.left()).map_err(refused)?;
     let mut cells = Vec::new();
     for row in reader.get_row_iter(Some(projection)).map_err(fault)? {
         let row = row.map_err(fault)?;
@@ -89,20 +101,50 @@ fn table(file: &str, bytes: Vec<u8>) -> Result<Table, LogError> {
             take_apart(name, field, &mut cells);
         }
         if !budget.take(32 + 16 * cells.len()) || cells.len() > COLUMNS {
-            return Err(broken(
-                file,
-                "Parquet",
-                "it unpacks to far more than its size",
-            ));
+            return Err(refused(LARGE));
         }
         table.push(&cells);
     }
     Ok(table)
 }
 
-/// The bytes as the reader wants them.
-fn parquet_bytes(bytes: Vec<u8>) -> bytes::Bytes {
-    bytes::Bytes::from(bytes)
+/// Whether the pages of the columns of a projection claim no more than so many bytes: of each column one is held at
+/// once, with its values.
+fn allowed(
+    reader: &SerializedFileReader<Bytes>,
+    bytes: &Bytes,
+    projection: &Type,
+    most: usize,
+) -> Result<(), &'static str> {
+    for group in reader.metadata().row_groups() {
+        let mut held: usize = 0;
+        for column in group.columns() {
+            let root = column.column_path().parts().first();
+            let mut fields = projection.get_fields().iter();
+            if !fields.any(|f| root.is_some_and(|root| f.name() == root)) {
+                continue;
+            }
+            let mut largest = 0;
+            for page in pages::claimed(chunk(column, bytes).ok_or(HEAD)?) {
+                let page = page.ok_or(HEAD)?;
+                let values = VALUE.saturating_mul(page.values);
+                largest = largest.max(page.bytes.saturating_add(values));
+                if held.saturating_add(largest) > most {
+                    return Err(LARGE);
+                }
+            }
+            held += largest;
+        }
+    }
+    Ok(())
+}
+
+/// The bytes of a column.
+fn chunk<'a>(column: &ColumnChunkMetaData, bytes: &'a Bytes) -> Option<&'a [u8]> {
+    let start = column.dictionary_page_offset();
+    let start = start.unwrap_or_else(|| column.data_page_offset());
+    let length = usize::try_from(column.compressed_size()).ok()?;
+    bytes.get(usize::try_from(start).ok()?..)?.get(..length)
 }
 
 /// Whether all leaves of a column are numbers.
@@ -243,4 +285,36 @@ pub(super) fn episodes(log: Log) -> Vec<Log> {
         warnings: log.warnings.clone(),
     };
     episodes.map(part).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The last column claims to unpack to a thousand times what a file of its size may.
+    #[test]
+    fn a_page_that_claims_to_be_huge_is_not_made_room_for() {
+        let whole = std::fs::read("tests/fixtures/lists.parquet").expect("a fixture");
+        let reader = SerializedFileReader::new(Bytes::from(whole.clone())).expect("a table");
+        let last = reader.metadata().row_group(0).columns().last();
+        let start = last.and_then(|c| c.dictionary_page_offset());
+        // Its head begins with the kind of page and the bytes it unpacks to, 640 in zigzag form.
+        let at = start.expect("a dictionary") as usize + 3;
+        assert_eq!(whole[at - 1..at + 2], [0x15, 0x80, 0x0a]);
+        let mut bytes = whole[..at].to_vec();
+        bytes.extend([0xfe, 0xff, 0xff, 0xff, 0x0f]);
+        bytes.extend(&whole[at + 2..]);
+        let mistake = |bytes| match read("a.parquet", bytes) {
+            Ok(_) => panic!("it is read"),
+            Err(e) => e.to_string(),
+        };
+        let words = mistake(bytes);
+        assert!(words.contains("far more than its size"), "{words}");
+        // Without the head nothing is read of it.
+        let mut bytes = whole.clone();
+        bytes[at - 3..at].fill(0xff);
+        let words = mistake(bytes);
+        assert!(words.contains("head of a page"), "{words}");
+        assert!(read("a.parquet", whole).is_ok());
+    }
 }
