@@ -56,8 +56,11 @@ pub fn with_deviation(x: f64, std: f64) -> (String, String) {
     aligned(x, std, (3, own))
 }
 
-/// `14.23 ± 0.61`: two digits of the deviation.
+/// `14.23 ± 0.61`: two digits of the deviation. What is given has none, and stands alone.
 pub fn plus_minus(x: f64, std: f64) -> String {
+    if std == 0.0 {
+        return significant(x, 5);
+    }
     let (x, std) = aligned(x, std, (2, 0));
     format!("{x} ± {std}")
 }
@@ -168,6 +171,7 @@ mod tests {
         assert_eq!(pair(2.3e-5, 1e-6), "2.3e−5 | 1e−6");
         assert_eq!(plus_minus(14.234, 0.612), "14.23 ± 0.61");
         assert_eq!(plus_minus(12_859.8, 412.0), "12860 ± 412");
+        assert_eq!(plus_minus(2.199_42, 0.0), "2.1994");
     }
 
     #[test]
