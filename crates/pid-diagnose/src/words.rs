@@ -207,6 +207,7 @@ mod tests {
             "{words}"
         );
     }
+
     #[test]
     fn a_force_goes_with_a_quantity_only_where_that_explains_some_of_it() {
         let force = |explained| Share {

@@ -135,7 +135,7 @@ fn beside(
     adopted(evidence, now, (own, left, without))
 }
 
-/// What a list may leave where another one leaves a gap: so many times less than that as one effect has to.
+/// What a list may leave where another one leaves a gap: less by so many times what one effect has to take away.
 fn at_most(criteria: &Criteria, left: f64, steps: f64) -> f64 {
     (1.0 - steps * criteria.least_shrink) * left
 }
