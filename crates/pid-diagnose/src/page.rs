@@ -28,7 +28,9 @@ pub(crate) fn page(report: &Report) -> String {
             ul.budget { @for line in words::budget(d) { li { (line) } } }
             p { "Confidence " (number::probability(d.confidence)) ". Where it shows: " (d.regime) "." }
             @if !d.confusion_set.is_empty() {
-                p { "These records do not tell it apart from: " (d.confusion_set.join(", ")) "." }
+                @let named = if d.effects.len() > 1 { "some of these" } else { "it" };
+                @let others: Vec<String> = d.confusion_set.iter().map(|label| spelt(label)).collect();
+                p { "These records do not tell " (named) " apart from: " (others.join(", ")) "." }
             }
             @if !d.warnings.is_empty() { p { (count(d.warnings.len(), "remark")) " on the records: see below." } }
         },
@@ -280,6 +282,15 @@ fn place(effect: &str, joint: Option<usize>) -> String {
     joint.map_or_else(|| effect.to_owned(), |j| format!("{effect} at joint {j}"))
 }
 
+/// A label such as `cogging:2` as [`place`] has it.
+fn spelt(label: &str) -> String {
+    let parts = label.split_once(':');
+    parts.map_or_else(
+        || label.to_owned(),
+        |(effect, joint)| format!("{effect} at joint {joint}"),
+    )
+}
+
 /// How the squared gap beyond the floor is shared out, where effects explain a part of it.
 fn budget(d: &Diagnosis) -> Option<Markup> {
     let left = 1.0 - d.remainder.as_ref()?.explained;
@@ -404,7 +415,8 @@ fn ceilings(all: &[Ceiling]) -> Markup {
                 }
             } }
         }
-        p class="quiet" { (all.len() - shown) " of " (all.len()) " classes at their joints can remove less." }
+        @let rest = if shown < MOST { format!("less than {:.0} %", 100.0 * SMALL) } else { "no more than the last".to_owned() };
+        p class="quiet" { (all.len() - shown) " of " (all.len()) " classes at their joints can remove " (rest) "." }
     }
 }
 
@@ -451,6 +463,7 @@ fn effect(d: &Diagnosis, e: &Named) -> Markup {
 /// A magnitude and its standard deviation.
 fn written(p: &Magnitude) -> (String, String) {
     match p.std {
+        Some(0.0) => (number::value(p.value), "given".to_owned()),
         Some(std) => number::with_deviation(p.value, std),
         None => (number::value(p.value), "not determined".to_owned()),
     }
