@@ -131,10 +131,6 @@ fn beside(
     }
     let own = beyond(&evidence.before, &evidence.after, &now.gap, evidence.floor);
     let left = evidence.after.total;
-    // Less than that it is no cause of its own.
-    if own.share < criteria.least_share && now.gap.total > at_most(criteria, left, 2.0) {
-        return evidence;
-    }
     let without = evidence.fit.clone();
     adopted(evidence, now, (own, left, without))
 }
