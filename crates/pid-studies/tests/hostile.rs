@@ -2,8 +2,8 @@
 //! A reader answers with a value or an error, never with a panic, and asks for memory by the size of the file.
 //!
 //! `HOSTILE=N cargo test --release -p pid-studies --test hostile -- --nocapture` draws N inputs for each reader
-//! in place of the few of the normal tests, and prints a table. `HOSTILE_SEED` is the seed of all draws,
-//! `HOSTILE_ONLY` the one reader that is asked. Inputs that a reader fails at are kept in the folder of temporary files.
+//! in place of the few of the normal tests, and prints a table. `HOSTILE_SEED` is the seed of all draws, and
+//! `HOSTILE_ONLY` names the one reader that is asked. An input that a reader fails at is kept for a look at it.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -344,7 +344,9 @@ fn readers_answer_whatever_the_bytes() {
     let only = std::env::var("HOSTILE_ONLY").ok();
     let asked = |reader: &Reader| only.as_ref().is_none_or(|name| *name == reader.name);
     let all = robots().into_iter().chain(datasets()).chain(logs());
-    for reader in all.filter(asked) {
+    let readers: Vec<Reader> = all.filter(asked).collect();
+    assert!(!readers.is_empty(), "no reader is called {only:?}");
+    for reader in readers {
         assert!(
             (reader.read)(&reader.valid),
             "{} reads what is valid",
