@@ -405,6 +405,39 @@ mod tests {
         assert!(low < from && from < high, "{:?}", law.earned);
     }
 
+    /// In place of what was named a law has to leave 12 % less, or no more if it has fewer parameters; beside
+    /// named effects it has to leave 6 % less.
+    #[test]
+    fn a_law_has_to_leave_less_than_what_has_as_few_parameters() {
+        let case = pendulum(&named(&["hinge_above"]), &[4.0, 0.5], 8.0, &|_| {});
+        let settings = Settings {
+            effects: vec![by_id("quadratic_drag").expect("an effect")],
+            ..Settings::default()
+        };
+        let mut blind = settings.clone();
+        blind.budget.terms = 0;
+        let evidence = search(&case, &blind);
+        let sensors = readings(&case);
+        let base = tuned(&case, &evidence.base, SHORT, &settings, &sensors);
+        let taken = |left: f64, parameters: usize, named: &[String]| {
+            let mut evidence = evidence.clone();
+            evidence.after.total = left;
+            evidence.fit.point.e = vec![0.0; parameters];
+            let found = beside(evidence, &case, base.clone(), &settings, &sensors, named);
+            let law = found.remainder.and_then(|r| r.law);
+            law.map(|_| found.after.total)
+        };
+        let much = 10.0 * evidence.after.total;
+        let least = taken(much, 0, &[]).expect("a stop");
+        // The stop has two parameters.
+        assert!(taken(1.05 * least, 3, &[]).is_some());
+        assert!(taken(1.05 * least, 2, &[]).is_none());
+        assert!(taken(1.2 * least, 2, &[]).is_some());
+        let drag = ["quadratic_drag:1".to_owned()];
+        assert!(taken(1.05 * least, 0, &drag).is_none());
+        assert!(taken(1.1 * least, 0, &drag).is_some());
+    }
+
     /// Where no term pays beside what is found then, effects are the verdict, and no law is said.
     #[test]
     fn effects_that_leave_no_term_are_named_without_a_law() {
