@@ -333,6 +333,11 @@ fn readers_answer_whatever_the_bytes() {
     let from = |name: &str| std::env::var(name).ok().and_then(|n| n.parse::<u64>().ok());
     let inputs = from("HOSTILE").map_or(FEW, |n| n as usize);
     let seed = from("HOSTILE_SEED").unwrap_or(1);
+    let only = std::env::var("HOSTILE_ONLY").ok();
+    let asked = |reader: &Reader| only.as_ref().is_none_or(|name| *name == reader.name);
+    let all = robots().into_iter().chain(datasets()).chain(logs());
+    let readers: Vec<Reader> = all.filter(asked).collect();
+    assert!(!readers.is_empty(), "no reader is called {only:?}");
     std::panic::set_hook(Box::new(|_| {
         PANICS.fetch_add(1, Ordering::Relaxed);
     }));
@@ -341,11 +346,6 @@ fn readers_answer_whatever_the_bytes() {
         "reader", "inputs", "errors", "read", "panics", "caught", "most, MB", "slowest, s"
     );
     let mut faults = Vec::new();
-    let only = std::env::var("HOSTILE_ONLY").ok();
-    let asked = |reader: &Reader| only.as_ref().is_none_or(|name| *name == reader.name);
-    let all = robots().into_iter().chain(datasets()).chain(logs());
-    let readers: Vec<Reader> = all.filter(asked).collect();
-    assert!(!readers.is_empty(), "no reader is called {only:?}");
     for reader in readers {
         assert!(
             (reader.read)(&reader.valid),
